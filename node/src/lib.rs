@@ -1,0 +1,3 @@
+//! The render node: adapter, brick residency, rendering and the tonic service.
+
+pub mod raycaster;

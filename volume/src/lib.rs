@@ -1,0 +1,23 @@
+//! The data model: space, bricks, the merge tree, transfer functions, file formats and the brick store.
+//!
+//! No GPU, no network, no async. Everything here has validated values inside and parses at the door.
+
+pub mod brick;
+pub mod camera;
+pub mod format;
+pub mod ids;
+pub mod merge;
+pub mod premul;
+pub mod scene;
+pub mod space;
+pub mod store;
+pub mod transfer_function;
+pub mod visibility;
+
+pub use brick::{BrickGrid, OwnedBox, StoredBox};
+pub use camera::{Camera, Orbit, Projection};
+pub use ids::{BrickIndex, ChunkIndex, Epoch, FrameId, StoreHash, TreeNode};
+pub use merge::MergeTree;
+pub use premul::{Premul, over};
+pub use space::Geometry;
+pub use visibility::{PictureSize, PixelRect, View};
