@@ -1,4 +1,26 @@
 //! The gRPC contract, and the only place where wire types meet domain types.
+//!
+//! A wire message becomes a domain type by `TryFrom`, which rejects everything that breaks an invariant, so that both
+//! sides hold only valid values inside; a domain type becomes a wire message by `From`, which cannot fail.
+
+pub mod cluster;
+pub mod convert;
+pub mod order;
+pub mod part;
+pub mod status;
+pub mod tile;
+pub mod tile_rect;
+pub mod transport;
+
+pub use cluster::{
+    NodeDescription, NodeState, PrepareReceipt, PrepareRequest, StoreDescription, StoreName, StoreQuery,
+};
+pub use convert::WireError;
+pub use order::{LayerOrder, RenderOrder};
+pub use part::{FramePart, Part, Receipt, TilePart};
+pub use status::{Failure, Fault, Retry};
+pub use tile::{EncodedTile, TileError, decode_tile, encode_tile};
+pub use tile_rect::{TILE, TileRect};
 
 /// The generated wire types. Only this crate and the `service.rs` files may name them.
 #[allow(missing_debug_implementations, unreachable_pub, clippy::all)]

@@ -1,0 +1,107 @@
+//! Who a node is, what it holds, and loading ahead of a frame.
+
+use brickcast_volume::StoreHash;
+use brickcast_volume::scene::Filter;
+use brickcast_volume::store::BrickRanges;
+use bytes::Bytes;
+
+/// The longest text of any field, bytes.
+pub const MAX_TEXT: usize = 4096;
+/// The most stores that a node tells of.
+pub const MAX_STORES: usize = 4096;
+/// The most notes that a node tells of.
+pub const MAX_NOTES: usize = 64;
+/// The largest manifest, bytes.
+pub const MAX_MANIFEST: usize = 4 << 20;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum NodeState {
+    #[default]
+    Serving,
+    /// Finishes its frames and takes no more.
+    Draining,
+}
+
+impl NodeState {
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Serving => "serving",
+            Self::Draining => "draining",
+        }
+    }
+}
+
+/// A store that a node holds.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StoreName {
+    /// Path below the node's data root, `/`-separated.
+    pub name: String,
+    pub hash: StoreHash,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct NodeDescription {
+    /// Unique per process.
+    pub node_id: String,
+    /// Of the software.
+    pub version: String,
+    /// Of the messages: [`crate::PROTOCOL_VERSION`] on the other side. Any value is accepted here, so that a mismatch can
+    /// be told with both numbers.
+    pub protocol: u32,
+    /// `gpu` or `cpu`.
+    pub backend: String,
+    /// Adapter and driver, or the processor.
+    pub adapter: String,
+    /// Bytes for resident bricks.
+    pub memory_budget: u64,
+    pub memory_used: u64,
+    pub resident_bricks: u32,
+    pub state: NodeState,
+    pub stores: Vec<StoreName>,
+    /// Fallbacks taken at start-up, in words.
+    pub notes: Vec<String>,
+    pub threads: u32,
+    /// Peak resident set of the process, bytes; 0 where the system does not tell.
+    pub max_resident_set: u64,
+}
+
+/// Which store a client asks for.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum StoreQuery {
+    Hash(StoreHash),
+    /// A name below the node's data root; with `expected`, a store of another hash under that name is refused.
+    Name {
+        name: String,
+        expected: Option<StoreHash>,
+    },
+}
+
+/// A store's manifest and brick ranges, so that a client needs no data of its own.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StoreDescription {
+    pub name: String,
+    /// The hash of `manifest`; checked.
+    pub hash: StoreHash,
+    pub manifest: Bytes,
+    pub ranges: BrickRanges,
+}
+
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PrepareRequest {
+    pub store: StoreHash,
+    /// Linear brick indices, x fastest, none twice; empty only warms the pipelines.
+    pub bricks: Vec<u32>,
+    pub filter: Filter,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PrepareReceipt {
+    pub load_ms: f64,
+    pub bricks: u32,
+    pub decoded_bytes: u64,
+    pub owned_bytes: u64,
+    pub resident_bytes: u64,
+    /// False where the budget holds fewer bricks than asked: frames will load on the way.
+    pub fits: bool,
+}

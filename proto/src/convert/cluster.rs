@@ -1,0 +1,186 @@
+//! Descriptions of nodes and stores, and loading ahead.
+
+use brickcast_volume::StoreHash;
+use brickcast_volume::brick::MAX_BRICKS;
+use brickcast_volume::store::BrickRanges;
+
+use super::scene::{filter_from_wire, filter_to_wire};
+use super::{WireError, at_most, duration, text};
+use crate::cluster::{
+    MAX_MANIFEST, MAX_NOTES, MAX_STORES, MAX_TEXT, NodeDescription, NodeState, PrepareReceipt, PrepareRequest,
+    StoreDescription, StoreName, StoreQuery,
+};
+use crate::wire;
+
+impl From<NodeDescription> for wire::NodeDescription {
+    fn from(node: NodeDescription) -> Self {
+        let store = |s: StoreName| wire::StoreName { name: s.name, hash: s.hash.to_string() };
+        Self {
+            node_id: node.node_id,
+            version: node.version,
+            protocol: node.protocol,
+            backend: node.backend,
+            adapter: node.adapter,
+            memory_budget: node.memory_budget,
+            memory_used: node.memory_used,
+            resident_bricks: node.resident_bricks,
+            state: node.state.as_str().to_owned(),
+            stores: node.stores.into_iter().map(store).collect(),
+            notes: node.notes,
+            threads: node.threads,
+            max_resident_set: node.max_resident_set,
+        }
+    }
+}
+
+impl TryFrom<wire::NodeDescription> for NodeDescription {
+    type Error = WireError;
+
+    fn try_from(node: wire::NodeDescription) -> Result<Self, WireError> {
+        at_most("stores", node.stores.len(), MAX_STORES)?;
+        at_most("notes", node.notes.len(), MAX_NOTES)?;
+        let state = [NodeState::Serving, NodeState::Draining]
+            .into_iter()
+            .find(|s| s.as_str() == node.state)
+            .ok_or_else(|| WireError::Unknown { what: "state", value: super::clip(&node.state, 64) })?;
+        let store = |s: wire::StoreName| {
+            Ok(StoreName { name: text("store name", s.name, MAX_TEXT)?, hash: s.hash.parse::<StoreHash>()? })
+        };
+        Ok(Self {
+            node_id: text("node_id", node.node_id, MAX_TEXT)?,
+            version: text("version", node.version, MAX_TEXT)?,
+            protocol: node.protocol,
+            backend: text("backend", node.backend, MAX_TEXT)?,
+            adapter: text("adapter", node.adapter, MAX_TEXT)?,
+            memory_budget: node.memory_budget,
+            memory_used: node.memory_used,
+            resident_bricks: node.resident_bricks,
+            state,
+            stores: node.stores.into_iter().map(store).collect::<Result<_, WireError>>()?,
+            notes: node.notes.into_iter().map(|n| text("note", n, MAX_TEXT)).collect::<Result<_, _>>()?,
+            threads: node.threads,
+            max_resident_set: node.max_resident_set,
+        })
+    }
+}
+
+impl From<StoreQuery> for wire::OpenStoreRequest {
+    fn from(query: StoreQuery) -> Self {
+        use wire::open_store_request::Store;
+        match query {
+            StoreQuery::Hash(hash) => Self { store: Some(Store::Hash(hash.to_string())), expected_hash: String::new() },
+            StoreQuery::Name { name, expected } => Self {
+                store: Some(Store::Name(name)),
+                expected_hash: expected.map_or_else(String::new, |hash| hash.to_string()),
+            },
+        }
+    }
+}
+
+impl TryFrom<wire::OpenStoreRequest> for StoreQuery {
+    type Error = WireError;
+
+    fn try_from(request: wire::OpenStoreRequest) -> Result<Self, WireError> {
+        use wire::open_store_request::Store;
+        match request.store.ok_or(WireError::Missing("store hash or name"))? {
+            Store::Hash(hash) => Ok(Self::Hash(hash.parse()?)),
+            Store::Name(name) => {
+                let expected = match request.expected_hash.as_str() {
+                    "" => None,
+                    hash => Some(hash.parse()?),
+                };
+                Ok(Self::Name { name: text("store name", name, MAX_TEXT)?, expected })
+            }
+        }
+    }
+}
+
+impl From<StoreDescription> for wire::StoreDescription {
+    fn from(store: StoreDescription) -> Self {
+        let ranges: Vec<u8> = store.ranges.0.iter().flatten().flat_map(|code| code.to_le_bytes()).collect();
+        Self { hash: store.hash.to_string(), name: store.name, manifest: store.manifest, brick_ranges: ranges.into() }
+    }
+}
+
+impl TryFrom<wire::StoreDescription> for StoreDescription {
+    type Error = WireError;
+
+    fn try_from(store: wire::StoreDescription) -> Result<Self, WireError> {
+        let hash: StoreHash = store.hash.parse()?;
+        at_most("bytes of manifest", store.manifest.len(), MAX_MANIFEST)?;
+        let got = StoreHash::of(&store.manifest);
+        if got != hash {
+            return Err(WireError::ManifestHash { got: got.to_string(), want: hash.to_string() });
+        }
+        let bytes = store.brick_ranges.len();
+        at_most("bricks", bytes / 4, MAX_BRICKS as usize)?;
+        if bytes == 0 || !bytes.is_multiple_of(4) {
+            return Err(WireError::Ranges { got: bytes, want: "four for every brick are needed".to_owned() });
+        }
+        let codes = |b: &[u8]| [u16::from_le_bytes([b[0], b[1]]), u16::from_le_bytes([b[2], b[3]])];
+        let ranges: Vec<[u16; 2]> = store.brick_ranges.chunks_exact(4).map(codes).collect();
+        if let Some(brick) = ranges.iter().position(|[min, max]| min > max) {
+            let [min, max] = ranges[brick];
+            return Err(WireError::UpsideDown { brick, min, max });
+        }
+        let name = text("store name", store.name, MAX_TEXT)?;
+        Ok(Self { name, hash, manifest: store.manifest, ranges: BrickRanges(ranges) })
+    }
+}
+
+impl From<PrepareRequest> for wire::PrepareRequest {
+    fn from(request: PrepareRequest) -> Self {
+        Self { store_hash: request.store.to_string(), bricks: request.bricks, filter: filter_to_wire(request.filter) }
+    }
+}
+
+impl TryFrom<wire::PrepareRequest> for PrepareRequest {
+    type Error = WireError;
+
+    fn try_from(request: wire::PrepareRequest) -> Result<Self, WireError> {
+        at_most("bricks", request.bricks.len(), MAX_BRICKS as usize)?;
+        let mut sorted = request.bricks.clone();
+        sorted.sort_unstable();
+        if let Some(pair) = sorted.windows(2).find(|p| p[0] == p[1]) {
+            return Err(WireError::Twice { what: "brick", index: pair[0] });
+        }
+        if let Some(&index) = sorted.last()
+            && u64::from(index) >= MAX_BRICKS
+        {
+            return Err(WireError::Beyond { what: "brick", index: index.into(), last: MAX_BRICKS - 1 });
+        }
+        Ok(Self {
+            store: request.store_hash.parse()?,
+            bricks: request.bricks,
+            filter: filter_from_wire(request.filter)?,
+        })
+    }
+}
+
+impl From<PrepareReceipt> for wire::PrepareReceipt {
+    fn from(r: PrepareReceipt) -> Self {
+        Self {
+            load_ms: r.load_ms,
+            bricks: r.bricks,
+            decoded_bytes: r.decoded_bytes,
+            owned_bytes: r.owned_bytes,
+            resident_bytes: r.resident_bytes,
+            fits: r.fits,
+        }
+    }
+}
+
+impl TryFrom<wire::PrepareReceipt> for PrepareReceipt {
+    type Error = WireError;
+
+    fn try_from(r: wire::PrepareReceipt) -> Result<Self, WireError> {
+        Ok(Self {
+            load_ms: duration("load_ms", r.load_ms)?,
+            bricks: r.bricks,
+            decoded_bytes: r.decoded_bytes,
+            owned_bytes: r.owned_bytes,
+            resident_bytes: r.resident_bytes,
+            fits: r.fits,
+        })
+    }
+}

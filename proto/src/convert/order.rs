@@ -1,0 +1,113 @@
+//! The order: what one node renders of one frame.
+
+use std::collections::HashSet;
+
+use brickcast_volume::scene::Transport;
+use brickcast_volume::{Epoch, FrameId, TreeNode};
+
+use super::scene::{format_from_wire, format_to_wire};
+use super::{WireError, at_most, tree_node};
+use crate::order::{LayerOrder, MAX_CHUNKS, MAX_LAYERS, MAX_TILES_OWED, RenderOrder};
+use crate::tile_rect::TileRect;
+use crate::wire;
+
+impl From<&LayerOrder> for wire::Layer {
+    fn from(layer: &LayerOrder) -> Self {
+        Self {
+            tree_node: layer.node.0,
+            chunks: layer.chunks.clone(),
+            tile_x0: layer.tiles.lo[0],
+            tile_y0: layer.tiles.lo[1],
+            tile_x1: layer.tiles.hi[0],
+            tile_y1: layer.tiles.hi[1],
+        }
+    }
+}
+
+impl From<&RenderOrder> for wire::RenderOrder {
+    fn from(order: &RenderOrder) -> Self {
+        Self {
+            frame: order.frame.0,
+            epoch: order.epoch.0,
+            store_hash: order.store.to_string(),
+            scene: Some((&order.scene).into()),
+            transport: format_to_wire(order.transport),
+            layers: order.layers.iter().map(Into::into).collect(),
+        }
+    }
+}
+
+impl From<RenderOrder> for wire::RenderOrder {
+    fn from(order: RenderOrder) -> Self {
+        (&order).into()
+    }
+}
+
+impl TryFrom<wire::Layer> for LayerOrder {
+    type Error = WireError;
+
+    fn try_from(layer: wire::Layer) -> Result<Self, WireError> {
+        let node = tree_node(layer.tree_node)?;
+        if layer.chunks.is_empty() {
+            return Err(WireError::NoChunks(node));
+        }
+        let tiles = TileRect { lo: [layer.tile_x0, layer.tile_y0], hi: [layer.tile_x1, layer.tile_y1] };
+        Ok(Self { node, chunks: layer.chunks, tiles })
+    }
+}
+
+impl TryFrom<wire::RenderOrder> for RenderOrder {
+    type Error = WireError;
+
+    fn try_from(order: wire::RenderOrder) -> Result<Self, WireError> {
+        at_most("layers", order.layers.len(), MAX_LAYERS)?;
+        if order.layers.is_empty() {
+            return Err(WireError::Missing("a layer: the order has none, and that"));
+        }
+        at_most("chunks", order.layers.iter().map(|l| l.chunks.len()).sum(), MAX_CHUNKS)?;
+        let store = order.store_hash.parse()?;
+        let scene: brickcast_volume::scene::Scene = order.scene.ok_or(WireError::Missing("scene"))?.try_into()?;
+        let transport = format_from_wire(order.transport)?;
+        match transport {
+            Transport::F16 if scene.exact => return Err(WireError::ExactTransport("f16")),
+            Transport::U8 if scene.exact => return Err(WireError::ExactTransport("u8")),
+            _ => {}
+        }
+        let layers: Vec<LayerOrder> = order.layers.into_iter().map(TryInto::try_into).collect::<Result<_, _>>()?;
+        let picture = TileRect::of_picture(scene.size);
+        if let Some(layer) = layers.iter().find(|l| l.tiles.is_empty() || !l.tiles.fits(scene.size)) {
+            return Err(WireError::Tiles { node: layer.node, tiles: layer.tiles, picture });
+        }
+        let owed: u64 = layers.iter().map(|l| u64::from(l.tiles.count())).sum();
+        if owed > MAX_TILES_OWED {
+            return Err(WireError::TooMany { what: "layers x tiles", got: owed, max: MAX_TILES_OWED });
+        }
+        disjoint(&layers)?;
+        Ok(Self { frame: FrameId(order.frame), epoch: Epoch(order.epoch), store, scene, transport, layers })
+    }
+}
+
+/// No layer twice, none inside another, no chunk twice.
+fn disjoint(layers: &[LayerOrder]) -> Result<(), WireError> {
+    let mut nodes = HashSet::with_capacity(layers.len());
+    for layer in layers {
+        if !nodes.insert(layer.node.0) {
+            return Err(WireError::LayerTwice(layer.node));
+        }
+    }
+    for layer in layers {
+        let ancestors = std::iter::successors(Some(layer.node.0 >> 1), |n| Some(n >> 1)).take_while(|&n| n > 0);
+        for outer in ancestors {
+            if nodes.contains(&outer) {
+                return Err(WireError::NestedLayers { inner: layer.node, outer: TreeNode(outer) });
+            }
+        }
+    }
+    let mut chunks = HashSet::new();
+    for &index in layers.iter().flat_map(|l| &l.chunks) {
+        if !chunks.insert(index) {
+            return Err(WireError::Twice { what: "chunk", index });
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,107 @@
+//! What a node answers: tiles, empties, the receipt.
+
+use brickcast_volume::{Epoch, FrameId};
+
+use super::scene::{format_from_wire, format_to_wire};
+use super::{WireError, at_most, duration, tree_node};
+use crate::part::{FramePart, Part, Receipt, TilePart};
+use crate::tile::EncodedTile;
+use crate::tile_rect::MAX_TILES;
+use crate::wire;
+
+/// The farthest tile of any legal picture on one axis.
+const LAST_TILE: u32 = brickcast_volume::visibility::MAX_SIDE.div_ceil(crate::TILE) - 1;
+
+impl From<TilePart> for wire::Tile {
+    fn from(part: TilePart) -> Self {
+        let EncodedTile { format, runs, lz4, payload, crc32c } = part.pixels;
+        let [tile_x, tile_y] = part.tile;
+        Self { tree_node: part.node.0, tile_x, tile_y, format: format_to_wire(format), runs, lz4, payload, crc32c }
+    }
+}
+
+impl TryFrom<wire::Tile> for TilePart {
+    type Error = WireError;
+
+    fn try_from(tile: wire::Tile) -> Result<Self, WireError> {
+        let node = tree_node(tile.tree_node)?;
+        for (what, index) in [("tile column", tile.tile_x), ("tile row", tile.tile_y)] {
+            if index > LAST_TILE {
+                return Err(WireError::Beyond { what, index: index.into(), last: LAST_TILE.into() });
+            }
+        }
+        let format = format_from_wire(tile.format)?;
+        let pixels = EncodedTile::from_parts(format, tile.runs, tile.lz4, tile.payload, tile.crc32c)?;
+        Ok(Self { node, tile: [tile.tile_x, tile.tile_y], pixels })
+    }
+}
+
+impl From<Receipt> for wire::Receipt {
+    fn from(r: Receipt) -> Self {
+        Self {
+            render_ms: r.render_ms,
+            samples: r.samples,
+            positions: r.positions,
+            bricks: r.bricks,
+            layers: r.layers,
+            tiles: r.tiles,
+            empty_tiles: r.empty_tiles,
+            load_ms: r.load_ms,
+            decoded_bytes: r.decoded_bytes,
+            owned_bytes: r.owned_bytes,
+        }
+    }
+}
+
+impl TryFrom<wire::Receipt> for Receipt {
+    type Error = WireError;
+
+    fn try_from(r: wire::Receipt) -> Result<Self, WireError> {
+        Ok(Self {
+            render_ms: duration("render_ms", r.render_ms)?,
+            samples: r.samples,
+            positions: r.positions,
+            bricks: r.bricks,
+            layers: r.layers,
+            tiles: r.tiles,
+            empty_tiles: r.empty_tiles,
+            load_ms: duration("load_ms", r.load_ms)?,
+            decoded_bytes: r.decoded_bytes,
+            owned_bytes: r.owned_bytes,
+        })
+    }
+}
+
+impl From<FramePart> for wire::FramePart {
+    fn from(part: FramePart) -> Self {
+        let inner = match part.part {
+            Part::Tile(tile) => wire::frame_part::Part::Tile(tile.into()),
+            Part::Empty { node, tiles } => wire::frame_part::Part::Empty(wire::EmptyTiles { tree_node: node.0, tiles }),
+            Part::Receipt(receipt) => wire::frame_part::Part::Receipt(receipt.into()),
+        };
+        Self { frame: part.frame.0, epoch: part.epoch.0, part: Some(inner) }
+    }
+}
+
+impl TryFrom<wire::FramePart> for FramePart {
+    type Error = WireError;
+
+    fn try_from(part: wire::FramePart) -> Result<Self, WireError> {
+        let inner = match part.part.ok_or(WireError::Missing("frame part"))? {
+            wire::frame_part::Part::Tile(tile) => Part::Tile(tile.try_into()?),
+            wire::frame_part::Part::Empty(empty) => {
+                let node = tree_node(empty.tree_node)?;
+                at_most("empty tiles", empty.tiles.len(), MAX_TILES as usize)?;
+                if empty.tiles.is_empty() {
+                    return Err(WireError::Missing("a tile: the list of empties has none, and that"));
+                }
+                if let Some(pair) = empty.tiles.windows(2).find(|p| p[0] >= p[1]) {
+                    return Err(WireError::Order { what: "empty tiles", before: pair[0], after: pair[1] });
+                }
+                Part::Empty { node, tiles: empty.tiles }
+            }
+            wire::frame_part::Part::Receipt(receipt) => Part::Receipt(receipt.try_into()?),
+        };
+        Ok(Self { frame: FrameId(part.frame), epoch: Epoch(part.epoch), part: inner })
+    }
+}

@@ -1,0 +1,139 @@
+//! The scene: camera, transfer function, filter, transport.
+
+use brickcast_volume::scene::{Filter, Scene, Transport};
+use brickcast_volume::transfer_function::{ColorPoint, MAX_POINTS, OpacityPoint, TransferFunction};
+use brickcast_volume::{Camera, PictureSize, Projection};
+use glam::DVec3;
+
+use super::{WireError, at_most};
+use crate::wire;
+
+impl From<DVec3> for wire::Vec3 {
+    fn from(v: DVec3) -> Self {
+        Self { x: v.x, y: v.y, z: v.z }
+    }
+}
+
+fn vec3(what: &'static str, v: Option<wire::Vec3>) -> Result<DVec3, WireError> {
+    v.map(|v| DVec3::new(v.x, v.y, v.z)).ok_or(WireError::Missing(what))
+}
+
+impl From<Camera> for wire::Camera {
+    fn from(camera: Camera) -> Self {
+        Self {
+            position: Some(camera.position().into()),
+            focal_point: Some(camera.focal_point().into()),
+            view_up: Some(camera.view_up().into()),
+            projection: Some(match camera.projection() {
+                Projection::Perspective { view_angle } => wire::camera::Projection::ViewAngle(view_angle),
+                Projection::Parallel { parallel_scale } => wire::camera::Projection::ParallelScale(parallel_scale),
+            }),
+        }
+    }
+}
+
+impl TryFrom<wire::Camera> for Camera {
+    type Error = WireError;
+
+    fn try_from(camera: wire::Camera) -> Result<Self, WireError> {
+        let projection = match camera.projection.ok_or(WireError::Missing("camera projection"))? {
+            wire::camera::Projection::ViewAngle(view_angle) => Projection::Perspective { view_angle },
+            wire::camera::Projection::ParallelScale(parallel_scale) => Projection::Parallel { parallel_scale },
+        };
+        Ok(Self::new(
+            vec3("camera position", camera.position)?,
+            vec3("camera focal_point", camera.focal_point)?,
+            vec3("camera view_up", camera.view_up)?,
+            projection,
+        )?)
+    }
+}
+
+impl From<&TransferFunction> for wire::TransferFunction {
+    fn from(function: &TransferFunction) -> Self {
+        let color = |p: &ColorPoint| wire::ColorPoint { x: p.x, r: p.rgb[0], g: p.rgb[1], b: p.rgb[2] };
+        let opacity = |p: &OpacityPoint| wire::OpacityPoint { x: p.x, opacity: p.opacity };
+        Self {
+            colors: function.colors().iter().map(color).collect(),
+            opacities: function.opacities().iter().map(opacity).collect(),
+        }
+    }
+}
+
+impl TryFrom<wire::TransferFunction> for TransferFunction {
+    type Error = WireError;
+
+    fn try_from(function: wire::TransferFunction) -> Result<Self, WireError> {
+        at_most("transfer function colors", function.colors.len(), MAX_POINTS)?;
+        at_most("transfer function opacities", function.opacities.len(), MAX_POINTS)?;
+        let colors = function.colors.into_iter().map(|p| ColorPoint { x: p.x, rgb: [p.r, p.g, p.b] }).collect();
+        let opacities = function.opacities.into_iter().map(|p| OpacityPoint { x: p.x, opacity: p.opacity }).collect();
+        Ok(Self::new(colors, opacities)?)
+    }
+}
+
+pub(super) fn filter_to_wire(filter: Filter) -> i32 {
+    match filter {
+        Filter::Hardware => wire::Filter::Hardware.into(),
+        Filter::Exact => wire::Filter::Exact.into(),
+    }
+}
+
+pub(super) fn filter_from_wire(filter: i32) -> Result<Filter, WireError> {
+    match wire::Filter::try_from(filter) {
+        Ok(wire::Filter::Hardware) => Ok(Filter::Hardware),
+        Ok(wire::Filter::Exact) => Ok(Filter::Exact),
+        _ => Err(WireError::Unknown { what: "filter", value: filter.to_string() }),
+    }
+}
+
+pub(super) fn format_to_wire(format: Transport) -> i32 {
+    match format {
+        Transport::F16 => wire::PixelFormat::F16.into(),
+        Transport::F32 => wire::PixelFormat::F32.into(),
+        Transport::U8 => wire::PixelFormat::U8.into(),
+    }
+}
+
+pub(super) fn format_from_wire(format: i32) -> Result<Transport, WireError> {
+    match wire::PixelFormat::try_from(format) {
+        Ok(wire::PixelFormat::F16) => Ok(Transport::F16),
+        Ok(wire::PixelFormat::F32) => Ok(Transport::F32),
+        Ok(wire::PixelFormat::U8) => Ok(Transport::U8),
+        _ => Err(WireError::Unknown { what: "pixel format", value: format.to_string() }),
+    }
+}
+
+impl From<&Scene> for wire::Scene {
+    fn from(scene: &Scene) -> Self {
+        Self {
+            camera: Some(scene.camera.into()),
+            width: scene.size.width(),
+            height: scene.size.height(),
+            step: scene.step,
+            transfer_function: Some((&scene.transfer_function).into()),
+            opacity_unit: scene.opacity_unit,
+            early_termination: scene.early_termination,
+            filter: filter_to_wire(scene.filter),
+            exact: scene.exact,
+        }
+    }
+}
+
+impl TryFrom<wire::Scene> for Scene {
+    type Error = WireError;
+
+    fn try_from(scene: wire::Scene) -> Result<Self, WireError> {
+        let valid = Self {
+            camera: scene.camera.ok_or(WireError::Missing("scene camera"))?.try_into()?,
+            size: PictureSize::new(scene.width, scene.height)?,
+            step: scene.step,
+            transfer_function: scene.transfer_function.ok_or(WireError::Missing("transfer function"))?.try_into()?,
+            opacity_unit: scene.opacity_unit,
+            early_termination: scene.early_termination,
+            filter: filter_from_wire(scene.filter)?,
+            exact: scene.exact,
+        };
+        Ok(valid.validate()?)
+    }
+}

@@ -1,0 +1,35 @@
+//! What a compositor orders from a node for one frame.
+
+use brickcast_volume::scene::{Scene, Transport};
+use brickcast_volume::{Epoch, FrameId, StoreHash, TreeNode};
+
+use crate::tile_rect::TileRect;
+
+/// The most layers of one order. A tree has at most 504 chunks, and layers are disjoint subtrees.
+pub const MAX_LAYERS: usize = 4096;
+/// The most chunks of one order, all layers together.
+pub const MAX_CHUNKS: usize = 65_536;
+/// The most (layer, tile) pairs of one order: what the other side's ledger must hold.
+pub const MAX_TILES_OWED: u64 = 1 << 24;
+
+/// The layers of one frame that one node renders. Valid by construction where it came through `TryFrom`: at least one
+/// layer, no layer twice or inside another, no chunk twice, every tile inside the picture; f32 transport in exact mode.
+/// What depends on the store (whether node and chunks exist) is checked by the node.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RenderOrder {
+    pub frame: FrameId,
+    pub epoch: Epoch,
+    pub store: StoreHash,
+    pub scene: Scene,
+    pub transport: Transport,
+    pub layers: Vec<LayerOrder>,
+}
+
+/// A node of the merge tree, to be rendered whole from `chunks` for `tiles`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LayerOrder {
+    pub node: TreeNode,
+    /// Linear chunk indices, x fastest; those under `node` that may have something to show.
+    pub chunks: Vec<u32>,
+    pub tiles: TileRect,
+}

@@ -1,0 +1,55 @@
+//! What a node answers: tiles, explicit empties, and the receipt last.
+
+use brickcast_volume::{Epoch, FrameId, TreeNode};
+
+use crate::tile::EncodedTile;
+
+/// One message of a frame's stream.
+#[derive(Debug, Clone, PartialEq)]
+pub struct FramePart {
+    pub frame: FrameId,
+    pub epoch: Epoch,
+    pub part: Part,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub enum Part {
+    /// The pixels of one ordered (layer, tile) pair.
+    Tile(TilePart),
+    /// Ordered tiles in which the layer has nothing to show: indices row-major in the layer's tile rectangle, strictly
+    /// increasing, at least one.
+    Empty { node: TreeNode, tiles: Vec<u32> },
+    /// The last message: everything ordered was answered.
+    Receipt(Receipt),
+}
+
+#[derive(Debug, Clone, PartialEq)]
+pub struct TilePart {
+    pub node: TreeNode,
+    /// In units of [`crate::TILE`] pixels.
+    pub tile: [u32; 2],
+    pub pixels: EncodedTile,
+}
+
+/// What a frame cost on one node.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Receipt {
+    /// Wall milliseconds from order to last tile; finite, not negative.
+    pub render_ms: f64,
+    /// Reads of the volume.
+    pub samples: u64,
+    /// Sample positions integrated.
+    pub positions: u64,
+    /// Bricks rendered.
+    pub bricks: u32,
+    pub layers: u32,
+    /// Tiles with pixels.
+    pub tiles: u32,
+    pub empty_tiles: u32,
+    /// Milliseconds spent loading bricks that were not resident.
+    pub load_ms: f64,
+    /// Bytes of voxels decoded from the store for this frame.
+    pub decoded_bytes: u64,
+    /// Bytes of voxels that the loaded bricks own.
+    pub owned_bytes: u64,
+}
