@@ -10,6 +10,7 @@ pub mod merge;
 pub mod premul;
 pub mod scene;
 pub mod space;
+pub mod statistics;
 pub mod store;
 pub mod transfer_function;
 pub mod visibility;

@@ -1,36 +1,24 @@
 //! Volume file formats, read in slabs of whole z-planes.
+//!
+//! A new format is a line in [`FORMATS`] and a module that ends in a [`VolumeSource`].
+
+mod error;
+pub mod nrrd;
+mod planes;
+pub mod raw;
+mod raw_name;
+mod voxel_type;
+
+use std::ffi::OsStr;
+use std::fs::{self, File};
+use std::io::{Read as _, Seek as _};
+use std::path::Path;
 
 use crate::space::Geometry;
 
-/// The type of a file's voxels.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum VoxelType {
-    U8,
-    I8,
-    U16,
-    I16,
-    U32,
-    I32,
-    F32,
-}
-
-impl VoxelType {
-    /// Bytes per voxel.
-    #[must_use]
-    pub fn bytes(self) -> usize {
-        match self {
-            Self::U8 | Self::I8 => 1,
-            Self::U16 | Self::I16 => 2,
-            Self::U32 | Self::I32 | Self::F32 => 4,
-        }
-    }
-
-    /// 8 and 16 bits are stored as they are; wider types are mapped to 16 bits by scale and offset.
-    #[must_use]
-    pub fn is_lossless(self) -> bool {
-        self.bytes() <= 2
-    }
-}
+pub use error::FormatError;
+pub use raw::RawHints;
+pub use voxel_type::{Endian, ParseNameError, VoxelType};
 
 /// What a file says of its volume.
 #[derive(Debug, Clone, PartialEq)]
@@ -45,12 +33,8 @@ pub struct SourceHeader {
     pub notes: Vec<String>,
 }
 
-#[derive(Debug, thiserror::Error)]
-#[error("todo")]
-pub struct FormatError;
-
 /// An input volume, read in order; a second pass starts with [`VolumeSource::rewind`].
-pub trait VolumeSource: Send {
+pub trait VolumeSource: Send + std::fmt::Debug {
     fn header(&self) -> &SourceHeader;
 
     /// Starts over at plane 0.
@@ -64,4 +48,91 @@ pub trait VolumeSource: Send {
     /// # Errors
     /// Truncated data, a broken compressed stream.
     fn read_planes(&mut self, count: u32, planes: &mut Vec<u8>) -> Result<(), FormatError>;
+}
+
+/// One line of the table of formats.
+struct Format {
+    name: &'static str,
+    /// Lower case, without the dot.
+    extensions: &'static [&'static str],
+    /// What of the format is read, for people.
+    reads: &'static str,
+    /// Knows a file by its first [`START_BYTES`] bytes; `None` for formats that have no mark of their own.
+    recognises: Option<fn(&[u8]) -> bool>,
+    open: OpenFormat,
+}
+
+type OpenFormat = fn(File, &Path, &RawHints) -> Result<Box<dyn VolumeSource>, FormatError>;
+
+const START_BYTES: u64 = 16;
+
+static FORMATS: [Format; 2] = [
+    Format {
+        name: "NRRD",
+        extensions: &["nrrd", "nhdr"],
+        reads: "raw or gzip encoding, attached or with one data file",
+        recognises: Some(nrrd::has_magic),
+        open: nrrd::open,
+    },
+    Format {
+        name: "raw voxels",
+        extensions: &["raw"],
+        reads: "with --dims X,Y,Z --type uint16, or named like part_512x512x400_uint16.raw",
+        recognises: None,
+        open: raw::open,
+    },
+];
+
+/// The formats that [`open`] reads, for people.
+#[must_use]
+pub fn supported() -> String {
+    let list: Vec<String> = FORMATS
+        .iter()
+        .map(|f| {
+            let extensions: Vec<String> = f.extensions.iter().map(|e| format!(".{e}")).collect();
+            format!("{} ({}: {})", f.name, extensions.join(", "), f.reads)
+        })
+        .collect();
+    list.join("; ")
+}
+
+/// Opens an input volume. A format's own mark decides, then the extension; a file of neither is raw where `hints` say its dims.
+///
+/// # Errors
+/// No such file, not a regular file, an empty file, an unknown format, or what the format's own reader finds wrong.
+pub fn open(path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, FormatError> {
+    let mut file = open_regular(path)?;
+    let mut start = Vec::new();
+    file.by_ref()
+        .take(START_BYTES)
+        .read_to_end(&mut start)
+        .and_then(|_| file.rewind())
+        .map_err(|reason| FormatError::io(path, "read", reason))?;
+    if start.is_empty() {
+        return Err(FormatError::Empty { path: path.into() });
+    }
+    let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase();
+    let chosen = FORMATS
+        .iter()
+        .find(|f| f.recognises.is_some_and(|knows| knows(&start)))
+        .or_else(|| FORMATS.iter().find(|f| f.extensions.contains(&extension.as_str())));
+    match chosen {
+        Some(format) => (format.open)(file, path, hints),
+        None if hints.dims.is_some() => raw::open(file, path, hints),
+        None => {
+            Err(FormatError::Unknown { path: path.into(), start: error::excerpt(&String::from_utf8_lossy(&start)) })
+        }
+    }
+}
+
+/// Opens a regular file; asked before opening, since opening a pipe would wait for its writer for ever.
+fn open_regular(path: &Path) -> Result<File, FormatError> {
+    let kind = fs::metadata(path).map_err(|reason| FormatError::io(path, "open", reason))?.file_type();
+    if kind.is_dir() {
+        return Err(FormatError::Directory { path: path.into() });
+    }
+    if !kind.is_file() {
+        return Err(FormatError::NotRegular { path: path.into() });
+    }
+    File::open(path).map_err(|reason| FormatError::io(path, "open", reason))
 }

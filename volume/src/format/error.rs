@@ -1,0 +1,87 @@
+//! What can be wrong with an input file, with its operands and the way out.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::nrrd::NrrdError;
+use super::raw::RawError;
+use super::voxel_type::VoxelType;
+use crate::space::GeometryError;
+
+#[derive(Debug, thiserror::Error)]
+pub enum FormatError {
+    #[error("{path}: cannot {action} this file: {reason}")]
+    Io { path: PathBuf, action: &'static str, reason: io::Error },
+    #[error("{path} is a directory; give one file. Read are: {}", super::supported())]
+    Directory { path: PathBuf },
+    #[error("{path} is neither a file nor a directory; copy its content to a regular file first")]
+    NotRegular { path: PathBuf },
+    #[error("{path} is empty (0 bytes); copy or export it again")]
+    Empty { path: PathBuf },
+    #[error(
+        "{path}: unknown format (it starts with `{start}`). Read are: {}. For a headerless file of another name give --dims",
+        super::supported()
+    )]
+    Unknown { path: PathBuf, start: String },
+    #[error("{path}: {reason}")]
+    Nrrd { path: PathBuf, reason: NrrdError },
+    #[error("{path}: {reason}")]
+    Raw { path: PathBuf, reason: RawError },
+    #[error("{path}: {reason}")]
+    Geometry { path: PathBuf, reason: GeometryError },
+    #[error(
+        "{header} names the data file {data_file}, which cannot be opened: {reason}. Put it there or correct `data file`"
+    )]
+    DataFile { header: PathBuf, data_file: PathBuf, reason: io::Error },
+    #[error(
+        "{path}: too short: {present} bytes of voxels from byte {start} on, but {dims:?} voxels of {voxel_type} are {expected} \
+         bytes; {} are missing. Copy the file again or correct dims, type or skip",
+        expected - present
+    )]
+    TooShort { path: PathBuf, start: u64, present: u64, expected: u64, dims: [u32; 3], voxel_type: VoxelType },
+    #[error(
+        "{path}: oversized: {present} bytes of voxels from byte {start} on, but {dims:?} voxels of {voxel_type} are {expected} \
+         bytes; {} are too many. Correct dims or type, or skip a header in front of the voxels",
+        present - expected
+    )]
+    TooLong { path: PathBuf, start: u64, present: u64, expected: u64, dims: [u32; 3], voxel_type: VoxelType },
+    #[error(
+        "{path}: the gzip data ends after {present} bytes of voxels, but {dims:?} voxels of {voxel_type} are {expected} bytes. \
+         The file is truncated (copy it again) or its sizes are wrong"
+    )]
+    GzipTooShort { path: PathBuf, present: u64, expected: u64, dims: [u32; 3], voxel_type: VoxelType },
+    #[error(
+        "{path}: {compressed} bytes of gzip data cannot hold the {expected} bytes that {dims:?} voxels of {voxel_type} are \
+         (gzip shrinks at most 1032 times). The file is truncated or its sizes are wrong"
+    )]
+    GzipImpossible { path: PathBuf, compressed: u64, expected: u64, dims: [u32; 3], voxel_type: VoxelType },
+    #[error(
+        "{path}: the gzip data goes on after the {expected} bytes that {dims:?} voxels of {voxel_type} are. Its sizes or type \
+         are wrong, or it was appended to"
+    )]
+    GzipTooLong { path: PathBuf, expected: u64, dims: [u32; 3], voxel_type: VoxelType },
+    #[error("{path}: broken gzip data after {position} bytes of voxels: {reason}. Copy or export the file again")]
+    GzipBroken { path: PathBuf, position: u64, reason: io::Error },
+    #[error("{path}: it shrank or was replaced while it was read: {got} bytes now, {was} before. Run it again")]
+    Changed { path: PathBuf, was: u64, got: u64 },
+    #[error(
+        "{path}: {bytes} bytes for {planes} planes of {dims:?} voxels do not fit into memory; use a machine with more"
+    )]
+    Memory { path: PathBuf, bytes: u64, planes: u32, dims: [u32; 3] },
+}
+
+impl FormatError {
+    pub(super) fn io(path: &Path, action: &'static str, reason: io::Error) -> Self {
+        Self::Io { path: path.into(), action, reason }
+    }
+}
+
+/// At most 60 characters of a file's own text, made harmless for a terminal.
+pub(super) fn excerpt(text: &str) -> String {
+    const LONGEST: usize = 60;
+    let mut shown: String = text.chars().take(LONGEST).flat_map(char::escape_debug).collect();
+    if text.chars().nth(LONGEST).is_some() {
+        shown.push_str("...");
+    }
+    shown
+}

@@ -1,0 +1,67 @@
+//! Where the voxels of an NRRD file are: attached or in a data file, behind skipped lines and bytes.
+
+use std::fs;
+use std::io::{BufRead as _, BufReader, Seek as _, SeekFrom};
+use std::path::Path;
+
+use super::{ByteSkip, Encoding, NrrdError, NrrdHeader};
+use crate::format::planes::{Coding, DataLocation};
+use crate::format::{FormatError, open_regular};
+
+pub(super) fn locate(header: &NrrdHeader, path: &Path) -> Result<DataLocation, FormatError> {
+    let (data_path, attached_at) = match &header.data_file {
+        // A relative name counts from the header's folder; `join` keeps absolute ones.
+        Some(name) => (path.parent().unwrap_or(Path::new("")).join(name), 0),
+        None => (path.to_path_buf(), header.length as u64),
+    };
+    let file_bytes = match fs::metadata(&data_path) {
+        Ok(metadata) => metadata.len(),
+        Err(reason) => return Err(FormatError::DataFile { header: path.into(), data_file: data_path, reason }),
+    };
+    let wrong = |reason| FormatError::Nrrd { path: path.into(), reason };
+
+    let after_lines = skip_lines(&data_path, attached_at, header.line_skip, path)?;
+    let (start, coding) = match (header.encoding, header.byte_skip) {
+        // Line skip counts in the file, byte skip in the decompressed stream.
+        (Encoding::Gzip, ByteSkip::Bytes(skip)) => (after_lines, Coding::Gzip { skip }),
+        (Encoding::Raw, ByteSkip::Bytes(byte_skip)) => match after_lines.checked_add(byte_skip) {
+            Some(start) if start <= file_bytes => (start, Coding::Raw),
+            _ => return Err(wrong(NrrdError::ByteSkip { byte_skip, file_bytes })),
+        },
+        (_, ByteSkip::FromEnd) => {
+            let voxels = header.geometry.voxel_count() * header.voxel_type.bytes() as u64;
+            // Where the file is too short the start stays in front, and the length check reports what is missing.
+            (file_bytes.saturating_sub(voxels).max(after_lines), Coding::Raw)
+        }
+    };
+    Ok(DataLocation { path: data_path, start, coding, endian: header.endian })
+}
+
+/// The position behind `lines` line feeds from `start` on.
+fn skip_lines(data_path: &Path, start: u64, lines: u64, header_path: &Path) -> Result<u64, FormatError> {
+    if lines == 0 {
+        return Ok(start);
+    }
+    let failed = |reason| FormatError::io(data_path, "read", reason);
+    let mut file = open_regular(data_path)?;
+    file.seek(SeekFrom::Start(start)).map_err(failed)?;
+    let mut reader = BufReader::with_capacity(1 << 16, file);
+    let (mut position, mut left) = (start, lines);
+    while left > 0 {
+        let buffer = reader.fill_buf().map_err(failed)?;
+        if buffer.is_empty() {
+            let reason = NrrdError::LineSkip { line_skip: lines };
+            return Err(FormatError::Nrrd { path: header_path.into(), reason });
+        }
+        let mut used = 0;
+        while left > 0 && used < buffer.len() {
+            match buffer[used..].iter().position(|&b| b == b'\n') {
+                Some(at) => (used, left) = (used + at + 1, left - 1),
+                None => used = buffer.len(),
+            }
+        }
+        reader.consume(used);
+        position += used as u64;
+    }
+    Ok(position)
+}

@@ -1,0 +1,49 @@
+//! NRRD and NHDR: <https://teem.sourceforge.net/nrrd/format.html>. Attached or with one data file, raw or gzip.
+
+mod data;
+mod error;
+mod fields;
+mod header;
+mod space;
+mod write;
+
+use std::fs::File;
+use std::io::Read as _;
+use std::path::Path;
+
+use super::planes::PlaneSource;
+use super::{FormatError, RawHints, SourceHeader, VolumeSource};
+
+pub use error::NrrdError;
+pub use header::{ByteSkip, Encoding, NrrdHeader};
+pub use write::write_header;
+
+/// Where no blank line has ended the header by then, it is no header.
+pub const MAX_HEADER_BYTES: usize = 1 << 20;
+
+pub(super) fn has_magic(start: &[u8]) -> bool {
+    start.starts_with(b"NRRD")
+}
+
+pub(super) fn open(file: File, path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, FormatError> {
+    let mut start = Vec::new();
+    file.take(MAX_HEADER_BYTES as u64)
+        .read_to_end(&mut start)
+        .map_err(|reason| FormatError::io(path, "read", reason))?;
+    let parsed = NrrdHeader::parse(&start).map_err(|reason| FormatError::Nrrd { path: path.into(), reason })?;
+    let location = data::locate(&parsed, path)?;
+    let mut notes = parsed.notes;
+    if !hints.is_empty() {
+        notes.push(
+            "--dims, --type, --endian, --skip, --spacing are for raw files; the NRRD header's own were used".into(),
+        );
+    }
+    let header = SourceHeader {
+        geometry: parsed.geometry,
+        voxel_type: parsed.voxel_type,
+        format: if parsed.data_file.is_some() { "NRRD, detached" } else { "NRRD" },
+        space_unit: parsed.space_unit,
+        notes,
+    };
+    Ok(Box::new(PlaneSource::new(header, location)?))
+}

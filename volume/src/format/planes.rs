@@ -1,0 +1,241 @@
+//! The one reader behind all formats that end in voxels in file order, raw or gzip: whole z-planes, little endian.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::path::PathBuf;
+
+use flate2::bufread::MultiGzDecoder;
+
+use super::{Endian, FormatError, SourceHeader, VolumeSource, open_regular};
+
+/// Where a file keeps its voxels.
+#[derive(Debug, Clone)]
+pub(super) struct DataLocation {
+    pub(super) path: PathBuf,
+    /// First byte of the voxels, or of the gzip stream, in the file.
+    pub(super) start: u64,
+    pub(super) coding: Coding,
+    /// Without meaning for voxels of one byte.
+    pub(super) endian: Endian,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Coding {
+    Raw,
+    /// `skip` bytes of the decompressed stream come before the voxels.
+    Gzip {
+        skip: u64,
+    },
+}
+
+/// The largest expansion of deflate (RFC 1951: 258 bytes from two bits).
+const DEFLATE_RATIO: u64 = 1032;
+/// How far the slab's memory runs ahead of bytes really read.
+const READ_STEP: u64 = 4 << 20;
+
+#[derive(Debug)]
+enum Stream {
+    Raw(File),
+    Gzip(Box<MultiGzDecoder<BufReader<File>>>),
+}
+
+#[derive(Debug)]
+pub(super) struct PlaneSource {
+    header: SourceHeader,
+    location: DataLocation,
+    /// Length of the file when it was opened first.
+    file_bytes: u64,
+    plane_bytes: u64,
+    /// `None` before the first read.
+    stream: Option<Stream>,
+    next_plane: u32,
+}
+
+impl PlaneSource {
+    /// Checks the file's length against dims x type before anything is allocated.
+    pub(super) fn new(header: SourceHeader, location: DataLocation) -> Result<Self, FormatError> {
+        let file = open_regular(&location.path)?;
+        let file_bytes = file.metadata().map_err(|reason| FormatError::io(&location.path, "read", reason))?.len();
+        let dims = header.geometry.dims();
+        let voxel_bytes = header.voxel_type.bytes() as u64;
+        // At most 2^44 voxels (Geometry) of 4 bytes: no overflow.
+        let plane_bytes = u64::from(dims.x) * u64::from(dims.y) * voxel_bytes;
+        let source = Self { header, location, file_bytes, plane_bytes, stream: None, next_plane: 0 };
+        source.check_length()?;
+        Ok(source)
+    }
+
+    fn expected_bytes(&self) -> u64 {
+        self.plane_bytes * u64::from(self.header.geometry.dims().z)
+    }
+
+    fn check_length(&self) -> Result<(), FormatError> {
+        let (start, expected) = (self.location.start, self.expected_bytes());
+        let present = self.file_bytes.saturating_sub(start);
+        let (path, dims) = (self.location.path.clone(), self.header.geometry.dims().to_array());
+        let voxel_type = self.header.voxel_type;
+        match self.location.coding {
+            Coding::Raw if present < expected => {
+                Err(FormatError::TooShort { path, start, present, expected, dims, voxel_type })
+            }
+            Coding::Raw if present > expected => {
+                Err(FormatError::TooLong { path, start, present, expected, dims, voxel_type })
+            }
+            Coding::Gzip { skip } if expected.saturating_add(skip) / DEFLATE_RATIO > present => {
+                Err(FormatError::GzipImpossible { path, compressed: present, expected, dims, voxel_type })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn start_stream(&self) -> Result<Stream, FormatError> {
+        let path = &self.location.path;
+        let failed = |reason| FormatError::io(path, "read", reason);
+        let mut file = open_regular(path)?;
+        let got = file.metadata().map_err(failed)?.len();
+        if got != self.file_bytes {
+            return Err(FormatError::Changed { path: path.clone(), was: self.file_bytes, got });
+        }
+        file.seek(SeekFrom::Start(self.location.start)).map_err(failed)?;
+        Ok(match self.location.coding {
+            Coding::Raw => Stream::Raw(file),
+            Coding::Gzip { skip } => {
+                let mut gzip = Box::new(MultiGzDecoder::new(BufReader::with_capacity(1 << 17, file)));
+                let skipped = io::copy(&mut gzip.by_ref().take(skip), &mut io::sink());
+                match skipped {
+                    Ok(n) if n == skip => Stream::Gzip(gzip),
+                    Ok(_) => return Err(self.gzip_too_short(0)),
+                    Err(reason) => return Err(self.gzip_failed(0, reason)),
+                }
+            }
+        })
+    }
+
+    fn gzip_too_short(&self, present: u64) -> FormatError {
+        FormatError::GzipTooShort {
+            path: self.location.path.clone(),
+            present,
+            expected: self.expected_bytes(),
+            dims: self.header.geometry.dims().to_array(),
+            voxel_type: self.header.voxel_type,
+        }
+    }
+
+    fn gzip_failed(&self, position: u64, reason: io::Error) -> FormatError {
+        if reason.kind() == io::ErrorKind::UnexpectedEof {
+            self.gzip_too_short(position)
+        } else {
+            FormatError::GzipBroken { path: self.location.path.clone(), position, reason }
+        }
+    }
+
+    /// An error of the stream at `position` bytes of voxels.
+    fn failed(&self, position: u64, reason: io::Error) -> FormatError {
+        match self.location.coding {
+            Coding::Raw => FormatError::io(&self.location.path, "read", reason),
+            Coding::Gzip { .. } => self.gzip_failed(position, reason),
+        }
+    }
+
+    /// Appends the next `want` bytes to `planes`, whose memory grows only as bytes arrive.
+    fn fill(&self, stream: &mut Stream, want: u64, done: u64, planes: &mut Vec<u8>) -> Result<(), FormatError> {
+        let reader: &mut dyn Read = match stream {
+            Stream::Raw(file) => file,
+            Stream::Gzip(gzip) => gzip,
+        };
+        let memory = |_| FormatError::Memory {
+            path: self.location.path.clone(),
+            bytes: want,
+            planes: (want / self.plane_bytes) as u32,
+            dims: self.header.geometry.dims().to_array(),
+        };
+        if self.location.coding == Coding::Raw {
+            // The file is known to be that long.
+            planes.try_reserve_exact(usize::try_from(want).unwrap_or(usize::MAX)).map_err(memory)?;
+        }
+        while (planes.len() as u64) < want {
+            let have = planes.len() as u64;
+            let step = (want - have).min(READ_STEP);
+            planes.try_reserve(step as usize).map_err(memory)?;
+            let got = reader.take(step).read_to_end(planes).map_err(|reason| self.failed(done + have, reason))? as u64;
+            if got < step {
+                let present = done + have + got;
+                return Err(match self.location.coding {
+                    Coding::Raw => FormatError::Changed {
+                        path: self.location.path.clone(),
+                        was: self.file_bytes,
+                        got: self.location.start + present,
+                    },
+                    Coding::Gzip { .. } => self.gzip_too_short(present),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// One read past the end: reports data that goes on, and makes the decoder check the checksum in the trailer.
+    fn check_end(&self, stream: &mut Stream) -> Result<(), FormatError> {
+        let Stream::Gzip(gzip) = stream else { return Ok(()) };
+        match gzip.read(&mut [0]) {
+            Ok(0) => Ok(()),
+            Ok(_) => Err(FormatError::GzipTooLong {
+                path: self.location.path.clone(),
+                expected: self.expected_bytes(),
+                dims: self.header.geometry.dims().to_array(),
+                voxel_type: self.header.voxel_type,
+            }),
+            Err(reason) => Err(FormatError::GzipBroken {
+                path: self.location.path.clone(),
+                position: self.expected_bytes(),
+                reason,
+            }),
+        }
+    }
+}
+
+impl VolumeSource for PlaneSource {
+    fn header(&self) -> &SourceHeader {
+        &self.header
+    }
+
+    fn rewind(&mut self) -> Result<(), FormatError> {
+        self.stream = None;
+        self.next_plane = 0;
+        self.stream = Some(self.start_stream()?);
+        Ok(())
+    }
+
+    fn read_planes(&mut self, count: u32, planes: &mut Vec<u8>) -> Result<(), FormatError> {
+        planes.clear();
+        let depth = self.header.geometry.dims().z;
+        let count = count.min(depth - self.next_plane);
+        if count == 0 {
+            return Ok(());
+        }
+        // Taken, so that after an error the next read starts no second stream at a wrong plane.
+        let mut stream = match self.stream.take() {
+            Some(stream) => stream,
+            None if self.next_plane == 0 => self.start_stream()?,
+            None => return Err(self.failed(0, io::Error::other("an earlier read failed; rewind first"))),
+        };
+        let done = self.plane_bytes * u64::from(self.next_plane);
+        self.next_plane += count;
+        self.fill(&mut stream, self.plane_bytes * u64::from(count), done, planes)?;
+        if self.next_plane == depth {
+            self.check_end(&mut stream)?;
+        }
+        if self.location.endian == Endian::Big {
+            swap_bytes(planes, self.header.voxel_type.bytes());
+        }
+        self.stream = Some(stream);
+        Ok(())
+    }
+}
+
+fn swap_bytes(data: &mut [u8], voxel_bytes: usize) {
+    match voxel_bytes {
+        2 => data.as_chunks_mut::<2>().0.iter_mut().for_each(|v| v.reverse()),
+        4 => data.as_chunks_mut::<4>().0.iter_mut().for_each(|v| v.reverse()),
+        _ => {}
+    }
+}

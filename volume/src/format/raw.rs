@@ -1,0 +1,103 @@
+//! Headerless voxels: what the hints say, then what the file's name says.
+
+use std::fs::File;
+use std::path::Path;
+
+use super::planes::{Coding, DataLocation, PlaneSource};
+use super::raw_name::RawName;
+use super::{Endian, FormatError, SourceHeader, VolumeSource, VoxelType};
+use crate::space::Geometry;
+
+/// What the user says of a raw file; the file's name fills in what is missing.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RawHints {
+    /// Voxels per axis, x fastest.
+    pub dims: Option<[u32; 3]>,
+    pub voxel_type: Option<VoxelType>,
+    pub endian: Option<Endian>,
+    /// Bytes in front of the first voxel.
+    pub skip: u64,
+    /// World units per voxel and axis.
+    pub spacing: Option<[f64; 3]>,
+    /// World position of the centre of voxel (0, 0, 0).
+    pub origin: Option<[f64; 3]>,
+}
+
+impl RawHints {
+    /// True where the user said nothing.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+#[derive(Debug, thiserror::Error)]
+pub enum RawError {
+    #[error(
+        "a raw file has no header and neither flags nor its name say its {missing}. Give --dims X,Y,Z --type uint16 \
+         --endian little --skip N --spacing X,Y,Z (types: {}), or name it like part_512x512x400_uint16.raw.{length}",
+        VoxelType::NAMES
+    )]
+    Unknown { missing: &'static str, length: String },
+}
+
+pub(super) fn open(file: File, path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, FormatError> {
+    let file_bytes = file.metadata().map_err(|reason| FormatError::io(path, "read", reason))?.len();
+    let name = RawName::of(path);
+    let mut notes = Vec::new();
+    if hints.dims.is_none()
+        && let Some([x, y, z]) = name.dims
+    {
+        notes.push(format!("dims {x} x {y} x {z} read from the file's name (--dims X,Y,Z overrides)"));
+    }
+    if hints.voxel_type.is_none()
+        && let Some(voxel_type) = name.voxel_type
+    {
+        notes.push(format!("type {voxel_type} read from the file's name (--type overrides)"));
+    }
+    let (dims, voxel_type) = match (hints.dims.or(name.dims), hints.voxel_type.or(name.voxel_type)) {
+        (Some(dims), Some(voxel_type)) => (dims, voxel_type),
+        (dims, voxel_type) => {
+            let missing = match (dims.is_some(), voxel_type.is_some()) {
+                (false, false) => "dims and type",
+                (false, true) => "dims",
+                _ => "type",
+            };
+            let length = length_help(dims, voxel_type, file_bytes.saturating_sub(hints.skip));
+            return Err(FormatError::Raw { path: path.into(), reason: RawError::Unknown { missing, length } });
+        }
+    };
+    let endian = hints.endian.or(name.endian).unwrap_or(Endian::Little);
+    if voxel_type.bytes() > 1 && hints.endian.is_none() {
+        notes.push(match name.endian {
+            Some(endian) => format!("byte order {endian} read from the file's name (--endian overrides)"),
+            None => "byte order not said: little assumed (--endian big overrides)".into(),
+        });
+    }
+    if hints.spacing.is_none() {
+        notes.push("spacing not said: 1, 1, 1 assumed (--spacing X,Y,Z overrides)".into());
+    }
+    let geometry = Geometry::new(dims, hints.spacing.unwrap_or([1.0; 3]), hints.origin.unwrap_or([0.0; 3]))
+        .map_err(|reason| FormatError::Geometry { path: path.into(), reason })?;
+    let header = SourceHeader { geometry, voxel_type, format: "raw", space_unit: None, notes };
+    let location = DataLocation { path: path.into(), start: hints.skip, coding: Coding::Raw, endian };
+    Ok(Box::new(PlaneSource::new(header, location)?))
+}
+
+/// What the file's length says where only half is known; empty where it says nothing.
+fn length_help(dims: Option<[u32; 3]>, voxel_type: Option<VoxelType>, bytes: u64) -> String {
+    match (dims, voxel_type) {
+        (Some(dims), None) => {
+            let voxels: u128 = dims.iter().map(|&n| u128::from(n)).product();
+            if voxels > 0 && u128::from(bytes) % voxels == 0 {
+                format!(" Its {bytes} bytes are {} per voxel.", u128::from(bytes) / voxels)
+            } else {
+                format!(" Its {bytes} bytes are no multiple of the {voxels} voxels.")
+            }
+        }
+        (None, Some(voxel_type)) => {
+            format!(" Its {bytes} bytes are {} voxels of {voxel_type}.", bytes / voxel_type.bytes() as u64)
+        }
+        _ => String::new(),
+    }
+}
