@@ -1,0 +1,158 @@
+//! The product's kernels behind the one interface that they share, fed with a test's scene.
+
+use std::sync::{Arc, OnceLock};
+
+use brickcast_node::raycaster::{Job, JobImage, KernelScene, Raycaster, ResidentBrick};
+use brickcast_volume::brick::GHOST_SAMPLED;
+use brickcast_volume::merge::sort_front_to_back;
+use brickcast_volume::scene::Filter;
+use brickcast_volume::store::BrickVoxels;
+use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction, TransferTable};
+use brickcast_volume::{BrickGrid, BrickIndex, Camera, Geometry, OwnedBox, PictureSize, PixelRect, Projection, View};
+
+use crate::compare::Picture;
+use crate::referee::Lens;
+use crate::scenes::Scene;
+
+/// Which of the product's kernels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Backend {
+    Cpu,
+    Gpu,
+}
+
+impl Backend {
+    pub const ALL: [Self; 2] = [Self::Cpu, Self::Gpu];
+}
+
+/// A scene cut into bricks that are resident in a kernel's memory.
+#[derive(Debug)]
+pub struct Loaded<'a> {
+    raycaster: &'a dyn Raycaster,
+    grid: BrickGrid,
+    geometry: Geometry,
+    /// In the grid's linear order.
+    bricks: Vec<Arc<dyn ResidentBrick>>,
+}
+
+/// Opens a kernel once per process; `Err` says why there is none.
+fn open(_backend: Backend) -> Result<Box<dyn Raycaster>, String> {
+    Err("no kernel is built in".to_owned())
+}
+
+/// The kernel of `backend`, or `None`, said by name, where this machine has none.
+///
+/// # Panics
+/// Where there is none although `BRICKCAST_REQUIRE_ALL` is set.
+#[must_use]
+pub fn raycaster(backend: Backend, test: &str) -> Option<&'static dyn Raycaster> {
+    static CPU: OnceLock<Result<Box<dyn Raycaster>, String>> = OnceLock::new();
+    static GPU: OnceLock<Result<Box<dyn Raycaster>, String>> = OnceLock::new();
+    let cell = match backend {
+        Backend::Cpu => &CPU,
+        Backend::Gpu => &GPU,
+    };
+    match cell.get_or_init(|| open(backend)) {
+        Ok(raycaster) => Some(raycaster.as_ref()),
+        Err(why) => {
+            assert!(std::env::var_os("BRICKCAST_REQUIRE_ALL").is_none(), "{test}: no {backend:?} kernel: {why}");
+            eprintln!("skipped: {test}, {backend:?}: {why}");
+            None
+        }
+    }
+}
+
+/// The stretched codes of `owned` grown by `ghost` layers, clamped at the volume's edge.
+#[must_use]
+pub fn cut(codes: &[u16], dims: [usize; 3], owned: OwnedBox, ghost: u32) -> BrickVoxels {
+    let stored = owned.stored(ghost);
+    let clamped = |i: i32, axis: usize| usize::try_from(i).unwrap_or(0).min(dims[axis] - 1);
+    let mut cut = Vec::with_capacity(stored.voxel_count() as usize);
+    for z in stored.lo.z..stored.hi.z {
+        for y in stored.lo.y..stored.hi.y {
+            for x in stored.lo.x..stored.hi.x {
+                cut.push(codes[(clamped(z, 2) * dims[1] + clamped(y, 1)) * dims[0] + clamped(x, 0)]);
+            }
+        }
+    }
+    BrickVoxels { stored, codes: cut }
+}
+
+/// Cuts the scene's volume into bricks of `brick_size` and uploads them all.
+///
+/// # Panics
+/// Where the product refuses the volume or a brick.
+#[must_use]
+pub fn load<'a>(raycaster: &'a dyn Raycaster, scene: &Scene, brick_size: u32) -> Loaded<'a> {
+    let volume = &scene.truth.volume;
+    let dims = volume.dims.map(|n| u32::try_from(n).unwrap());
+    let geometry = Geometry::new(dims, volume.spacing.into(), volume.origin.into()).unwrap();
+    let grid = BrickGrid::new(geometry.dims(), brick_size).unwrap();
+    let upload = |brick: BrickIndex| {
+        let owned = grid.owned_box(brick);
+        raycaster.upload(owned, &cut(&scene.codes, volume.dims, owned, GHOST_SAMPLED)).unwrap()
+    };
+    Loaded { raycaster, grid, geometry, bricks: grid.bricks().map(upload).collect() }
+}
+
+impl Loaded<'_> {
+    /// The whole picture as one accumulator through all bricks, and the samples taken.
+    ///
+    /// # Panics
+    /// Where the product refuses the scene or answers in another shape than asked for.
+    #[must_use]
+    pub fn render(&self, scene: &Scene) -> (Picture, u64) {
+        let [width, height] = scene.truth.size;
+        let image = self.render_rect(scene, picture_size(scene).full_rect());
+        let pixels = image.pixels.iter().map(|p| p.to_array().map(f64::from)).collect();
+        (Picture { width, height, pixels }, image.samples.iter().sum())
+    }
+
+    /// A part of the picture.
+    ///
+    /// # Panics
+    /// As [`Self::render`].
+    #[must_use]
+    pub fn render_rect(&self, scene: &Scene, rect: PixelRect) -> JobImage {
+        let truth = &scene.truth;
+        let view = View::new(&self.geometry, &camera(scene), picture_size(scene), truth.step).unwrap();
+        let table = TransferTable::build(&transfer_function(scene), scene.range, truth.delta() / truth.unit);
+        let mut order: Vec<BrickIndex> = self.grid.bricks().collect();
+        sort_front_to_back(&mut order, self.grid.brick_size(), view.viewpoint());
+        let bricks: Vec<_> = order.iter().map(|&b| self.bricks[self.grid.linear(b)].clone()).collect();
+        let kernel_scene = KernelScene {
+            view,
+            table: Arc::new(table),
+            early_termination: truth.early_termination as f32,
+            filter: Filter::default(),
+        };
+        let mut images = self.raycaster.render(&kernel_scene, &[Job { bricks, rect }]).unwrap();
+        assert_eq!(images.len(), 1, "one job, one image");
+        let image = images.remove(0);
+        assert_eq!(image.rect, rect);
+        assert_eq!(image.pixels.len(), rect.pixel_count());
+        assert_eq!(image.samples.len(), order.len(), "one count for each brick of the job");
+        image
+    }
+}
+
+fn picture_size(scene: &Scene) -> PictureSize {
+    let [width, height] = scene.truth.size.map(|n| u32::try_from(n).unwrap());
+    PictureSize::new(width, height).unwrap()
+}
+
+fn camera(scene: &Scene) -> Camera {
+    let camera = &scene.truth.camera;
+    let projection = match camera.lens {
+        Lens::Perspective { view_angle } => Projection::Perspective { view_angle },
+        Lens::Parallel { parallel_scale } => Projection::Parallel { parallel_scale },
+    };
+    Camera::new(camera.position, camera.focal_point, camera.view_up, projection).unwrap()
+}
+
+fn transfer_function(scene: &Scene) -> TransferFunction {
+    let transfer = &scene.truth.transfer;
+    let colors = transfer.colors.iter().map(|&(x, rgb)| ColorPoint { x, rgb }).collect();
+    let opacities = transfer.opacities.iter().map(|&(x, opacity)| OpacityPoint { x, opacity }).collect();
+    TransferFunction::new(colors, opacities).unwrap()
+}

@@ -1,0 +1,158 @@
+//! The product's kernels against the referee.
+
+use brickcast_tests::compare::{Picture, Tolerance, assert_within, assert_within_where};
+use brickcast_tests::product::{self, Backend};
+use brickcast_tests::referee;
+use brickcast_tests::scenes;
+use brickcast_volume::PixelRect;
+
+const BRICK_SIZES: [u32; 3] = [8, 16, 64];
+
+/// One backend on all scenes of one step, in all brick sizes: each picture against the referee, and against the same kernel's
+/// picture in the largest bricks.
+fn check_all(backend: Backend, step: f64) {
+    let Some(raycaster) = product::raycaster(backend, "kernel against referee") else { return };
+    for scene in scenes::all(step) {
+        let truth = referee::render(&scene.truth);
+        let excused = scene.excused(&truth);
+        let mut whole: Option<Picture> = None;
+        for brick_size in BRICK_SIZES.into_iter().rev() {
+            let what = format!("{backend:?}, bricks of {brick_size}: {}", scene.name);
+            let (picture, samples) = product::load(raycaster, &scene, brick_size).render(&scene);
+            let d = assert_within_where(&what, &truth.picture, &picture, &Tolerance::GPU_AGAINST_TWIN, |i| !excused[i]);
+            eprintln!("{what}: max {:.3}/255, mean {:.4}/255", d.max * 255.0, d.mean * 255.0);
+            assert!(
+                samples.abs_diff(truth.samples) <= scene.doubtful_samples(&truth),
+                "{what}: {samples} samples, {} are owned",
+                truth.samples
+            );
+            match &whole {
+                Some(whole) => {
+                    assert_within(&what, whole, &picture, &Tolerance::OTHER_BRICKS);
+                }
+                None => whole = Some(picture),
+            }
+        }
+    }
+}
+
+#[test]
+fn cpu_agrees_at_a_quarter_step() {
+    check_all(Backend::Cpu, 0.25);
+}
+
+#[test]
+fn cpu_agrees_at_half_a_step() {
+    check_all(Backend::Cpu, 0.5);
+}
+
+#[test]
+fn cpu_agrees_at_a_whole_step() {
+    check_all(Backend::Cpu, 1.0);
+}
+
+#[test]
+fn cpu_agrees_at_two_steps() {
+    check_all(Backend::Cpu, 2.0);
+}
+
+#[test]
+fn gpu_agrees_at_a_quarter_step() {
+    check_all(Backend::Gpu, 0.25);
+}
+
+#[test]
+fn gpu_agrees_at_half_a_step() {
+    check_all(Backend::Gpu, 0.5);
+}
+
+#[test]
+fn gpu_agrees_at_a_whole_step() {
+    check_all(Backend::Gpu, 1.0);
+}
+
+#[test]
+fn gpu_agrees_at_two_steps() {
+    check_all(Backend::Gpu, 2.0);
+}
+
+/// Early termination may cost what is left behind an opacity of 0.999, and must stop at it: a threshold of a half is seen.
+#[test]
+fn early_termination_stops_where_it_says() {
+    for backend in Backend::ALL {
+        let Some(raycaster) = product::raycaster(backend, "early termination") else { continue };
+        for threshold in [0.999, 0.5] {
+            let mut scene = scenes::oblique(0.5);
+            // Opaque enough to reach the threshold.
+            scene.truth.unit /= 8.0;
+            let all = product::load(raycaster, &scene, 16).render(&scene);
+            scene.truth.early_termination = threshold;
+            let truth = referee::render(&scene.truth);
+            let (picture, samples) = product::load(raycaster, &scene, 16).render(&scene);
+            let what = format!("{backend:?}, early termination at {threshold}");
+            assert!(samples < all.1, "{what}: {samples} of {} samples", all.1);
+            if threshold == 0.999 {
+                assert_within(&what, &all.0, &picture, &Tolerance::OTHER_BRICKS);
+            }
+            // A ray that is within f32 rounding of the threshold may take one sample more or less: at a threshold below one
+            // this shows, in few pixels.
+            let few = Tolerance { outlier_share: 0.005, ..Tolerance::GPU_AGAINST_TWIN };
+            assert_within_where(&what, &truth.picture, &picture, &few, |i| !truth.doubtful[i]);
+            assert!(
+                samples.abs_diff(truth.samples) * 1000 <= truth.samples,
+                "{what}: {samples}, not {}",
+                truth.samples
+            );
+        }
+    }
+}
+
+#[test]
+fn tiny_and_flat_pictures_agree() {
+    for backend in Backend::ALL {
+        let Some(raycaster) = product::raycaster(backend, "tiny pictures") else { continue };
+        for size in [[1, 1], [17, 5], [1, 33], [65, 2]] {
+            let scene = scenes::resized(scenes::oblique(0.5), size);
+            let truth = referee::render(&scene.truth);
+            let (picture, _) = product::load(raycaster, &scene, 16).render(&scene);
+            let what = format!("{backend:?}, {}", scene.name);
+            assert!(truth.picture.max_alpha() > 0.3, "{what}");
+            assert_within_where(&what, &truth.picture, &picture, &Tolerance::GPU_AGAINST_TWIN, |i| !truth.doubtful[i]);
+        }
+    }
+}
+
+/// Clear to the bit, not nearly: layers without content are left out of merging.
+#[test]
+fn a_volume_behind_the_eye_is_clear() {
+    for backend in Backend::ALL {
+        let Some(raycaster) = product::raycaster(backend, "volume behind the eye") else { continue };
+        let scene = scenes::behind_the_eye();
+        assert_eq!(referee::render(&scene.truth).samples, 0);
+        let (picture, samples) = product::load(raycaster, &scene, 16).render(&scene);
+        assert!(picture.pixels.iter().all(|&p| p == [0.0; 4]), "{backend:?}");
+        assert_eq!(samples, 0, "{backend:?}");
+    }
+}
+
+/// A rectangle of the picture holds the very bits of the whole picture: tiles must not show.
+#[test]
+fn parts_of_the_picture_have_the_bits_of_the_whole() {
+    for backend in Backend::ALL {
+        let Some(raycaster) = product::raycaster(backend, "parts of the picture") else { continue };
+        let scene = scenes::oblique(0.5);
+        let loaded = product::load(raycaster, &scene, 16);
+        let (whole, _) = loaded.render(&scene);
+        let [width, height] = scene.truth.size.map(|n| n as u32);
+        for (lo, hi) in
+            [([0, 0], [width, 1]), ([13, 7], [50, 41]), ([31, 20], [32, 21]), ([width - 5, 3], [width, height])]
+        {
+            let rect = PixelRect { lo: lo.into(), hi: hi.into() };
+            let part = loaded.render_rect(&scene, rect);
+            for (i, pixel) in part.pixels.iter().enumerate() {
+                let (x, y) = (lo[0] as usize + i % rect.size().x as usize, lo[1] as usize + i / rect.size().x as usize);
+                assert_eq!(pixel.to_array().map(f64::from), whole.at(x, y), "{backend:?}, {rect:?}, pixel ({x}, {y})");
+            }
+        }
+    }
+}
