@@ -1,1 +1,16 @@
-//! stub
+//! The compositor: plan, order, over, ledger, outputs and the command line.
+
+pub mod blend;
+pub mod cli;
+pub mod command;
+pub mod embedded;
+pub mod failure;
+pub mod ledger;
+pub mod output;
+pub mod plan;
+pub mod progress;
+pub mod scene_args;
+pub mod service;
+pub mod session;
+pub mod source;
+pub mod stats;

@@ -1,0 +1,54 @@
+//! Layers become a picture: tile by tile, joined at the merge tree's nodes with the project's one `over`, in f32.
+
+use std::collections::HashSet;
+
+use brickcast_proto::{TILE, TileRect};
+use brickcast_volume::merge::{MergeTree, Viewpoint};
+use brickcast_volume::{PictureSize, Premul, TreeNode, over};
+use rayon::prelude::*;
+
+use crate::ledger::{Ledger, TilePixels};
+use crate::output::Picture;
+
+/// Joins everything that the ledger holds, in visibility order from `from`.
+#[must_use]
+pub fn blend(ledger: &Ledger, tree: &MergeTree, from: Viewpoint, size: PictureSize) -> Picture {
+    // Only subtrees that hold a layer are worth a visit.
+    let mut on_the_way: HashSet<TreeNode> = HashSet::new();
+    for layer in ledger.layers() {
+        let mut node = layer.0;
+        while node > 0 && on_the_way.insert(TreeNode(node)) {
+            node /= 2;
+        }
+    }
+    let all = TileRect::of_picture(size);
+    let tiles: Vec<([u32; 2], TilePixels)> = all
+        .tiles()
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .filter_map(|tile| {
+            let mut layer = |node: TreeNode| {
+                if let Some(pixels) = ledger.pixels(node, tile) {
+                    return Some(Some(pixels.clone()));
+                }
+                (!on_the_way.contains(&node)).then_some(None)
+            };
+            let mut join = |front: Option<TilePixels>, back: Option<TilePixels>| match (front, back) {
+                (Some(f), Some(b)) => Some(f.into_iter().zip(b).map(|(f, b)| over(f, b)).collect()),
+                (one, other) => one.or(other),
+            };
+            let merged = tree.fold(MergeTree::ROOT, from, &mut layer, &mut join).flatten()?;
+            Some((tile, merged))
+        })
+        .collect();
+    let mut picture = Picture { size, pixels: vec![Premul::CLEAR; size.pixel_count()] };
+    for ([tx, ty], pixels) in tiles {
+        let (x0, y0) = ((tx * TILE) as usize, (ty * TILE) as usize);
+        let width = (TILE as usize).min(size.width() as usize - x0);
+        for (row, line) in pixels.chunks_exact(width).enumerate() {
+            let at = (y0 + row) * size.width() as usize + x0;
+            picture.pixels[at..at + width].copy_from_slice(line);
+        }
+    }
+    picture
+}

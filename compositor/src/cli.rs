@@ -1,0 +1,410 @@
+//! The command line. Parsing only: what the words mean is decided in `scene_args.rs` and the commands.
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+
+use crate::failure::EXIT_CODES;
+
+/// Sort-last volume raycasting on one machine or many: the same picture from any number of nodes.
+#[derive(Debug, Parser)]
+#[command(name = "brickcast", version = version_text(), after_help = EXIT_CODES, max_term_width = 120)]
+pub struct Cli {
+    /// Say more (-v: what is done, -vv: details)
+    #[arg(short, long, global = true, action = ArgAction::Count)]
+    pub verbose: u8,
+    /// Say nothing but errors
+    #[arg(short, long, global = true, conflicts_with = "verbose")]
+    pub quiet: bool,
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+/// Version of the software and of the protocol that it speaks with nodes.
+fn version_text() -> &'static str {
+    static TEXT: std::sync::OnceLock<String> = std::sync::OnceLock::new();
+    TEXT.get_or_init(|| format!("{} (protocol {})", env!("CARGO_PKG_VERSION"), brickcast_proto::PROTOCOL_VERSION))
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Make a phantom part, prepare it, render it through two nodes in this process: demo.png
+    Demo(DemoArgs),
+    /// Write a CT-like part with known pores, and the truth (pore table) beside it
+    Phantom(PhantomArgs),
+    /// Turn an input volume into a brick store
+    Prepare(PrepareArgs),
+    /// Show what an input or a store holds
+    Info(InfoArgs),
+    /// Render a store or an input to a picture or a sequence
+    Render(Box<RenderArgs>),
+    /// Show adapter, memory, resident bricks, versions and state of nodes
+    Nodes(NodesArgs),
+    /// Compare backends and node counts on one view
+    Bench(Box<BenchArgs>),
+    /// Print a completion script for a shell
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+}
+
+#[derive(Debug, Args)]
+pub struct DemoArgs {
+    /// Where the picture goes
+    #[arg(short, long, default_value = "demo.png")]
+    pub output: PathBuf,
+    /// Size of the phantom
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple::<u32>, default_value = "256,256,256")]
+    pub dims: [u32; 3],
+    /// Picture size
+    #[arg(long, value_name = "WxH", value_parser = picture_size, default_value = "768x768")]
+    pub size: (u32, u32),
+    #[command(flatten)]
+    pub cache: CacheArgs,
+    /// Which kernel the nodes use
+    #[arg(long, value_enum, default_value_t)]
+    pub backend: BackendArg,
+}
+
+#[derive(Debug, Args)]
+pub struct PhantomArgs {
+    /// The NRRD file to write; its pore table becomes <OUT without ending>.pores.json
+    pub out: PathBuf,
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple::<u32>, default_value = "256,256,256")]
+    pub dims: [u32; 3],
+    #[arg(long, value_name = "N", default_value_t = 40)]
+    pub pores: u32,
+    #[arg(long, value_name = "S", default_value_t = 1)]
+    pub seed: u64,
+    /// Replace existing files
+    #[arg(long)]
+    pub force: bool,
+}
+
+/// How to read a raw file; other formats say it themselves.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Raw input")]
+pub struct RawArgs {
+    /// Voxels per axis of a raw file, x fastest
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple::<u32>)]
+    pub dims: Option<[u32; 3]>,
+    /// Voxel type of a raw file: uint8, int8, uint16, int16, uint32, int32, float32
+    #[arg(long = "type", value_name = "TYPE")]
+    pub voxel_type: Option<String>,
+    /// Byte order of a raw file: little or big
+    #[arg(long, value_name = "ORDER")]
+    pub endian: Option<String>,
+    /// Bytes to skip at the start of a raw file
+    #[arg(long, value_name = "BYTES", default_value_t = 0)]
+    pub skip: u64,
+    /// World units per voxel of a raw file
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple::<f64>, allow_hyphen_values = true)]
+    pub spacing: Option<[f64; 3]>,
+}
+
+#[derive(Debug, Args)]
+pub struct PrepareArgs {
+    /// NRRD, NHDR or raw file
+    pub input: PathBuf,
+    /// The store (a folder) to write
+    pub store: PathBuf,
+    /// Voxels per brick edge: a power of two, 8 to 512
+    #[arg(long, default_value_t = 64)]
+    pub brick: u32,
+    /// Data values that become black and white of the 16 bits; default: smallest and largest
+    #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true)]
+    pub range: Option<[f64; 2]>,
+    /// Replace an existing store
+    #[arg(long)]
+    pub force: bool,
+    #[command(flatten)]
+    pub raw: RawArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct InfoArgs {
+    /// An input volume or a store
+    pub path: PathBuf,
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub raw: RawArgs,
+}
+
+#[derive(Debug, Clone, Args)]
+pub struct CacheArgs {
+    /// Where inputs are prepared on the way; reused while unchanged [default: the user's cache folder]
+    #[arg(long, value_name = "DIR", env = "BRICKCAST_CACHE_DIR")]
+    pub cache_dir: Option<PathBuf>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum BackendArg {
+    /// The GPU where a driver is found, else the CPU, saying so
+    #[default]
+    Auto,
+    Gpu,
+    Cpu,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum FilterArg {
+    /// The adapter's trilinear filter
+    #[default]
+    Hardware,
+    /// Eight loads with full-precision weights
+    Exact,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum TransportArg {
+    #[default]
+    F16,
+    F32,
+    U8,
+}
+
+/// Camera, transfer function and quality.
+#[derive(Debug, Clone, Args)]
+pub struct SceneArgs {
+    /// Picture size in pixels
+    #[arg(long, value_name = "WxH", value_parser = picture_size, default_value = "512x512")]
+    pub size: (u32, u32),
+    /// ParaView colour-map preset (JSON)
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["window", "opacity", "colormap"], help_heading = "Transfer function")]
+    pub transfer_function: Option<PathBuf>,
+    /// Rescale the preset to this range of data values
+    #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true, requires = "transfer_function", help_heading = "Transfer function")]
+    pub transfer_function_range: Option<[f64; 2]>,
+    /// Data values at which the opacity ramp starts and ends [default: Otsu's threshold, 99.9 % quantile]
+    #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true, help_heading = "Transfer function")]
+    pub window: Option<[f64; 2]>,
+    /// Opacity at the window's end, per opacity unit [default: 0.5]
+    #[arg(long, value_name = "X", help_heading = "Transfer function")]
+    pub opacity: Option<f64>,
+    /// viridis, plasma, inferno, magma, cividis, turbo, grayscale or cool-to-warm [default: grayscale]
+    #[arg(long, value_name = "NAME", help_heading = "Transfer function")]
+    pub colormap: Option<String>,
+    /// World length to which opacities refer [default: the smallest spacing]
+    #[arg(long, value_name = "LENGTH", help_heading = "Transfer function")]
+    pub opacity_unit: Option<f64>,
+    /// Camera file (JSON: position, focalPoint, viewUp, viewAngle | parallelProjection, parallelScale)
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["azimuth", "elevation", "zoom", "position", "focal_point", "view_up", "view_angle", "parallel_scale"], help_heading = "Camera")]
+    pub camera: Option<PathBuf>,
+    /// Degrees around the volume [default: 0]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, conflicts_with_all = ["position", "focal_point"], help_heading = "Camera")]
+    pub azimuth: Option<f64>,
+    /// Degrees above the volume [default: 0]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, conflicts_with_all = ["position", "focal_point"], help_heading = "Camera")]
+    pub elevation: Option<f64>,
+    /// Times closer [default: 1]
+    #[arg(long, value_name = "X", allow_hyphen_values = true, conflicts_with_all = ["position", "focal_point"], help_heading = "Camera")]
+    pub zoom: Option<f64>,
+    /// Vertical angle of the picture in degrees [default: 30]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, help_heading = "Camera")]
+    pub view_angle: Option<f64>,
+    /// Eye, world units
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple::<f64>, allow_hyphen_values = true, help_heading = "Camera")]
+    pub position: Option<[f64; 3]>,
+    /// Point looked at, world units [default: the volume's centre]
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple::<f64>, allow_hyphen_values = true, requires = "position", help_heading = "Camera")]
+    pub focal_point: Option<[f64; 3]>,
+    /// Up [default: 0,1,0]
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple::<f64>, allow_hyphen_values = true, help_heading = "Camera")]
+    pub view_up: Option<[f64; 3]>,
+    /// Parallel projection: half the picture's height, world units
+    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true, conflicts_with = "view_angle", help_heading = "Camera")]
+    pub parallel_scale: Option<f64>,
+    /// Sample distance in voxels of the smallest spacing
+    #[arg(long, default_value_t = 0.5, allow_hyphen_values = true, help_heading = "Quality")]
+    pub step: f64,
+    /// Rays stop at this opacity; 1 is off
+    #[arg(long, value_name = "X", default_value_t = 0.999, allow_hyphen_values = true, help_heading = "Quality")]
+    pub early_termination: f32,
+    /// The same bits for every number of nodes and every assignment
+    #[arg(long, help_heading = "Quality")]
+    pub exact: bool,
+    /// How values between voxel centres are read
+    #[arg(long, value_enum, default_value_t, help_heading = "Quality")]
+    pub filter: FilterArg,
+    /// How pixels travel [default: f16; f32 with --exact]
+    #[arg(long, value_enum, help_heading = "Quality")]
+    pub transport: Option<TransportArg>,
+}
+
+/// Who renders.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Nodes")]
+pub struct NodeArgs {
+    /// Nodes to render on [default: nodes inside this process]
+    #[arg(long, value_name = "HOST:PORT,...", value_delimiter = ',', conflicts_with_all = ["local", "backend", "memory_budget"])]
+    pub nodes: Vec<String>,
+    /// Number of nodes inside this process
+    #[arg(long, value_name = "N")]
+    pub local: Option<usize>,
+    /// Which kernel the nodes inside this process use
+    #[arg(long, value_enum, default_value_t)]
+    pub backend: BackendArg,
+    /// Memory for bricks of each node inside this process
+    #[arg(long, value_name = "SIZE", default_value = "4GiB")]
+    pub memory_budget: String,
+    /// A frame not complete by then is written as incomplete (exit code 3)
+    #[arg(long, value_name = "TIME", value_parser = deadline, default_value = "30s")]
+    pub deadline: Duration,
+}
+
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    /// A store, an input volume, or the name of a store that the nodes know
+    pub path: PathBuf,
+    /// The picture: .png, .apng (animates --frames) or .exr (premultiplied float)
+    #[arg(short, long, required_unless_present = "dry_run")]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Opaque background (0..1 each); without it the picture keeps its alpha
+    #[arg(long, value_name = "R,G,B", value_parser = triple::<f64>, help_heading = "Output")]
+    pub background: Option<[f64; 3]>,
+    /// Render a sequence: OUT_0000.png, ... or one .apng
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Output")]
+    pub frames: u32,
+    /// Degrees that the sequence turns around the focal point [default: 360]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, help_heading = "Output")]
+    pub orbit: Option<f64>,
+    /// Frames per second of an .apng
+    #[arg(long, value_name = "N", default_value_t = 25, help_heading = "Output")]
+    pub fps: u16,
+    /// Times, samples, tiles and bytes as JSON
+    #[arg(long, value_name = "FILE", help_heading = "Output")]
+    pub stats: Option<PathBuf>,
+    /// Write no <picture>.json beside the picture
+    #[arg(long, help_heading = "Output")]
+    pub no_manifest: bool,
+    /// Say what each node would hold and render, and stop
+    #[arg(long, help_heading = "Output")]
+    pub dry_run: bool,
+    #[command(flatten)]
+    pub nodes: NodeArgs,
+    #[command(flatten)]
+    pub prepare: OnTheWayArgs,
+}
+
+/// How an input is prepared on the way.
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Input prepared on the way")]
+pub struct OnTheWayArgs {
+    /// Voxels per brick edge of the prepared store
+    #[arg(long, value_name = "N", default_value_t = 64)]
+    pub brick: u32,
+    /// Data values that become black and white of the 16 bits
+    #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true)]
+    pub range: Option<[f64; 2]>,
+    #[command(flatten)]
+    pub cache: CacheArgs,
+    #[command(flatten)]
+    pub raw: RawArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct NodesArgs {
+    /// Nodes to ask
+    #[arg(long, value_name = "HOST:PORT,...", value_delimiter = ',', required = true)]
+    pub nodes: Vec<String>,
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Debug, Args)]
+pub struct BenchArgs {
+    /// A store or an input volume
+    pub path: PathBuf,
+    /// Write the table as JSON too
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    /// Timed frames per row; the median counts
+    #[arg(long, default_value_t = 5)]
+    pub repeat: u32,
+    /// Node counts to compare
+    #[arg(long, value_name = "N,...", value_delimiter = ',', default_values_t = [1_usize, 2, 4])]
+    pub counts: Vec<usize>,
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Memory for bricks of each node
+    #[arg(long, value_name = "SIZE", default_value = "4GiB")]
+    pub memory_budget: String,
+    #[command(flatten)]
+    pub prepare: OnTheWayArgs,
+}
+
+/// `WxH`.
+fn picture_size(text: &str) -> Result<(u32, u32), String> {
+    let parse = || {
+        let (w, h) = text.split_once(['x', 'X'])?;
+        Some((w.trim().parse().ok()?, h.trim().parse().ok()?))
+    };
+    parse().ok_or_else(|| format!("`{text}` is not WIDTHxHEIGHT, e.g. 512x512"))
+}
+
+/// Three numbers, `X,Y,Z`.
+fn triple<T: std::str::FromStr>(text: &str) -> Result<[T; 3], String> {
+    let parts: Vec<&str> = text.split(',').collect();
+    let numbers: Vec<T> = parts.iter().filter_map(|p| p.trim().parse().ok()).collect();
+    let count = numbers.len();
+    match <[T; 3]>::try_from(numbers) {
+        Ok(numbers) if parts.len() == 3 => Ok(numbers),
+        _ => Err(format!("`{text}` is not three numbers X,Y,Z ({count} of {} parts are numbers of this kind)", parts.len())),
+    }
+}
+
+/// Two finite numbers in ascending order, `LO,HI`.
+fn pair(text: &str) -> Result<[f64; 2], String> {
+    let parse = || {
+        let (lo, hi) = text.split_once(',')?;
+        Some([lo.trim().parse::<f64>().ok()?, hi.trim().parse::<f64>().ok()?])
+    };
+    match parse() {
+        Some([lo, hi]) if lo.is_finite() && hi.is_finite() && lo < hi => Ok([lo, hi]),
+        Some([lo, hi]) => Err(format!("{lo},{hi}: both must be finite and LO below HI")),
+        None => Err(format!("`{text}` is not LO,HI")),
+    }
+}
+
+fn deadline(text: &str) -> Result<Duration, String> {
+    let time = humantime::parse_duration(text)
+        .or_else(|_| text.parse::<f64>().map_err(|_| ()).and_then(|s| Duration::try_from_secs_f64(s).map_err(|_| ())))
+        .map_err(|()| format!("`{text}` is not a time such as 30s or 1500ms"))?;
+    if time.is_zero() || time > Duration::from_secs(86_400) {
+        return Err(format!("`{text}`: must be above 0 and at most one day"));
+    }
+    Ok(time)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn malformed_numbers_are_usage_errors() {
+        for bad in ["512", "x", "512x", "-1x5", "5x5x5"] {
+            assert!(picture_size(bad).is_err(), "{bad}");
+        }
+        for bad in ["1,2", "1,2,x", "1,2,3,4", "", "-1,2,3"] {
+            assert!(triple::<u32>(bad).is_err(), "{bad}");
+        }
+        for bad in ["1", "2,1", "nan,1", "1,inf", "1,1"] {
+            assert!(pair(bad).is_err(), "{bad}");
+        }
+        for bad in ["0s", "forever", "-1", "1000d"] {
+            assert!(deadline(bad).is_err(), "{bad}");
+        }
+        assert_eq!(deadline("1.5"), Ok(Duration::from_millis(1500)));
+    }
+}

@@ -1,0 +1,124 @@
+//! `brickcast info`: what an input or a store holds, in the file's own units.
+
+use brickcast_volume::MergeTree;
+use brickcast_volume::format;
+use brickcast_volume::store::{Manifest, QUANTILES, Store, survey};
+use serde_json::{Value, json};
+
+use super::print;
+use crate::cli::InfoArgs;
+use crate::failure::Failure;
+use crate::progress::Bar;
+
+/// # Errors
+/// Neither an input nor a store; what the reader finds wrong.
+pub fn run(args: &InfoArgs) -> Result<(), Failure> {
+    let (manifest, store, notes) = if args.path.is_dir() {
+        let store = Store::open(&args.path)?;
+        (store.manifest().clone(), Some(store), Vec::new())
+    } else {
+        let mut source = format::open(&args.path, &args.raw.hints()?)?;
+        let notes = source.header().notes.clone();
+        let bar = Bar::new(&format!("reading {}", args.path.display()));
+        let manifest = survey(source.as_mut(), &mut |p| bar.at(p.done, p.total))?;
+        bar.finish();
+        (manifest, None, notes)
+    };
+    let value = describe(&manifest, store.as_ref(), &notes);
+    if args.json { print(&format!("{value:#}\n")) } else { print(&text(&args.path.display().to_string(), &manifest, &value)) }
+}
+
+fn describe(m: &Manifest, store: Option<&Store>, notes: &[String]) -> Value {
+    let g = &m.geometry;
+    let quantiles: serde_json::Map<String, Value> =
+        QUANTILES.iter().zip(m.quantiles).map(|(share, value)| (share.to_string(), json!(value))).collect();
+    let mut out = json!({
+        "kind": if store.is_some() { "store" } else { "input" },
+        "format": m.source.format,
+        "dims": g.dims().to_array(),
+        "spacing": g.spacing().to_array(),
+        "origin": g.origin().to_array(),
+        "unit": m.space_unit,
+        "type": m.source.voxel_type.name(),
+        "voxels": g.voxel_count(),
+        "range": [m.range.0, m.range.1],
+        "min": m.min,
+        "max": m.max,
+        "mean": m.mean,
+        "otsu": m.otsu,
+        "quantiles": quantiles,
+        "histogram": m.histogram,
+        "not_finite": { "nan": m.not_finite.nan, "negative_infinity": m.not_finite.negative_infinity, "positive_infinity": m.not_finite.positive_infinity },
+        "notes": notes,
+    });
+    if let Some(store) = store {
+        let tree = MergeTree::of(m.grid);
+        out["store"] = json!({
+            "hash": store.hash().to_string(),
+            "writer": m.writer,
+            "lossless": m.lossless,
+            "scale": m.scale,
+            "offset": m.offset,
+            "brick_size": m.grid.brick_size(),
+            "bricks": m.grid.brick_count(),
+            "chunks": tree.chunk_count(),
+            "bricks_per_chunk_edge": tree.chunk_bricks(),
+        });
+    }
+    out
+}
+
+fn text(path: &str, m: &Manifest, value: &Value) -> String {
+    let g = &m.geometry;
+    let (d, s, o) = (g.dims(), g.spacing(), g.origin());
+    let unit = m.space_unit.as_deref().unwrap_or("units");
+    let mut lines = vec![
+        format!("{path}: {} {}", m.source.format, if value["store"].is_null() { "" } else { "as a brick store" }).trim_end().to_owned(),
+        format!("  dims       {} x {} x {} = {} voxels of {}", d.x, d.y, d.z, g.voxel_count(), m.source.voxel_type.name()),
+        format!("  spacing    {} x {} x {} {unit}, origin {}, {}, {}", s.x, s.y, s.z, o.x, o.y, o.z),
+        format!("  values     {} to {}, mean {:.6}", m.min, m.max, m.mean),
+        format!("  range      {} to {} (codes 0 and 65535)", m.range.0, m.range.1),
+        format!("  Otsu       {}", m.otsu),
+    ];
+    let quantiles: Vec<String> =
+        QUANTILES.iter().zip(m.quantiles).map(|(share, v)| format!("{} %: {v}", share * 100.0)).collect();
+    lines.push(format!("  quantiles  {}", quantiles.join(", ")));
+    if m.not_finite.total() > 0 {
+        let n = &m.not_finite;
+        lines.push(format!("  not finite {} NaN, {} -Inf, {} +Inf", n.nan, n.negative_infinity, n.positive_infinity));
+    }
+    if let Some(store) = value["store"].as_object() {
+        lines.push(format!(
+            "  bricks     {} of {}^3 voxels, {} chunks of {}^3 bricks",
+            store["bricks"], store["brick_size"], store["chunks"], store["bricks_per_chunk_edge"]
+        ));
+        let how = if m.lossless { "exact" } else { "mapped to 16 bits" };
+        lines.push(format!("  store      {} ({how}, {})", store["hash"].as_str().unwrap_or_default(), m.writer));
+    }
+    for note in value["notes"].as_array().into_iter().flatten().filter_map(Value::as_str) {
+        lines.push(format!("  note       {note}"));
+    }
+    lines.push(format!("  histogram  {} to {}, logarithmic", m.range.0, m.range.1));
+    lines.extend(chart(&m.histogram));
+    lines.join("\n") + "\n"
+}
+
+/// The histogram as rows of characters, heights logarithmic.
+fn chart(histogram: &[u64]) -> Vec<String> {
+    const COLUMNS: usize = 64;
+    const ROWS: usize = 6;
+    const BLOCKS: [char; 9] = [' ', '▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];
+    let per = histogram.len().div_ceil(COLUMNS).max(1);
+    let heights: Vec<f64> = histogram.chunks(per).map(|c| (c.iter().sum::<u64>() as f64).ln_1p()).collect();
+    let top = heights.iter().copied().fold(1e-9, f64::max);
+    (0..ROWS)
+        .rev()
+        .map(|row| {
+            let cells = heights.iter().map(|h| {
+                let eighths = (h / top * (ROWS * 8) as f64).round() as usize;
+                BLOCKS[eighths.saturating_sub(row * 8).min(8)]
+            });
+            format!("    {}", cells.collect::<String>().trim_end())
+        })
+        .collect()
+}

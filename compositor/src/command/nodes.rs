@@ -1,0 +1,58 @@
+//! `brickcast nodes`
+
+use comfy_table::Table;
+use serde_json::json;
+
+use super::{bytes, print};
+use crate::cli::NodesArgs;
+use crate::failure::Failure;
+use crate::service::NodeClient;
+
+/// Asks every node; those that do not answer are listed with the reason, and make the command fail.
+///
+/// # Errors
+/// A node that did not answer.
+pub async fn run(args: NodesArgs) -> Result<(), Failure> {
+    let answers = futures_util::future::join_all(args.nodes.iter().map(|address| async move {
+        let mut node = NodeClient::connect(address).await?;
+        node.describe().await
+    }))
+    .await;
+    let failed: Vec<String> = answers.iter().filter_map(|a| a.as_ref().err().map(ToString::to_string)).collect();
+    let named = args.nodes.iter().zip(&answers);
+    if args.json {
+        let list: Vec<_> = named
+            .map(|(address, answer)| match answer {
+                Err(error) => json!({ "address": address, "state": "unreachable", "error": error.to_string() }),
+                Ok(n) => json!({
+                    "address": address, "node_id": n.node_id, "state": n.state.as_str(), "version": n.version,
+                    "protocol": n.protocol, "backend": n.backend, "adapter": n.adapter, "threads": n.threads,
+                    "memory_budget": n.memory_budget, "memory_used": n.memory_used,
+                    "resident_bricks": n.resident_bricks, "max_resident_set": n.max_resident_set, "notes": n.notes,
+                    "stores": n.stores.iter().map(|s| json!({ "name": s.name, "hash": s.hash.to_string() })).collect::<Vec<_>>(),
+                }),
+            })
+            .collect();
+        print(&format!("{:#}\n", json!(list)))?;
+    } else {
+        let mut table = Table::new();
+        table.set_header(["node", "state", "backend", "adapter", "memory", "bricks", "stores", "version"]);
+        for (address, answer) in named {
+            match answer {
+                Err(_) => table.add_row([address.as_str(), "unreachable", "", "", "", "", "", ""]),
+                Ok(n) => table.add_row([
+                    address.clone(),
+                    n.state.as_str().to_owned(),
+                    n.backend.clone(),
+                    n.adapter.clone(),
+                    format!("{} of {}", bytes(n.memory_used), bytes(n.memory_budget)),
+                    n.resident_bricks.to_string(),
+                    n.stores.iter().map(|s| s.name.clone()).collect::<Vec<_>>().join(", "),
+                    format!("{} (protocol {})", n.version, n.protocol),
+                ]),
+            };
+        }
+        print(&format!("{table}\n"))?;
+    }
+    if failed.is_empty() { Ok(()) } else { Err(anyhow::anyhow!(failed.join("; ")).into()) }
+}

@@ -1,0 +1,41 @@
+//! `brickcast prepare`
+
+use std::time::Instant;
+
+use brickcast_volume::brick::BrickGrid;
+use brickcast_volume::store::PrepareOptions;
+
+use super::{bytes, say};
+use crate::cli::PrepareArgs;
+use crate::failure::Failure;
+use crate::source::{prepare_input, short};
+
+/// # Errors
+/// Usage for a brick size that cannot be; as the reader and the writer.
+pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
+    BrickGrid::new(glam::UVec3::ONE, args.brick).map_err(Failure::usage)?;
+    let hints = args.raw.hints()?;
+    let options =
+        PrepareOptions { brick_size: args.brick, range: args.range.map(|[lo, hi]| (lo, hi)), force: args.force };
+    let started = Instant::now();
+    let summary = prepare_input(&args.input, &hints, &args.store, &options)?;
+    let seconds = started.elapsed().as_secs_f64();
+    let m = &summary.manifest;
+    let d = m.geometry.dims();
+    say(
+        quiet,
+        &format!(
+            "{}: {} x {} x {} voxels, {} bricks of {}^3, values {} to {}, {} on disk, {seconds:.1} s, store {}",
+            args.store.display(),
+            d.x,
+            d.y,
+            d.z,
+            m.grid.brick_count(),
+            m.grid.brick_size(),
+            m.min,
+            m.max,
+            bytes(summary.bytes_on_disk),
+            short(summary.hash),
+        ),
+    )
+}

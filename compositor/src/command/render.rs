@@ -1,0 +1,202 @@
+//! `brickcast render`
+
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::anyhow;
+use brickcast_volume::camera::Camera;
+use serde_json::json;
+
+use super::{background, bytes, say};
+use crate::cli::RenderArgs;
+use crate::command::dry_run;
+use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
+use crate::failure::Failure;
+use crate::output::{FrameWriter, OutputFormat, write_json, write_manifest};
+use crate::scene_args::SceneChoice;
+use crate::session::{Frame, Session};
+use crate::source::{Source, short};
+use crate::stats;
+
+/// The most frames of one sequence.
+const MAX_FRAMES: u32 = 100_000;
+
+/// # Errors
+/// Usage before anything opens; failures that name what was wrong; [`Failure::Incomplete`] where a frame was written that
+/// is not complete.
+pub async fn run(args: RenderArgs, quiet: bool) -> Result<(), Failure> {
+    check(&args)?;
+    let memory_budget = parse_size(&args.nodes.memory_budget).map_err(|e| Failure::usage(anyhow!(e)))?;
+    let source = args.prepare.open(&args.path, !args.nodes.nodes.is_empty())?;
+    if args.dry_run {
+        return dry_run::run(&args, source, memory_budget).await;
+    }
+    let (session, embedded) = open_session(&args, &source, memory_budget, quiet).await?;
+    let result = sequence(&args, session, quiet).await;
+    drop(embedded);
+    result
+}
+
+fn check(args: &RenderArgs) -> Result<(), Failure> {
+    args.scene.check()?;
+    background(args.background)?;
+    if !(1..=MAX_FRAMES).contains(&args.frames) {
+        return Err(Failure::usage(anyhow!("--frames {}: must lie between 1 and {MAX_FRAMES}", args.frames)));
+    }
+    if args.orbit.is_some_and(|d| !d.is_finite()) {
+        return Err(Failure::usage(anyhow!("--orbit: must be a finite number of degrees")));
+    }
+    if args.orbit.is_some() && args.frames == 1 {
+        return Err(Failure::usage(anyhow!("--orbit turns over a sequence: add --frames N")));
+    }
+    if args.nodes.local.is_some_and(|n| !(1..=64).contains(&n)) {
+        return Err(Failure::usage(anyhow!("--local: between 1 and 64 nodes can run inside this process")));
+    }
+    if let Some(output) = &args.output {
+        let format = OutputFormat::from_path(output).map_err(Failure::usage)?;
+        if format == OutputFormat::Exr && args.background.is_some() {
+            return Err(Failure::usage(anyhow!("--background: an .exr keeps its alpha; write a .png for a background")));
+        }
+    }
+    Ok(())
+}
+
+async fn open_session(
+    args: &RenderArgs,
+    source: &Source,
+    memory_budget: u64,
+    quiet: bool,
+) -> Result<(Session, Option<EmbeddedNodes>), Failure> {
+    if !args.nodes.nodes.is_empty() {
+        return Ok((Session::open(&args.nodes.nodes, source.choice()).await?, None));
+    }
+    let Source::Store(store) = source else { return Err(anyhow!("{}: no such store", args.path.display()).into()) };
+    let kernel = Kernel::open(args.nodes.backend)?;
+    let (backend, adapter, notes) = kernel.describe();
+    for note in notes {
+        say(quiet, note)?;
+    }
+    tracing::info!("{backend}: {adapter}");
+    let nodes = EmbeddedNodes::start(&kernel, args.nodes.local.unwrap_or(1), store.path(), memory_budget).await?;
+    let session = Session::open(&nodes.addresses(), source.choice()).await?;
+    Ok((session, Some(nodes)))
+}
+
+async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Result<(), Failure> {
+    let Some(output) = &args.output else { return Err(Failure::usage(anyhow!("--output is missing"))) };
+    let choice = args.scene.scene(&session.store().manifest)?;
+    if let Some(note) = &choice.note {
+        say(quiet, note)?;
+    }
+    let orbit = args.orbit.unwrap_or(360.0);
+    let cameras: Vec<Camera> = (0..args.frames)
+        .map(|i| match i {
+            0 => Ok(choice.scene.camera),
+            i => choice.scene.camera.orbited(orbit * f64::from(i) / f64::from(args.frames)),
+        })
+        .collect::<Result<_, _>>()
+        .map_err(Failure::usage)?;
+
+    let started = Instant::now();
+    let load = session.load(&choice.scene).await?;
+    if !load.fits {
+        tracing::warn!("a node's memory budget holds fewer bricks than it renders: frames load on the way and are slow");
+    }
+    let mut writer =
+        FrameWriter::open(output, choice.scene.size, args.frames, background(args.background)?, args.fps)?;
+    let mut frames = Vec::new();
+    let mut manifests = Vec::new();
+    let mut problems = Vec::new();
+    let mut first_frame_ms = 0.0;
+    for (i, camera) in cameras.into_iter().enumerate() {
+        let mut one = choice.clone();
+        one.scene.camera = camera;
+        let frame = session.render(&one.scene, one.transport, args.nodes.deadline).await?;
+        if i == 0 {
+            first_frame_ms = started.elapsed().as_secs_f64() * 1e3;
+        }
+        problems.extend(frame.problems.iter().map(|p| format!("frame {i}: {p}")));
+        let written = writer.push(&frame.picture)?;
+        let manifest = manifest(&session, &one, &frame);
+        match written {
+            Some(path) if !args.no_manifest => write_manifest(&path, &manifest)?,
+            Some(_) => {}
+            None => manifests.push(manifest),
+        }
+        frames.push(frame.stats);
+    }
+    let written = writer.finish()?;
+    if !manifests.is_empty() && !args.no_manifest {
+        write_manifest(output, &json!({ "frames": manifests }))?;
+    }
+    if let Some(path) = &args.stats {
+        write_json(path, &stats::report(&load, &frames, first_frame_ms))?;
+    }
+    tell(&written, &frames, &load, quiet)?;
+    if problems.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::Incomplete(format!("incomplete picture written to {}: {}", output.display(), problems.join("; "))))
+}
+
+fn tell(
+    written: &[std::path::PathBuf],
+    frames: &[stats::FrameStats],
+    load: &stats::LoadStats,
+    quiet: bool,
+) -> Result<(), Failure> {
+    let (Some(first), Some(last)) = (written.first(), written.last()) else { return Ok(()) };
+    let names = if written.len() > 1 {
+        format!("{} to {}", first.display(), file_name(last))
+    } else {
+        first.display().to_string()
+    };
+    let mean = frames.iter().map(|f| f.frame_ms).sum::<f64>() / frames.len().max(1) as f64;
+    let samples = frames.iter().map(|f| f.samples).sum::<u64>();
+    let received = frames.iter().map(|f| f.bytes_received).sum::<u64>();
+    let nodes = frames.last().map_or(0, |f| f.nodes.len());
+    say(
+        quiet,
+        &format!(
+            "wrote {names}: {mean:.0} ms a frame on {nodes} node{}, {:.1} M samples, {} received, {:.0} ms loading",
+            if nodes == 1 { "" } else { "s" },
+            samples as f64 / 1e6,
+            bytes(received),
+            load.load_ms,
+        ),
+    )
+}
+
+fn file_name(path: &Path) -> String {
+    path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+/// What a picture's manifest says: enough to render it again.
+pub(crate) fn manifest(session: &Session, choice: &SceneChoice, frame: &Frame) -> serde_json::Value {
+    let (store, scene) = (session.store(), &choice.scene);
+    let function = &scene.transfer_function;
+    json!({
+        "brickcast": env!("CARGO_PKG_VERSION"),
+        "protocol": brickcast_proto::PROTOCOL_VERSION,
+        "store": store.hash.to_string(),
+        "complete": frame.complete,
+        "problems": frame.problems,
+        "missing_tiles": frame.missing_tiles,
+        "camera": scene.camera.to_json(),
+        "size": [scene.size.width(), scene.size.height()],
+        "step": scene.step,
+        "opacity_unit": scene.opacity_unit,
+        "early_termination": scene.early_termination,
+        "exact": scene.exact,
+        "filter": format!("{:?}", scene.filter).to_lowercase(),
+        "transport": format!("{:?}", choice.transport).to_lowercase(),
+        "transfer_function": {
+            "RGBPoints": function.colors().iter().map(|p| json!([p.x, p.rgb[0], p.rgb[1], p.rgb[2]])).collect::<Vec<_>>(),
+            "Points": function.opacities().iter().map(|p| json!([p.x, p.opacity])).collect::<Vec<_>>(),
+        },
+        "nodes": session.descriptions().iter().zip(&frame.stats.nodes).map(|(d, n)| json!({
+            "address": n.address, "node_id": d.node_id, "version": d.version, "backend": d.backend, "adapter": d.adapter,
+        })).collect::<Vec<_>>(),
+        "store_short": short(store.hash),
+    })
+}

@@ -1,0 +1,121 @@
+//! Nodes inside this process, reached over loopback gRPC: the same code path as nodes elsewhere.
+
+use std::net::SocketAddr;
+use std::path::Path;
+use std::sync::Arc;
+
+use brickcast_node::raycaster::{BackendChoice, RaycastError, Raycaster};
+use brickcast_node::server;
+use brickcast_node::stores::DataRoot;
+use brickcast_node::{Node, NodeConfig, NodeStartError};
+use tokio::net::TcpListener;
+use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
+
+use crate::cli::BackendArg;
+
+#[derive(Debug, thiserror::Error)]
+pub enum EmbeddedError {
+    #[error(transparent)]
+    Backend(#[from] RaycastError),
+    #[error(transparent)]
+    Node(#[from] NodeStartError),
+    #[error("--local {0}: between 1 and 64 nodes can run inside this process")]
+    Count(usize),
+    #[error("no loopback port could be opened for a node inside this process: {0}")]
+    Listen(#[from] std::io::Error),
+}
+
+/// A kernel, opened once and shared by the nodes of this process.
+#[derive(Debug, Clone)]
+pub struct Kernel(Arc<dyn Raycaster>);
+
+impl Kernel {
+    /// Opens the GPU or the CPU kernel.
+    ///
+    /// # Errors
+    /// No adapter where one was demanded.
+    pub fn open(backend: BackendArg) -> Result<Self, EmbeddedError> {
+        let choice = match backend {
+            BackendArg::Auto => BackendChoice::Auto,
+            BackendArg::Gpu => BackendChoice::Gpu,
+            BackendArg::Cpu => BackendChoice::Cpu,
+        };
+        Ok(Self(brickcast_node::open(choice)?))
+    }
+
+    /// `gpu` or `cpu`, the adapter, and the fallbacks taken.
+    #[must_use]
+    pub fn describe(&self) -> (&'static str, &str, &[String]) {
+        let info = self.0.info();
+        (info.backend, &info.adapter, &info.notes)
+    }
+
+    /// Bytes that a brick with `stored_voxels` voxels takes.
+    #[must_use]
+    pub fn brick_bytes(&self, stored_voxels: u64) -> u64 {
+        self.0.brick_bytes(stored_voxels)
+    }
+}
+
+/// Reads a size such as `4GiB`.
+///
+/// # Errors
+/// What is wrong with the text.
+pub fn parse_size(text: &str) -> Result<u64, String> {
+    brickcast_node::config::parse_size(text).map_err(|e| e.to_string())
+}
+
+/// Running nodes; they stop when this is dropped.
+#[derive(Debug)]
+pub struct EmbeddedNodes {
+    addresses: Vec<SocketAddr>,
+    running: Vec<(oneshot::Sender<()>, JoinHandle<()>)>,
+}
+
+impl EmbeddedNodes {
+    /// Starts `count` nodes that serve the store at `store`.
+    ///
+    /// # Errors
+    /// A count outside 1..=64, no free port, a node that cannot start.
+    pub async fn start(kernel: &Kernel, count: usize, store: &Path, memory_budget: u64) -> Result<Self, EmbeddedError> {
+        if !(1..=64).contains(&count) {
+            return Err(EmbeddedError::Count(count));
+        }
+        let mut nodes = Self { addresses: Vec::new(), running: Vec::new() };
+        for index in 0..count {
+            let config = NodeConfig {
+                data: DataRoot::Single(store.to_path_buf()),
+                memory_budget,
+                node_id: format!("embedded-{}-{index}", std::process::id()),
+            };
+            let node = Arc::new(Node::new(config, Arc::clone(&kernel.0))?);
+            let listener = TcpListener::bind(("127.0.0.1", 0)).await?;
+            nodes.addresses.push(listener.local_addr()?);
+            let (stop, stopped) = oneshot::channel::<()>();
+            let task = tokio::spawn(async move {
+                let ended = server::serve(node, listener, async {
+                    stopped.await.ok();
+                });
+                if let Err(error) = ended.await {
+                    tracing::error!("a node inside this process ended: {error}");
+                }
+            });
+            nodes.running.push((stop, task));
+        }
+        Ok(nodes)
+    }
+
+    #[must_use]
+    pub fn addresses(&self) -> Vec<String> {
+        self.addresses.iter().map(ToString::to_string).collect()
+    }
+}
+
+impl Drop for EmbeddedNodes {
+    fn drop(&mut self) {
+        for (_, task) in &self.running {
+            task.abort();
+        }
+    }
+}

@@ -1,0 +1,144 @@
+//! What the scene's words mean: arguments and a store become a [`Scene`].
+
+use anyhow::{Context, anyhow};
+use brickcast_volume::camera::{Camera, Orbit, Projection};
+use brickcast_volume::scene::{Filter, Scene, Transport};
+use brickcast_volume::store::Manifest;
+use brickcast_volume::transfer_function::{
+    Colormap, Preset, PresetOptions, TransferFunction, default_opacities, describe_default,
+};
+use brickcast_volume::{PictureSize, View};
+
+use crate::cli::{FilterArg, SceneArgs, TransportArg};
+use crate::failure::Failure;
+
+/// A scene, and what the user should be told about it.
+#[derive(Debug, Clone)]
+pub struct SceneChoice {
+    pub scene: Scene,
+    pub transport: Transport,
+    /// The line that names the default transfer function's numbers, where it was chosen for the user.
+    pub note: Option<String>,
+}
+
+impl SceneArgs {
+    /// Checks what needs no store, before anything opens.
+    ///
+    /// # Errors
+    /// Usage: picture size, step, early termination, opacity, zoom and angles out of range.
+    pub fn check(&self) -> Result<(), Failure> {
+        PictureSize::new(self.size.0, self.size.1).map_err(Failure::usage)?;
+        let within = |name: &str, value: Option<f64>, ok: fn(f64) -> bool, rule: &str| match value {
+            Some(v) if !ok(v) => Err(Failure::usage(anyhow!("--{name} {v}: {rule}"))),
+            _ => Ok(()),
+        };
+        within("step", Some(self.step), |v| (0.01..=16.0).contains(&v), "must lie between 0.01 and 16 voxels")?;
+        within("opacity", self.opacity, |v| (0.0..=1.0).contains(&v), "must lie between 0 and 1")?;
+        within("opacity-unit", self.opacity_unit, |v| v.is_finite() && v > 0.0, "must be finite and positive")?;
+        within("zoom", self.zoom, |v| v.is_finite() && v > 0.0, "must be finite and positive")?;
+        within("azimuth", self.azimuth, f64::is_finite, "must be a finite number of degrees")?;
+        within("elevation", self.elevation, f64::is_finite, "must be a finite number of degrees")?;
+        within("view-angle", self.view_angle, |v| v > 0.0 && v < 180.0, "must lie between 0 and 180 degrees")?;
+        within("parallel-scale", self.parallel_scale, |v| v.is_finite() && v > 0.0, "must be finite and positive")?;
+        let termination = self.early_termination;
+        if !(termination > 0.0 && termination <= 1.0) {
+            return Err(Failure::usage(anyhow!("--early-termination {termination}: must lie in (0, 1]; 1 is off")));
+        }
+        if self.exact && !matches!(self.transport, None | Some(TransportArg::F32)) {
+            return Err(Failure::usage(anyhow!("--exact carries pixels as f32: leave --transport out")));
+        }
+        if let Some(name) = &self.colormap {
+            Colormap::from_name(name).map_err(Failure::usage)?;
+        }
+        Ok(())
+    }
+
+    /// The scene on a store.
+    ///
+    /// # Errors
+    /// Usage for a degenerate camera given by flags; failure for files that cannot be read or parsed.
+    pub fn scene(&self, store: &Manifest) -> Result<SceneChoice, Failure> {
+        let size = PictureSize::new(self.size.0, self.size.1).map_err(Failure::usage)?;
+        let camera = self.camera_on(store)?;
+        let (transfer_function, note) = self.transfer_function_on(store)?;
+        let scene = Scene {
+            camera,
+            size,
+            step: self.step,
+            transfer_function,
+            opacity_unit: self.opacity_unit.unwrap_or(store.geometry.min_spacing()),
+            early_termination: self.early_termination,
+            filter: match self.filter {
+                FilterArg::Hardware => Filter::Hardware,
+                FilterArg::Exact => Filter::Exact,
+            },
+            exact: self.exact,
+        };
+        let scene = scene.validate().map_err(Failure::usage)?;
+        View::new(&store.geometry, &scene.camera, scene.size, scene.step).map_err(Failure::usage)?;
+        let transport = match self.transport {
+            Some(TransportArg::U8) => Transport::U8,
+            Some(TransportArg::F32) => Transport::F32,
+            None if self.exact => Transport::F32,
+            Some(TransportArg::F16) | None => Transport::F16,
+        };
+        Ok(SceneChoice { scene, transport, note })
+    }
+
+    fn camera_on(&self, store: &Manifest) -> Result<Camera, Failure> {
+        let geometry = &store.geometry;
+        if let Some(path) = &self.camera {
+            let text = std::fs::read_to_string(path)
+                .with_context(|| format!("camera file {}: cannot be read", path.display()))?;
+            return Ok(Camera::from_json(&path.display().to_string(), &text)?);
+        }
+        let view_angle = self.view_angle.unwrap_or(30.0);
+        let orbit = Orbit {
+            azimuth: self.azimuth.unwrap_or(0.0),
+            elevation: self.elevation.unwrap_or(0.0),
+            zoom: self.zoom.unwrap_or(1.0),
+            view_angle,
+        };
+        let around = Camera::orbit(geometry, orbit).map_err(Failure::usage)?;
+        let projection = match self.parallel_scale {
+            Some(parallel_scale) => Projection::Parallel { parallel_scale },
+            None => Projection::Perspective { view_angle },
+        };
+        let (position, focal_point, up) = match self.position {
+            Some(position) => (
+                position.into(),
+                self.focal_point.map_or(geometry.center_world(), Into::into),
+                self.view_up.map_or(glam::DVec3::Y, Into::into),
+            ),
+            None => (around.position(), around.focal_point(), self.view_up.map_or(around.view_up(), Into::into)),
+        };
+        Camera::new(position, focal_point, up, projection).map_err(Failure::usage)
+    }
+
+    fn transfer_function_on(&self, store: &Manifest) -> Result<(TransferFunction, Option<String>), Failure> {
+        let default_opacities = default_opacities(store.otsu, store.quantile_999);
+        if let Some(path) = &self.transfer_function {
+            let file = path.display().to_string();
+            let text = std::fs::read_to_string(path)
+                .with_context(|| format!("transfer function {file}: cannot be read"))?;
+            let options = PresetOptions {
+                rescale: self.transfer_function_range.map(|[lo, hi]| (lo, hi)),
+                default_opacities,
+            };
+            let preset = Preset::from_json(&file, &text, &options)?;
+            let note = (!preset.has_opacities).then(|| {
+                format!("{file} has no Points: {}", describe_default(store.otsu, store.quantile_999))
+            });
+            return Ok((preset.function, note));
+        }
+        let default = self.window.is_none() && self.opacity.is_none() && self.colormap.is_none();
+        if default {
+            let note = describe_default(store.otsu, store.quantile_999);
+            return Ok((TransferFunction::default_for(store.otsu, store.quantile_999), Some(note)));
+        }
+        let [lo, hi] = self.window.unwrap_or([default_opacities[0].x, default_opacities[1].x]);
+        let colormap = Colormap::from_name(self.colormap.as_deref().unwrap_or("grayscale")).map_err(Failure::usage)?;
+        let function = TransferFunction::window(lo, hi, self.opacity.unwrap_or(0.5), colormap);
+        Ok((function.map_err(Failure::usage)?, None))
+    }
+}

@@ -1,0 +1,176 @@
+//! A node as the compositor calls it: domain types in, domain types out; wire types stay in here.
+
+use std::time::Duration;
+
+use brickcast_proto::{
+    FramePart, NodeDescription, PrepareReceipt, PrepareRequest, RenderOrder, StoreDescription, StoreQuery, transport, wire,
+};
+use brickcast_volume::StoreHash;
+use futures_util::{Stream, StreamExt as _};
+use tonic::transport::Channel;
+use wire::cluster_client::ClusterClient;
+use wire::render_client::RenderClient;
+
+/// How long a node may take for a small question.
+const CALL_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Something that a node, or the way to it, did not do. Always names the node.
+#[derive(Debug, thiserror::Error)]
+pub enum NodeError {
+    #[error(transparent)]
+    Address(#[from] transport::AddressError),
+    #[error("node {address}: cannot be reached ({reason}); is brickcast-node running there and its port open?")]
+    Unreachable { address: String, reason: String },
+    #[error("node {address}: no answer to {call} within {seconds} s; it is hanging or the network is cut")]
+    NoAnswer { address: String, call: &'static str, seconds: u64 },
+    #[error("node {address}: {call}: {message}")]
+    Refused { address: String, call: &'static str, code: tonic::Code, message: String },
+    #[error("node {address}: {call}: sent something that is not valid: {reason}")]
+    Invalid { address: String, call: &'static str, reason: String },
+    #[error(
+        "node {address} speaks protocol {theirs} (version {version}), this is protocol {ours}; run the same release on both"
+    )]
+    Protocol { address: String, theirs: u32, version: String, ours: u32 },
+}
+
+/// A connected node.
+#[derive(Debug, Clone)]
+pub struct NodeClient {
+    address: String,
+    cluster: ClusterClient<Channel>,
+    render: RenderClient<Channel>,
+}
+
+impl NodeClient {
+    /// Connects; `address` is `host:port`.
+    ///
+    /// # Errors
+    /// A malformed address, no connection within [`transport::CONNECT_TIMEOUT`].
+    pub async fn connect(address: &str) -> Result<Self, NodeError> {
+        let endpoint = transport::endpoint(address)?;
+        let unreachable = |reason: String| NodeError::Unreachable { address: address.to_owned(), reason };
+        let channel = match tokio::time::timeout(transport::CONNECT_TIMEOUT, endpoint.connect()).await {
+            Ok(connected) => connected.map_err(|e| unreachable(innermost(&e)))?,
+            Err(_) => return Err(unreachable(format!("no connection within {} s", transport::CONNECT_TIMEOUT.as_secs()))),
+        };
+        Ok(Self {
+            address: address.to_owned(),
+            cluster: transport::cluster_client(channel.clone()),
+            render: transport::render_client(channel),
+        })
+    }
+
+    #[must_use]
+    pub fn address(&self) -> &str {
+        &self.address
+    }
+
+    /// # Errors
+    /// No answer, or a node of another protocol.
+    pub async fn describe(&mut self) -> Result<NodeDescription, NodeError> {
+        let mut cluster = self.cluster.clone();
+        let call = cluster.describe(wire::DescribeRequest {});
+        let answer = self.within("Describe", CALL_TIMEOUT, call).await?;
+        let theirs = answer.protocol;
+        if theirs != brickcast_proto::PROTOCOL_VERSION {
+            return Err(NodeError::Protocol {
+                address: self.address.clone(),
+                theirs,
+                version: answer.version.chars().take(64).collect(),
+                ours: brickcast_proto::PROTOCOL_VERSION,
+            });
+        }
+        NodeDescription::try_from(answer).map_err(|e| self.invalid("Describe", e))
+    }
+
+    /// Manifest and brick ranges of a store by its hash.
+    ///
+    /// # Errors
+    /// The node does not know it, or has another content under that name.
+    pub async fn open_store(&mut self, hash: StoreHash) -> Result<StoreDescription, NodeError> {
+        self.open(StoreQuery::Hash(hash)).await
+    }
+
+    /// Manifest and brick ranges of a store by the name that the node knows it by.
+    ///
+    /// # Errors
+    /// The node does not know it.
+    pub async fn open_store_named(&mut self, name: &str) -> Result<StoreDescription, NodeError> {
+        self.open(StoreQuery::Name { name: name.to_owned(), expected: None }).await
+    }
+
+    async fn open(&mut self, query: StoreQuery) -> Result<StoreDescription, NodeError> {
+        let mut cluster = self.cluster.clone();
+        let call = cluster.open_store(wire::OpenStoreRequest::from(query));
+        let answer = self.within("OpenStore", CALL_TIMEOUT, call).await?;
+        StoreDescription::try_from(answer).map_err(|e| self.invalid("OpenStore", e))
+    }
+
+    /// Makes bricks resident. Loading may take long; a lost node is found by HTTP/2 keep-alive.
+    ///
+    /// # Errors
+    /// A brick that cannot be read, a lost node.
+    pub async fn prepare(&mut self, request: PrepareRequest, limit: Duration) -> Result<PrepareReceipt, NodeError> {
+        let mut cluster = self.cluster.clone();
+        let call = cluster.prepare(wire::PrepareRequest::from(request));
+        let answer = self.within("Prepare", limit, call).await?;
+        PrepareReceipt::try_from(answer).map_err(|e| self.invalid("Prepare", e))
+    }
+
+    /// Sends an order; its parts come back as they are ready, with the bytes that each took on the wire.
+    ///
+    /// # Errors
+    /// The order is refused. The stream's items may fail, too.
+    pub async fn render(
+        &mut self,
+        order: RenderOrder,
+    ) -> Result<impl Stream<Item = Result<(FramePart, usize), NodeError>> + use<>, NodeError> {
+        let address = self.address.clone();
+        let answer = self.render.render_frame(wire::RenderOrder::from(order)).await;
+        let parts = answer.map_err(|status| refused(&address, "RenderFrame", &status))?.into_inner();
+        Ok(parts.map(move |part| {
+            let part = part.map_err(|status| refused(&address, "RenderFrame", &status))?;
+            let bytes = prost::Message::encoded_len(&part);
+            let part = FramePart::try_from(part).map_err(|e| NodeError::Invalid {
+                address: address.clone(),
+                call: "RenderFrame",
+                reason: e.to_string(),
+            })?;
+            Ok((part, bytes))
+        }))
+    }
+
+    async fn within<T>(
+        &self,
+        call: &'static str,
+        limit: Duration,
+        answer: impl Future<Output = Result<tonic::Response<T>, tonic::Status>>,
+    ) -> Result<T, NodeError> {
+        match tokio::time::timeout(limit, answer).await {
+            Ok(Ok(response)) => Ok(response.into_inner()),
+            Ok(Err(status)) => Err(refused(&self.address, call, &status)),
+            Err(_) => Err(NodeError::NoAnswer { address: self.address.clone(), call, seconds: limit.as_secs() }),
+        }
+    }
+
+    fn invalid(&self, call: &'static str, error: impl std::fmt::Display) -> NodeError {
+        NodeError::Invalid { address: self.address.clone(), call, reason: error.to_string() }
+    }
+}
+
+fn refused(address: &str, call: &'static str, status: &tonic::Status) -> NodeError {
+    let message = match status.code() {
+        tonic::Code::Unavailable | tonic::Code::Unknown => format!("the connection was lost ({})", status.message()),
+        _ => status.message().to_owned(),
+    };
+    NodeError::Refused { address: address.to_owned(), call, code: status.code(), message }
+}
+
+/// The innermost cause says what a person needs: `connection refused`, not `transport error`.
+fn innermost(error: &dyn std::error::Error) -> String {
+    let mut cause = error;
+    while let Some(next) = cause.source() {
+        cause = next;
+    }
+    cause.to_string()
+}

@@ -1,0 +1,160 @@
+//! What PATH means: a store, an input that is prepared on the way, or a name that the nodes know.
+
+use std::hash::Hasher;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, anyhow};
+use brickcast_volume::StoreHash;
+use brickcast_volume::format::{self, RawHints};
+use brickcast_volume::store::{PrepareOptions, PrepareSummary, Store, prepare};
+
+use crate::cli::{CacheArgs, OnTheWayArgs, RawArgs};
+use crate::failure::Failure;
+use crate::progress::Bar;
+
+/// A path that was understood.
+#[derive(Debug)]
+pub enum Source {
+    /// A store on this machine.
+    Store(Store),
+    /// A name that only the nodes know.
+    Name(String),
+}
+
+impl RawArgs {
+    /// The flags as hints for the raw reader.
+    ///
+    /// # Errors
+    /// Usage: an unknown type or byte order.
+    pub fn hints(&self) -> Result<RawHints, Failure> {
+        let voxel_type = self.voxel_type.as_deref().map(str::parse).transpose().map_err(Failure::usage)?;
+        let endian = self.endian.as_deref().map(str::parse).transpose().map_err(Failure::usage)?;
+        Ok(RawHints { dims: self.dims, voxel_type, endian, skip: self.skip, spacing: self.spacing, origin: None })
+    }
+}
+
+impl OnTheWayArgs {
+    /// Opens what `path` names; an input is prepared into the cache, or found there while it is unchanged. With
+    /// `nodes_know`, a path that does not exist here is taken for a name that the nodes know.
+    ///
+    /// # Errors
+    /// Nothing there, neither store nor input, an input that cannot be read.
+    pub fn open(&self, path: &Path, nodes_know: bool) -> Result<Source, Failure> {
+        if path.is_dir() {
+            return Ok(Source::Store(Store::open(path)?));
+        }
+        if path.is_file() {
+            return Ok(Source::Store(self.prepared(path)?));
+        }
+        match path.to_str() {
+            Some(name) if nodes_know => Ok(Source::Name(name.to_owned())),
+            _ => Err(anyhow!("{}: no such file or store", path.display()).into()),
+        }
+    }
+
+    fn prepared(&self, input: &Path) -> Result<Store, Failure> {
+        let hints = self.raw.hints()?;
+        let cache = self.cache.folder();
+        let stem = input.file_stem().and_then(|s| s.to_str()).unwrap_or("volume");
+        let target = cache.join(format!("{stem}-{:016x}", self.key(input)?));
+        if target.is_dir() {
+            match Store::open(&target) {
+                Ok(store) => {
+                    tracing::info!("using the prepared store {}", target.display());
+                    return Ok(store);
+                }
+                Err(error) => tracing::warn!("the cached store cannot be used and is made again: {error}"),
+            }
+        }
+        std::fs::create_dir_all(&cache).with_context(|| {
+            format!("cache folder {}: cannot be made; name another with --cache-dir", cache.display())
+        })?;
+        let options =
+            PrepareOptions { brick_size: self.brick, range: self.range.map(|[lo, hi]| (lo, hi)), force: true };
+        prepare_input(input, &hints, &target, &options)?;
+        Ok(Store::open(&target)?)
+    }
+
+    /// Changes whenever the prepared store would: the input's place, size and time, and every option.
+    fn key(&self, input: &Path) -> Result<u64, Failure> {
+        let mut hasher = xxhash_rust::xxh3::Xxh3::new();
+        for file in files_of(input) {
+            let place = file.canonicalize().with_context(|| format!("{}: cannot be found", file.display()))?;
+            let data = place.metadata().with_context(|| format!("{}: cannot be read", file.display()))?;
+            let text = format!("{}|{}|{:?}", place.display(), data.len(), data.modified().ok());
+            hasher.write(text.as_bytes());
+        }
+        let options = format!("{}|{:?}|{:?}|{}", self.brick, self.range, self.raw, env!("CARGO_PKG_VERSION"));
+        hasher.write(options.as_bytes());
+        Ok(hasher.finish())
+    }
+}
+
+/// The files that an input consists of: a detached NRRD header names its data.
+fn files_of(input: &Path) -> Vec<PathBuf> {
+    let mut files = vec![input.to_path_buf()];
+    if input.extension().is_some_and(|e| e.eq_ignore_ascii_case("nhdr"))
+        && let Ok(header) = std::fs::read_to_string(input)
+    {
+        let names = header.lines().filter_map(|l| l.strip_prefix("data file:").or(l.strip_prefix("datafile:")));
+        let folder = input.parent().unwrap_or(Path::new(""));
+        files.extend(names.map(|name| folder.join(name.trim())).filter(|f| f.is_file()));
+    }
+    files
+}
+
+impl CacheArgs {
+    /// The folder for prepared inputs.
+    #[must_use]
+    pub fn folder(&self) -> PathBuf {
+        if let Some(folder) = &self.cache_dir {
+            return folder.clone();
+        }
+        let base = std::env::var_os("XDG_CACHE_HOME")
+            .map(PathBuf::from)
+            .or_else(|| std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".cache")))
+            .filter(|p| p.is_absolute())
+            .unwrap_or_else(std::env::temp_dir);
+        base.join("brickcast")
+    }
+}
+
+/// Prepares `input` into `target`, showing progress and telling what the reader noticed.
+///
+/// # Errors
+/// As [`format::open`] and [`prepare`].
+pub fn prepare_input(
+    input: &Path,
+    hints: &RawHints,
+    target: &Path,
+    options: &PrepareOptions,
+) -> Result<PrepareSummary, Failure> {
+    let mut source = format::open(input, hints)?;
+    for note in &source.header().notes {
+        tracing::warn!("{}: {note}", input.display());
+    }
+    let bar = Bar::new(&format!("preparing {}", input.display()));
+    let summary = prepare(source.as_mut(), target, options, &mut |p| bar.at(p.done, p.total))?;
+    bar.finish();
+    for note in &summary.notes {
+        tracing::warn!("{}: {note}", input.display());
+    }
+    Ok(summary)
+}
+
+impl Source {
+    /// The local store's hash, or the name.
+    #[must_use]
+    pub fn choice(&self) -> crate::session::StoreChoice {
+        match self {
+            Self::Store(store) => crate::session::StoreChoice::Hash(store.hash()),
+            Self::Name(name) => crate::session::StoreChoice::Name(name.clone()),
+        }
+    }
+}
+
+/// For messages.
+#[must_use]
+pub fn short(hash: StoreHash) -> String {
+    hash.to_string().chars().take(12).collect()
+}

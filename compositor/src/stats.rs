@@ -1,0 +1,114 @@
+//! What a frame took, as `--stats` and the bench report it.
+
+use brickcast_proto::Receipt;
+use serde::Serialize;
+
+/// One node's share of a frame.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct NodeFrame {
+    pub address: String,
+    pub backend: String,
+    /// Order to last tile, on the node's clock.
+    pub render_ms: f64,
+    pub bricks: u32,
+    pub samples: u64,
+    pub positions: u64,
+    /// Layers with pixels that it contributed.
+    pub layers: usize,
+    /// Time spent in this frame loading bricks that were not resident.
+    pub load_ms: f64,
+    pub decoded_bytes: u64,
+    pub owned_bytes: u64,
+}
+
+impl NodeFrame {
+    #[must_use]
+    pub fn new(address: &str, backend: &str) -> Self {
+        Self { address: address.to_owned(), backend: backend.to_owned(), ..Self::default() }
+    }
+
+    /// Takes over what the node's receipt says.
+    pub fn take(&mut self, receipt: &Receipt) {
+        self.render_ms = receipt.render_ms;
+        self.bricks = receipt.bricks;
+        self.samples = receipt.samples;
+        self.positions = receipt.positions;
+        self.load_ms = receipt.load_ms;
+        self.decoded_bytes = receipt.decoded_bytes;
+        self.owned_bytes = receipt.owned_bytes;
+    }
+}
+
+/// One frame.
+#[derive(Debug, Clone, Serialize)]
+pub struct FrameStats {
+    /// Order to merged picture.
+    pub frame_ms: f64,
+    /// Reads of the volume.
+    pub samples: u64,
+    /// Sample positions integrated.
+    pub positions: u64,
+    /// Tiles with pixels that arrived.
+    pub tiles: u64,
+    pub bytes_received: u64,
+    pub complete: bool,
+    pub nodes: Vec<NodeFrame>,
+}
+
+impl FrameStats {
+    #[must_use]
+    pub fn sum(frame_ms: f64, tiles: u64, bytes_received: u64, complete: bool, nodes: Vec<NodeFrame>) -> Self {
+        Self {
+            frame_ms,
+            samples: nodes.iter().map(|n| n.samples).sum(),
+            positions: nodes.iter().map(|n| n.positions).sum(),
+            tiles,
+            bytes_received,
+            complete,
+            nodes,
+        }
+    }
+}
+
+/// Loading ahead of the first frame.
+#[derive(Debug, Clone, Serialize)]
+pub struct LoadStats {
+    pub load_ms: f64,
+    /// Bytes of voxels decoded from the store, ghost layers included.
+    pub decoded_bytes: u64,
+    /// Bytes of voxels that the loaded bricks own.
+    pub owned_bytes: u64,
+    /// Bricks that the transfer function shows.
+    pub shown_bricks: usize,
+    /// False where a node's budget holds fewer bricks than it was given: frames load on the way.
+    pub fits: bool,
+}
+
+/// What `--stats` writes: sums over the frames, and arrays where there are several.
+#[must_use]
+pub fn report(load: &LoadStats, frames: &[FrameStats], first_frame_ms: f64) -> serde_json::Value {
+    let sum = |of: fn(&FrameStats) -> u64| frames.iter().map(of).sum::<u64>();
+    let times: Vec<f64> = frames.iter().map(|f| f.frame_ms).collect();
+    let decoded = load.decoded_bytes + frames.iter().flat_map(|f| &f.nodes).map(|n| n.decoded_bytes).sum::<u64>();
+    let owned = load.owned_bytes + frames.iter().flat_map(|f| &f.nodes).map(|n| n.owned_bytes).sum::<u64>();
+    let nodes: Vec<NodeFrame> = frames.last().map(|f| f.nodes.clone()).unwrap_or_default();
+    let mut out = serde_json::json!({
+        "frame_ms": if let [one] = times[..] { serde_json::json!(one) } else { serde_json::json!(times) },
+        "load_ms": load.load_ms,
+        "first_frame_ms": first_frame_ms,
+        "samples": sum(|f| f.samples),
+        "positions": sum(|f| f.positions),
+        "tiles": sum(|f| f.tiles),
+        "bytes_received": sum(|f| f.bytes_received),
+        "complete": frames.iter().all(|f| f.complete),
+        "decoded_bytes": decoded,
+        "owned_bytes": owned,
+        "decoded_per_owned": if owned > 0 { decoded as f64 / owned as f64 } else { 0.0 },
+        "shown_bricks": load.shown_bricks,
+        "nodes": nodes,
+    });
+    if frames.len() > 1 {
+        out["frames"] = serde_json::json!(frames);
+    }
+    out
+}

@@ -1,0 +1,126 @@
+//! The project's binaries as processes: nodes that listen on ports of their own, and the command line.
+
+use std::io::{BufRead as _, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+/// The folder that holds the built binaries. `cargo test --workspace` builds no binaries of other packages, so the first
+/// caller builds them.
+///
+/// # Panics
+/// The build fails.
+#[must_use]
+pub fn binaries() -> PathBuf {
+    static BUILT: std::sync::OnceLock<PathBuf> = std::sync::OnceLock::new();
+    BUILT
+        .get_or_init(|| {
+            let test = std::env::current_exe().expect("the test's own path");
+            let folder = test.parent().and_then(Path::parent).expect("target/<profile>/deps/<test>").to_path_buf();
+            let mut build = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+            build.args(["build", "--quiet", "--package", "brickcast", "--package", "brickcast-node", "--bins"]);
+            build.current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));
+            build.env("CARGO_TARGET_DIR", folder.parent().expect("target"));
+            if folder.ends_with("release") {
+                build.arg("--release");
+            }
+            assert!(build.status().expect("cargo runs").success(), "the binaries do not build");
+            folder
+        })
+        .clone()
+}
+
+/// `brickcast` with arguments; its cache stays in `folder`.
+#[must_use]
+pub fn brickcast(folder: &Path, args: &[&str]) -> Output {
+    let mut command = Command::new(binaries().join("brickcast"));
+    command.args(args).current_dir(folder).env("BRICKCAST_CACHE_DIR", folder.join("cache")).env_remove("RUST_LOG");
+    command.output().expect("brickcast runs")
+}
+
+/// As [`brickcast`], and it must have ended well.
+///
+/// # Panics
+/// Another exit code than 0.
+pub fn brickcast_ok(folder: &Path, args: &[&str]) -> String {
+    let output = brickcast(folder, args);
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    assert!(output.status.success(), "{args:?}: {}\n{}", output.status, text(&output.stderr));
+    text(&output.stdout)
+}
+
+/// A running `brickcast-node`, killed when dropped.
+#[derive(Debug)]
+pub struct NodeProcess {
+    child: Child,
+    pub address: String,
+}
+
+impl NodeProcess {
+    /// Starts a node on a free loopback port and waits until it listens.
+    ///
+    /// # Panics
+    /// It does not say within 30 s where it listens.
+    #[must_use]
+    pub fn start(data: &Path, extra: &[&str]) -> Self {
+        let mut command = Command::new(binaries().join("brickcast-node"));
+        command.args(["--listen", "127.0.0.1:0", "--data"]).arg(data).args(extra);
+        let mut child = command.stdout(Stdio::piped()).spawn().expect("brickcast-node runs");
+        let stdout = child.stdout.take().expect("a pipe");
+        let (send, receive) = std::sync::mpsc::channel();
+        std::thread::spawn(move || {
+            for line in BufReader::new(stdout).lines().map_while(Result::ok) {
+                if let Some(address) = line.strip_prefix("listening on ") {
+                    send.send(address.trim().to_owned()).ok();
+                }
+            }
+        });
+        let address = receive.recv_timeout(Duration::from_secs(30));
+        if address.is_err() {
+            child.kill().ok();
+        }
+        Self { address: address.expect("the node says where it listens"), child }
+    }
+
+    pub fn kill(&mut self) {
+        self.child.kill().ok();
+        self.child.wait().ok();
+    }
+
+    /// Sends SIGTERM and waits for the exit code.
+    ///
+    /// # Panics
+    /// It does not end within 15 s.
+    pub fn terminate(&mut self) -> Option<i32> {
+        Command::new("kill").arg(self.child.id().to_string()).status().expect("kill runs");
+        let started = Instant::now();
+        loop {
+            if let Some(status) = self.child.try_wait().expect("a child") {
+                return status.code();
+            }
+            assert!(started.elapsed() < Duration::from_secs(15), "the node does not end");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+}
+
+impl Drop for NodeProcess {
+    fn drop(&mut self) {
+        self.kill();
+    }
+}
+
+/// A file of the real volumes beside the project, or `None` (said by name) where they are missing.
+///
+/// # Panics
+/// `BRICKCAST_REQUIRE_ALL` is set and the file is missing.
+#[must_use]
+pub fn shared_data(name: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").join(name);
+    if path.is_file() {
+        return Some(path);
+    }
+    assert!(std::env::var_os("BRICKCAST_REQUIRE_ALL").is_none(), "{} is missing", path.display());
+    eprintln!("skipped: ../shared/data/{name} is missing");
+    None
+}
