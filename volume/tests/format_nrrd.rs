@@ -1,5 +1,7 @@
 //! NRRD: what is read, and what each broken file is answered with.
 
+#![allow(clippy::unwrap_used)] // helpers of tests are tests
+
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -261,7 +263,8 @@ fn truncated_oversized_and_broken_gzip_is_told_with_its_position() {
 #[test]
 fn lines_and_bytes_are_skipped() {
     let (data, folder) = (bytes(Endian::Little), Folder::new());
-    let cases: [(&[(&str, &str)], Vec<u8>); 5] = [
+    type Changes<'a> = &'a [(&'a str, &'a str)];
+    let cases: [(Changes<'_>, Vec<u8>); 5] = [
         (&[("l", "line skip: 2")], [b"a\nbb\n".as_slice(), &data].concat()),
         (&[("b", "byte skip: 3")], [b"abc".as_slice(), &data].concat()),
         (&[("l", "lineskip: 1"), ("b", "byteskip: 2")], [b"a\nbb".as_slice(), &data].concat()),

@@ -151,7 +151,9 @@ fn data_file(field: &Field) -> Result<String, NrrdError> {
         {
             several("a numbered series")
         }
-        _ if field.value.contains('\0') => Err(field.wrong("a file's name has no NUL")),
+        // Such a name is broken, and would reach the terminal.
+        _ if field.value.chars().any(char::is_control) => Err(field.wrong("a file's name has no control characters")),
+        _ if field.value.len() > 4096 => Err(field.wrong("a file's name is at most 4096 bytes long")),
         _ => Ok(field.value.clone()),
     }
 }
