@@ -1,0 +1,149 @@
+//! The table of brick ranges: which stretched codes sampling a brick can meet.
+
+use rayon::prelude::*;
+
+use super::error::{RangesError, StoreError};
+use super::hash::ContentHash;
+use super::manifest::Manifest;
+use super::voxel::Voxel;
+use crate::brick::{BrickGrid, RANGE_MARGIN};
+
+/// Per brick, in the grid's linear order: smallest and largest stretched code over the owned box grown by
+/// [`crate::brick::RANGE_MARGIN`], inside the volume.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BrickRanges(pub Vec<[u16; 2]>);
+
+impl BrickRanges {
+    /// The bytes of `bricks.bin`: minimum and maximum of each brick, u16 little endian.
+    ///
+    /// # Errors
+    /// Bytes that are not the ones that `manifest` speaks of.
+    pub fn from_bytes(manifest: &Manifest, bytes: &[u8]) -> Result<Self, StoreError> {
+        let bricks = manifest.grid.brick_count();
+        let want = bricks * 4;
+        if bytes.len() as u64 != want {
+            return Err(RangesError::Length { got: bytes.len(), want, bricks }.into());
+        }
+        let (got, want) = (ContentHash::of(bytes), manifest.files.ranges);
+        if got != want {
+            return Err(RangesError::Hash { got, want }.into());
+        }
+        let u16_at = |b: &[u8], i| u16::from_le_bytes([b[i], b[i + 1]]);
+        let ranges: Vec<_> = bytes.chunks_exact(4).map(|b| [u16_at(b, 0), u16_at(b, 2)]).collect();
+        if let Some(linear) = ranges.iter().position(|[min, max]| min > max) {
+            let ([min, max], brick) = (ranges[linear], manifest.grid.brick_at(linear));
+            return Err(RangesError::Inverted { brick, min, max }.into());
+        }
+        Ok(Self(ranges))
+    }
+
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        self.0.iter().flatten().flat_map(|v| v.to_le_bytes()).collect()
+    }
+}
+
+/// Brick ranges in ordinals, gathered slab by slab: what they are stretched to is known only at the end.
+#[derive(Debug)]
+pub(super) struct RangeBuilder {
+    grid: BrickGrid,
+    /// Minimum and maximum ordinal; `[MAX, 0]` before the first voxel.
+    table: Vec<[u16; 2]>,
+}
+
+/// Voxels of bricks `b` of edge `size`, grown by the margin and cut to `n`.
+fn grown(b: u32, size: u32, n: u32) -> std::ops::Range<u32> {
+    (b * size).saturating_sub(RANGE_MARGIN)..(b * size + size).saturating_add(RANGE_MARGIN).min(n)
+}
+
+impl RangeBuilder {
+    pub(super) fn new(grid: BrickGrid) -> Self {
+        Self { grid, table: vec![[u16::MAX, 0]; grid.brick_count() as usize] }
+    }
+
+    /// Takes the whole planes that start at `z0`, x fastest. Planes may come in any pieces; those on a margin count for
+    /// both bricks that they touch.
+    pub(super) fn add<T: Voxel>(&mut self, z0: u32, slab: &[T]) {
+        let (n, bricks, size) = (self.grid.volume_dims(), self.grid.dims(), self.grid.brick_size());
+        let (nx, ny) = (n.x as usize, n.y as usize);
+        let z1 = z0 + (slab.len() / (nx * ny)) as u32;
+        if z1 == z0 {
+            return;
+        }
+        let x_boxes: Vec<_> =
+            (0..bricks.x).map(|bx| grown(bx, size, n.x)).map(|r| r.start as usize..r.end as usize).collect();
+        let layer = (bricks.x * bricks.y) as usize;
+        let first = z0.saturating_sub(RANGE_MARGIN) / size;
+        let last = ((z1 - 1 + RANGE_MARGIN) / size).min(bricks.z - 1);
+        for bz in first..=last {
+            let zs = grown(bz, size, n.z);
+            let zs = zs.start.max(z0) as usize..zs.end.min(z1) as usize;
+            let rows = &mut self.table[bz as usize * layer..][..layer];
+            rows.par_chunks_mut(bricks.x as usize).enumerate().for_each(|(by, row)| {
+                let ys = grown(by as u32, size, n.y);
+                let mut found = vec![(T::MAX, T::MIN); row.len()];
+                for z in zs.clone() {
+                    for y in ys.start as usize..ys.end as usize {
+                        let line = &slab[((z - z0 as usize) * ny + y) * nx..][..nx];
+                        for (range, xs) in found.iter_mut().zip(&x_boxes) {
+                            *range = line[xs.clone()].iter().fold(*range, |(a, b), &v| (a.min(v), b.max(v)));
+                        }
+                    }
+                }
+                for ([min, max], (a, b)) in row.iter_mut().zip(found) {
+                    *min = (*min).min(a.ordinal());
+                    *max = (*max).max(b.ordinal());
+                }
+            });
+        }
+    }
+
+    /// `code_of_ordinal` must not descend, so that the extremes stay the extremes.
+    pub(super) fn finish(self, code_of_ordinal: &[u16]) -> BrickRanges {
+        let code = |ordinal: u16| code_of_ordinal[usize::from(ordinal)];
+        BrickRanges(self.table.into_iter().map(|[min, max]| [code(min), code(max)]).collect())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::UVec3;
+
+    /// Every brick size, slabs that cut bricks and margins in every way, against the definition voxel by voxel.
+    #[test]
+    fn ranges_reach_over_the_margin_and_no_further() {
+        let n = UVec3::new(37, 21, 70);
+        let at = |x: u32, y: u32, z: u32| x.wrapping_mul(7919) ^ y.wrapping_mul(104_729) ^ z.wrapping_mul(1_299_709);
+        let voxels: Vec<i16> = (0..n.z)
+            .flat_map(|z| (0..n.y).flat_map(move |y| (0..n.x).map(move |x| (x, y, z))))
+            .map(|(x, y, z)| (at(x, y, z).wrapping_mul(2_654_435_761) >> 16) as i16)
+            .collect();
+        for size in [8, 16, 32, 64] {
+            let grid = BrickGrid::new(n, size).unwrap();
+            for planes in [1usize, 5, 32] {
+                let mut builder = RangeBuilder::new(grid);
+                let plane = (n.x * n.y) as usize;
+                for (i, slab) in voxels.chunks(planes * plane).enumerate() {
+                    builder.add((i * planes) as u32, slab);
+                }
+                let identity: Vec<u16> = (0..=u16::MAX).collect();
+                let got = builder.finish(&identity);
+                for (linear, brick) in grid.bricks().enumerate() {
+                    let stored = grid.owned_box(brick).stored(RANGE_MARGIN);
+                    let (lo, hi) = (stored.lo.max(glam::IVec3::ZERO), stored.hi.min(n.as_ivec3()));
+                    let mut want = [u16::MAX, 0];
+                    for z in lo.z..hi.z {
+                        for y in lo.y..hi.y {
+                            for x in lo.x..hi.x {
+                                let v = voxels[(x + n.x as i32 * (y + n.y as i32 * z)) as usize].ordinal();
+                                want = [want[0].min(v), want[1].max(v)];
+                            }
+                        }
+                    }
+                    assert_eq!(got.0[linear], want, "brick {brick} of size {size}, {planes} planes");
+                }
+            }
+        }
+    }
+}

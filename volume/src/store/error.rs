@@ -1,0 +1,150 @@
+//! What can go wrong with a store, with the operands and the way out.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::hash::ContentHash;
+use super::profile::{CHUNK_EDGE, InnerChunk, MANIFEST_FILE, MAX_SHARDS, ShardIndex};
+use crate::brick::BrickGridError;
+use crate::format::FormatError;
+use crate::ids::BrickIndex;
+
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    #[error("cannot {action} {}: {source}", path.display())]
+    Io { action: &'static str, path: PathBuf, source: io::Error },
+    #[error(
+        "{} is not a brickcast store: it has no {MANIFEST_FILE}; make one with `brickcast prepare INPUT STORE`",
+        path.display()
+    )]
+    NotAStore { path: PathBuf },
+    #[error("manifest: {0}; prepare the store again")]
+    Manifest(#[from] ManifestError),
+    #[error("{}: {got} bytes, the manifest promises {want}; the store is damaged: prepare it again", path.display())]
+    FileLength { path: PathBuf, got: u64, want: u64 },
+    #[error(
+        "{}: its content has hash {got}, the manifest promises {want}; the store was changed: prepare it again",
+        path.display()
+    )]
+    FileHash { path: PathBuf, got: ContentHash, want: ContentHash },
+    #[error("brick ranges: {0}; prepare the store again")]
+    Ranges(#[from] RangesError),
+    #[error("shard table: entry of shard {shard} says {bytes} bytes, which no shard has; prepare the store again")]
+    ShardTable { shard: ShardIndex, bytes: u64 },
+    #[error("shard {shard} is missing ({}); the store is damaged: prepare it again", path.display())]
+    ShardMissing { shard: ShardIndex, path: PathBuf },
+    #[error(
+        "shard {shard} ({}): {got} bytes, the manifest promises {want}; the store is damaged: prepare it again",
+        path.display()
+    )]
+    ShardLength { shard: ShardIndex, path: PathBuf, got: u64, want: u64 },
+    #[error("shard {shard} ({}): its index {fault}; the store is damaged: prepare it again", path.display())]
+    ShardIndex { shard: ShardIndex, path: PathBuf, fault: IndexFault },
+    #[error(
+        "shard {shard} ({}): inner chunk {chunk}, bytes {start}..{end}: {fault}; the store is damaged: prepare it again",
+        path.display()
+    )]
+    Chunk { shard: ShardIndex, path: PathBuf, chunk: InnerChunk, start: u64, end: u64, fault: ChunkFault },
+    #[error("brick {brick} is outside the store's {dims:?} bricks")]
+    BrickOutside { brick: BrickIndex, dims: [u32; 3] },
+    #[error("{ghost} ghost layers are more than the {max} that a read may ask for")]
+    Ghost { ghost: u32, max: u32 },
+    #[error("{shards} shards are more than the {MAX_SHARDS} that one store may have; split the volume")]
+    TooManyShards { shards: u64 },
+    #[error(transparent)]
+    Grid(#[from] BrickGridError),
+    #[error(
+        "range {lo}..{hi}: both ends must be finite, the first below the second, and neither too near nor too far apart"
+    )]
+    Range { lo: f64, hi: f64 },
+    #[error("{} exists already; choose another name, or pass --force to replace it", path.display())]
+    Exists { path: PathBuf },
+    #[error(
+        "{} is not a brickcast store ({why}), so --force does not replace it; remove it yourself or choose another name",
+        path.display()
+    )]
+    NotOurs { path: PathBuf, why: &'static str },
+    #[error("{} cannot name a store: {why}", path.display())]
+    Target { path: PathBuf, why: &'static str },
+    #[error(
+        "cannot put the finished store at {}: {source}; the store that was there is now {}: move it back",
+        target.display(),
+        old.display()
+    )]
+    Stranded { target: PathBuf, old: PathBuf, source: io::Error },
+    #[error(transparent)]
+    Source(#[from] FormatError),
+    #[error(
+        "plane {plane} of the input came as {got} bytes where {want} were due; the reader of this format is at fault"
+    )]
+    SourceLength { plane: u32, got: usize, want: usize },
+    #[error(
+        "{CHUNK_EDGE} planes of the volume need {bytes} bytes of memory, which the system does not give; split the volume"
+    )]
+    Memory { bytes: u64 },
+    #[error("zstd: {0}")]
+    Compress(io::Error),
+}
+
+impl StoreError {
+    /// `map_err` for everything that touches files.
+    pub(super) fn io<'a>(action: &'static str, path: &'a Path) -> impl FnOnce(io::Error) -> Self + use<'a> {
+        move |source| Self::Io { action, path: path.to_path_buf(), source }
+    }
+
+    /// True where the same call may succeed later with nothing changed: the system failed, not the data.
+    #[must_use]
+    pub fn is_retryable(&self) -> bool {
+        matches!(self, Self::Io { .. })
+    }
+}
+
+/// Bytes that are no manifest of this version.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum ManifestError {
+    #[error("{got} bytes, more than the {max} that a manifest may have")]
+    TooLong { got: u64, max: u64 },
+    #[error("{0}")]
+    Json(String),
+    #[error("format version {got}, this brickcast knows {known}; use the brickcast that wrote it")]
+    Version { got: u64, known: u64 },
+    #[error("format `{0}` is not a brickcast store's")]
+    Format(String),
+    #[error("`{field}`: {why}")]
+    Field { field: &'static str, why: String },
+}
+
+/// Bytes that are not the table of brick ranges that a manifest speaks of.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RangesError {
+    #[error("{got} bytes, {bricks} bricks need {want}")]
+    Length { got: usize, want: u64, bricks: u64 },
+    #[error("hash {got}, the manifest promises {want}")]
+    Hash { got: ContentHash, want: ContentHash },
+    #[error("brick {brick} has minimum {min} above maximum {max}")]
+    Inverted { brick: BrickIndex, min: u16, max: u16 },
+}
+
+/// What is wrong with a shard's index.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum IndexFault {
+    #[error("has hash {got}, the manifest promises {want}")]
+    Hash { got: ContentHash, want: ContentHash },
+    #[error("has crc32c {got:08x}, it says {want:08x}")]
+    Crc { got: u32, want: u32 },
+    #[error("puts inner chunk {chunk} at offset {offset}, length {length}, outside the {data} bytes of data")]
+    Entry { chunk: InnerChunk, offset: u64, length: u64, data: u64 },
+}
+
+/// What is wrong with an inner chunk.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ChunkFault {
+    #[error("{0} bytes are too few for data and checksum")]
+    Short(usize),
+    #[error("crc32c is {got:08x}, it says {want:08x}")]
+    Crc { got: u32, want: u32 },
+    #[error("zstd: {0}")]
+    Zstd(String),
+    #[error("decodes to {got} bytes, {want} are due")]
+    Length { got: usize, want: usize },
+}

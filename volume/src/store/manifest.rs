@@ -1,0 +1,153 @@
+//! What a store says of itself. A store is known by the hash of its manifest's bytes, and the manifest names the hash of
+//! every other file, so that equal hashes mean equal stores.
+
+use serde::Serialize;
+
+use super::error::{ManifestError, StoreError};
+use super::hash::ContentHash;
+use super::manifest_file::{self, ManifestFile};
+use super::profile::ShardGrid;
+use super::value_map::ValueMap;
+use super::voxel::StoredType;
+use crate::brick::BrickGrid;
+use crate::format::VoxelType;
+use crate::space::Geometry;
+
+/// Shares of all voxels at which the manifest names values.
+pub const QUANTILES: [f64; 9] = [0.001, 0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99, 0.999];
+/// Bins of the manifest's histogram.
+pub const HISTOGRAM_BINS: usize = 256;
+
+/// What a store says of itself; parsed and validated from the bytes that the store's hash is of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Manifest {
+    pub geometry: Geometry,
+    pub grid: BrickGrid,
+    /// Data values (file's units) that codes 0 and 65535 stand for; lo < hi.
+    pub range: (f64, f64),
+    /// Otsu's threshold of all voxels, data units.
+    pub otsu: f64,
+    /// The 99.9 % quantile of all voxels, data units.
+    pub quantile_999: f64,
+    /// Name and version of the program that wrote the store.
+    pub writer: String,
+    pub source: Source,
+    /// Unit of spacing and origin where the source names one, e.g. `mm`.
+    pub space_unit: Option<String>,
+    pub stored_type: StoredType,
+    /// `value = scale * stored + offset`, data units.
+    pub scale: f64,
+    pub offset: f64,
+    /// True where every voxel's value survives exactly.
+    pub lossless: bool,
+    /// Smallest and largest finite value of the source, data units.
+    pub min: f64,
+    pub max: f64,
+    /// Mean of all voxels as stored, data units.
+    pub mean: f64,
+    pub not_finite: NotFinite,
+    /// Values at the shares [`QUANTILES`]: the smallest value whose cumulative share reaches it; data units.
+    pub quantiles: [f64; 9],
+    /// Voxels in [`HISTOGRAM_BINS`] equal bins over `range`; those outside count in the end bins.
+    pub histogram: Vec<u64>,
+    pub files: FileHashes,
+}
+
+/// The input that a store was made from.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Source {
+    /// File name without its directories, where known.
+    pub name: Option<String>,
+    /// Size of the file, where known.
+    pub bytes: Option<u64>,
+    /// Name of the file format, for people.
+    pub format: String,
+    pub voxel_type: VoxelType,
+}
+
+/// Voxels of the source that were no finite numbers: NaN and -Inf are stored as the smallest value, +Inf as the largest.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct NotFinite {
+    pub nan: u64,
+    pub negative_infinity: u64,
+    pub positive_infinity: u64,
+}
+
+impl NotFinite {
+    #[must_use]
+    pub fn total(&self) -> u64 {
+        self.nan.saturating_add(self.negative_infinity).saturating_add(self.positive_infinity)
+    }
+}
+
+/// Hashes of the store's other files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FileHashes {
+    /// `zarr.json`: the OME-Zarr group.
+    pub group: ContentHash,
+    /// `0/zarr.json`: the array.
+    pub array: ContentHash,
+    /// `bricks.bin`: the brick ranges.
+    pub ranges: ContentHash,
+    /// `shards.bin`: length and hash of every shard.
+    pub shards: ContentHash,
+}
+
+impl Manifest {
+    /// The longest manifest that is read, in bytes.
+    pub const MAX_BYTES: u64 = 1 << 20;
+
+    /// # Errors
+    /// Anything that is not a valid manifest of this version.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, StoreError> {
+        let got = bytes.len() as u64;
+        if got > Self::MAX_BYTES {
+            return Err(ManifestError::TooLong { got, max: Self::MAX_BYTES }.into());
+        }
+        let manifest = Self::try_from(manifest_file::parse(bytes)?)?;
+        // The store must be readable, not only the manifest.
+        ShardGrid::new(manifest.geometry.dims())?;
+        Ok(manifest)
+    }
+
+    /// The same values always give the same bytes.
+    ///
+    /// # Errors
+    /// Never for a manifest made by [`Manifest::from_bytes`] or by preparing a store.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, StoreError> {
+        let mut bytes = serde_json::to_vec_pretty(&ManifestFile::from(self))
+            .map_err(|e| StoreError::from(ManifestError::Json(e.to_string())))?;
+        bytes.push(b'\n');
+        Ok(bytes)
+    }
+
+    #[must_use]
+    pub fn value_map(&self) -> ValueMap {
+        ValueMap { stored_type: self.stored_type, scale: self.scale, offset: self.offset, range: self.range }
+    }
+
+    /// The value, in the file's units, of a number as the store's array holds it.
+    #[must_use]
+    pub fn value_of_stored(&self, stored: i32) -> f64 {
+        self.value_map().value_of_stored(stored)
+    }
+
+    /// The stretched code of a value in the file's units, clamped; NaN has code 0.
+    #[must_use]
+    pub fn code_of_value(&self, value: f64) -> u16 {
+        self.value_map().code_of_value(value)
+    }
+
+    /// The value in the file's units that a stretched code stands for.
+    #[must_use]
+    pub fn value_of_code(&self, code: u16) -> f64 {
+        self.value_map().value_of_code(code)
+    }
+}
+
+/// The very keys of the manifest file.
+impl Serialize for Manifest {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        ManifestFile::from(self).serialize(serializer)
+    }
+}

@@ -1,0 +1,249 @@
+//! The manifest as JSON: keys in a fixed order, and the door where they are checked.
+
+use serde::{Deserialize, Serialize};
+
+use super::error::{ManifestError, StoreError};
+use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
+use super::value_map::check_range;
+use super::voxel::{SOURCE_TYPES, StoredType};
+use crate::brick::BrickGrid;
+use crate::format::VoxelType;
+use crate::space::Geometry;
+
+pub(super) const FORMAT: &str = "brickcast-store";
+pub(super) const VERSION: u64 = 1;
+/// The longest text in a manifest, in bytes.
+pub(super) const MAX_TEXT: usize = 255;
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ManifestFile {
+    format: String,
+    version: u64,
+    writer: String,
+    source: SourceFile,
+    dims: [u32; 3],
+    spacing: [f64; 3],
+    origin: [f64; 3],
+    space_unit: Option<String>,
+    stored_type: String,
+    scale: f64,
+    offset: f64,
+    lossless: bool,
+    brick_size: u32,
+    range: [f64; 2],
+    min: f64,
+    max: f64,
+    mean: f64,
+    otsu: f64,
+    quantiles: Vec<[f64; 2]>,
+    voxels: u64,
+    nan_voxels: u64,
+    negative_infinity_voxels: u64,
+    positive_infinity_voxels: u64,
+    histogram: Vec<u64>,
+    files: Files,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SourceFile {
+    name: Option<String>,
+    bytes: Option<u64>,
+    format: String,
+    voxel_type: String,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Files {
+    #[serde(rename = "zarr.json")]
+    group: String,
+    #[serde(rename = "0/zarr.json")]
+    array: String,
+    #[serde(rename = "bricks.bin")]
+    ranges: String,
+    #[serde(rename = "shards.bin")]
+    shards: String,
+}
+
+/// Says whether bytes are a manifest of any version, however broken otherwise.
+#[derive(Deserialize)]
+struct Marker {
+    format: String,
+    version: u64,
+}
+
+/// True where `bytes` claim to be a manifest of ours, of any version.
+pub(super) fn is_ours(bytes: &[u8]) -> bool {
+    serde_json::from_slice::<Marker>(bytes).is_ok_and(|m| m.format == FORMAT)
+}
+
+pub(super) fn parse(bytes: &[u8]) -> Result<ManifestFile, ManifestError> {
+    let json = |e: serde_json::Error| ManifestError::Json(short(&e.to_string()));
+    let marker: Marker = serde_json::from_slice(bytes).map_err(json)?;
+    if marker.format != FORMAT {
+        return Err(ManifestError::Format(short(&marker.format)));
+    }
+    if marker.version != VERSION {
+        return Err(ManifestError::Version { got: marker.version, known: VERSION });
+    }
+    serde_json::from_slice(bytes).map_err(json)
+}
+
+/// Messages quote what came over the wire: not all of it.
+fn short(text: &str) -> String {
+    text.chars().take(200).collect()
+}
+
+fn field(field: &'static str, why: impl Into<String>) -> ManifestError {
+    ManifestError::Field { field, why: why.into() }
+}
+
+fn checked_text(name: &'static str, text: String) -> Result<String, ManifestError> {
+    match text.len() {
+        n if n > MAX_TEXT => Err(field(name, format!("{n} bytes, at most {MAX_TEXT} are allowed"))),
+        _ => Ok(text),
+    }
+}
+
+/// Finite and not descending.
+fn check_ascending(name: &'static str, values: &[f64]) -> Result<(), ManifestError> {
+    let good = values.iter().all(|v| v.is_finite()) && values.is_sorted();
+    if good { Ok(()) } else { Err(field(name, "values must be finite and must not descend")) }
+}
+
+fn hash<T: std::str::FromStr<Err: std::fmt::Display>>(name: &'static str, text: &str) -> Result<T, ManifestError> {
+    text.parse().map_err(|e: T::Err| field(name, e.to_string()))
+}
+
+impl TryFrom<ManifestFile> for Manifest {
+    type Error = StoreError;
+
+    fn try_from(file: ManifestFile) -> Result<Self, StoreError> {
+        let geometry = Geometry::new(file.dims, file.spacing, file.origin)
+            .map_err(|e| field("dims, spacing, origin", e.to_string()))?;
+        let grid = BrickGrid::new(geometry.dims(), file.brick_size)?;
+        let stored_type = StoredType::from_name(&file.stored_type)
+            .ok_or_else(|| field("stored_type", format!("`{}` is no type of a store", short(&file.stored_type))))?;
+        let source = file.source.parse()?;
+        if StoredType::of(source.voxel_type) != stored_type {
+            return Err(field("stored_type", "does not follow from the source's type").into());
+        }
+        if !(file.scale.is_normal() && file.scale > 0.0 && file.offset.is_finite()) {
+            return Err(field("scale, offset", "must be finite, scale above 0").into());
+        }
+        if source.voxel_type.is_lossless() && (file.scale, file.offset) != (1.0, 0.0) {
+            return Err(field("scale, offset", "must be 1 and 0 for 8 and 16 bit sources").into());
+        }
+        check_range(file.range[0], file.range[1])?;
+        check_ascending("min, max", &[file.min, file.max])?;
+        check_ascending("mean, otsu", &[file.mean.min(file.otsu), file.mean.max(file.otsu)])?;
+        let shares = file.quantiles.iter().map(|q| q[0]);
+        let quantiles: [f64; 9] = match file.quantiles.iter().map(|q| q[1]).collect::<Vec<_>>().try_into() {
+            Ok(values) if shares.eq(QUANTILES) => values,
+            _ => return Err(field("quantiles", format!("must be at the shares {QUANTILES:?}")).into()),
+        };
+        check_ascending("quantiles", &quantiles)?;
+        let voxels = geometry.voxel_count();
+        let counted = file.histogram.iter().try_fold(0u64, |sum, &n| sum.checked_add(n));
+        if file.voxels != voxels || file.histogram.len() != HISTOGRAM_BINS || counted != Some(voxels) {
+            let why = format!("dims promise {voxels} voxels in {HISTOGRAM_BINS} bins");
+            return Err(field("voxels, histogram", why).into());
+        }
+        let not_finite = NotFinite {
+            nan: file.nan_voxels,
+            negative_infinity: file.negative_infinity_voxels,
+            positive_infinity: file.positive_infinity_voxels,
+        };
+        if not_finite.total() > voxels {
+            return Err(field("nan_voxels", "more voxels than there are").into());
+        }
+        Ok(Self {
+            geometry,
+            grid,
+            range: file.range.into(),
+            otsu: file.otsu,
+            quantile_999: quantiles[8],
+            writer: checked_text("writer", file.writer)?,
+            source,
+            space_unit: file.space_unit.map(|u| checked_text("space_unit", u)).transpose()?,
+            stored_type,
+            scale: file.scale,
+            offset: file.offset,
+            lossless: file.lossless,
+            min: file.min,
+            max: file.max,
+            mean: file.mean,
+            not_finite,
+            quantiles,
+            histogram: file.histogram,
+            files: FileHashes {
+                group: hash("files", &file.files.group)?,
+                array: hash("files", &file.files.array)?,
+                ranges: hash("files", &file.files.ranges)?,
+                shards: hash("files", &file.files.shards)?,
+            },
+        })
+    }
+}
+
+impl SourceFile {
+    fn parse(self) -> Result<Source, ManifestError> {
+        let voxel_type = SOURCE_TYPES.into_iter().find(|(_, name)| *name == self.voxel_type);
+        let (voxel_type, _) = voxel_type
+            .ok_or_else(|| field("source.voxel_type", format!("`{}` is not known", short(&self.voxel_type))))?;
+        Ok(Source {
+            name: self.name.map(|n| checked_text("source.name", n)).transpose()?,
+            bytes: self.bytes,
+            format: checked_text("source.format", self.format)?,
+            voxel_type,
+        })
+    }
+}
+
+fn type_name(voxel_type: VoxelType) -> String {
+    SOURCE_TYPES.into_iter().find(|(t, _)| *t == voxel_type).map_or(String::new(), |(_, name)| name.to_owned())
+}
+
+impl From<&Manifest> for ManifestFile {
+    fn from(m: &Manifest) -> Self {
+        Self {
+            format: FORMAT.to_owned(),
+            version: VERSION,
+            writer: m.writer.clone(),
+            source: SourceFile {
+                name: m.source.name.clone(),
+                bytes: m.source.bytes,
+                format: m.source.format.clone(),
+                voxel_type: type_name(m.source.voxel_type),
+            },
+            dims: m.geometry.dims().to_array(),
+            spacing: m.geometry.spacing().to_array(),
+            origin: m.geometry.origin().to_array(),
+            space_unit: m.space_unit.clone(),
+            stored_type: m.stored_type.name().to_owned(),
+            scale: m.scale,
+            offset: m.offset,
+            lossless: m.lossless,
+            brick_size: m.grid.brick_size(),
+            range: m.range.into(),
+            min: m.min,
+            max: m.max,
+            mean: m.mean,
+            otsu: m.otsu,
+            quantiles: QUANTILES.into_iter().zip(m.quantiles).map(|(q, v)| [q, v]).collect(),
+            voxels: m.geometry.voxel_count(),
+            nan_voxels: m.not_finite.nan,
+            negative_infinity_voxels: m.not_finite.negative_infinity,
+            positive_infinity_voxels: m.not_finite.positive_infinity,
+            histogram: m.histogram.clone(),
+            files: Files {
+                group: m.files.group.to_string(),
+                array: m.files.array.to_string(),
+                ranges: m.files.ranges.to_string(),
+                shards: m.files.shards.to_string(),
+            },
+        }
+    }
+}

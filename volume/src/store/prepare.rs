@@ -1,0 +1,333 @@
+//! From an input volume to a store, in one pass (two for 32-bit voxels), holding 32 planes at a time.
+
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::Path;
+
+use super::brick_ranges::RangeBuilder;
+use super::error::StoreError;
+use super::hash::ContentHash;
+use super::histogram::Histogram;
+use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
+use super::manifest_file::MAX_TEXT;
+use super::profile::{ARRAY_FILE, CHUNK_EDGE, GROUP_FILE, MANIFEST_FILE, RANGES_FILE, SHARDS_FILE, ShardGrid};
+use super::quantise::{Quantiser, Scan};
+use super::shard_table::{self, ShardRecord};
+use super::shard_write::ShardWriter;
+use super::value_map::{ValueMap, check_range};
+use super::voxel::{StoredType, Voxel, read_le};
+use super::workdir::WorkDir;
+use super::zarr_json;
+use crate::brick::BrickGrid;
+use crate::format::{SourceHeader, VolumeSource};
+use crate::ids::StoreHash;
+
+/// How a store is made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PrepareOptions {
+    /// Voxels per brick edge, a power of two in 8..=512. Shards and inner chunks do not depend on it.
+    pub brick_size: u32,
+    /// Values, in the file's units, that codes 0 and 65535 stand for; by default the smallest and largest voxel.
+    pub range: Option<(f64, f64)>,
+    /// Replace a store that is there already; at the end, not before.
+    pub force: bool,
+    /// Name of the input for the manifest; directories are left out.
+    pub source_name: Option<String>,
+    /// Size of the input in bytes for the manifest.
+    pub source_bytes: Option<u64>,
+}
+
+impl Default for PrepareOptions {
+    fn default() -> Self {
+        Self { brick_size: 64, range: None, force: false, source_name: None, source_bytes: None }
+    }
+}
+
+/// What [`prepare`] or [`super::Store::verify`] is at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// First pass over a 32-bit input: its bounds.
+    Scan,
+    /// Voxels are read, compressed and written.
+    Write,
+    /// The last files are written and all is brought to the disk.
+    Finish,
+    /// Shards of a finished store are read and checked.
+    Verify,
+}
+
+/// How far it is: z-planes for scan and write, shards for verify.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Progress {
+    pub phase: Phase,
+    pub done: u64,
+    pub total: u64,
+}
+
+/// What was made.
+#[derive(Debug, Clone)]
+pub struct PrepareSummary {
+    pub hash: StoreHash,
+    pub manifest: Manifest,
+    /// Bytes of all files of the store.
+    pub store_bytes: u64,
+    /// What was guessed, mapped or left aside, for people.
+    pub notes: Vec<String>,
+}
+
+/// Makes the store `out` of an input that stands at its first plane. The same input and options give the same bytes.
+///
+/// Memory: 32 planes in the stored type, one plane of the input, and 8 KiB per shard of one z-row.
+///
+/// # Errors
+/// An input that cannot be read, a target that exists or is no store, options that do not fit, a failing disk. Nothing is
+/// left at `out` then that was not there before.
+pub fn prepare(
+    source: &mut dyn VolumeSource,
+    out: &Path,
+    options: &PrepareOptions,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<PrepareSummary, StoreError> {
+    let header = source.header().clone();
+    let grid = BrickGrid::new(header.geometry.dims(), options.brick_size)?;
+    let shards = ShardGrid::new(header.geometry.dims())?;
+    if let Some((lo, hi)) = options.range {
+        check_range(lo, hi)?;
+    }
+    let work = WorkDir::create(out, options.force)?;
+    let mut pass = Pass { source, header: &header, plane: Vec::new(), progress };
+    let mapping = if header.voxel_type.is_lossless() {
+        None
+    } else {
+        let scan = pass.scan()?;
+        pass.source.rewind()?;
+        Some((scan, Quantiser::new(&scan, options.range)?))
+    };
+    let job = Job { header: &header, options, grid, shards, mapping };
+    let root = work.store();
+    let gathered = match StoredType::of(header.voxel_type) {
+        StoredType::U8 => job.write(&mut pass, &root, read_le::<u8>)?,
+        StoredType::I8 => job.write(&mut pass, &root, read_le::<i8>)?,
+        StoredType::I16 => job.write(&mut pass, &root, read_le::<i16>)?,
+        StoredType::U16 => match mapping {
+            None => job.write(&mut pass, &root, read_le::<u16>)?,
+            Some((_, q)) => job.write(&mut pass, &root, |bytes, out| q.map(header.voxel_type, bytes, out))?,
+        },
+    };
+    pass.report(Phase::Finish, 0);
+    let summary = job.finish(gathered, &root)?;
+    work.publish()?;
+    pass.report(Phase::Finish, header.geometry.dims().z);
+    Ok(summary)
+}
+
+/// The input, plane by plane.
+struct Pass<'a> {
+    source: &'a mut dyn VolumeSource,
+    header: &'a SourceHeader,
+    plane: Vec<u8>,
+    progress: &'a mut dyn FnMut(Progress),
+}
+
+impl Pass<'_> {
+    fn report(&mut self, phase: Phase, done: u32) {
+        (self.progress)(Progress { phase, done: done.into(), total: self.header.geometry.dims().z.into() });
+    }
+
+    /// Reads the plane `z`, which must be the next.
+    fn next_plane(&mut self, z: u32) -> Result<&[u8], StoreError> {
+        self.source.read_planes(1, &mut self.plane)?;
+        let d = self.header.geometry.dims();
+        let want = d.x as usize * d.y as usize * self.header.voxel_type.bytes();
+        if self.plane.len() != want {
+            return Err(StoreError::SourceLength { plane: z, got: self.plane.len(), want });
+        }
+        Ok(&self.plane)
+    }
+
+    fn scan(&mut self) -> Result<Scan, StoreError> {
+        let mut scan = Scan::EMPTY;
+        for z in 0..self.header.geometry.dims().z {
+            self.report(Phase::Scan, z);
+            scan = scan.add(self.header.voxel_type, self.next_plane(z)?);
+        }
+        Ok(scan)
+    }
+}
+
+struct Job<'a> {
+    header: &'a SourceHeader,
+    options: &'a PrepareOptions,
+    grid: BrickGrid,
+    shards: ShardGrid,
+    mapping: Option<(Scan, Quantiser)>,
+}
+
+/// What the pass over all voxels gathers.
+struct Gathered {
+    histogram: Histogram,
+    ranges: RangeBuilder,
+    shards: Vec<ShardRecord>,
+}
+
+impl Job<'_> {
+    /// Reads every plane, and writes all shards below `root`. `convert` takes a plane's bytes to stored voxels.
+    fn write<T: Voxel>(
+        &self,
+        pass: &mut Pass<'_>,
+        root: &Path,
+        convert: impl Fn(&[u8], &mut [T]),
+    ) -> Result<Gathered, StoreError> {
+        let dims = self.header.geometry.dims().to_array().map(|n| n as usize);
+        let (plane, nz) = (dims[0] * dims[1], self.header.geometry.dims().z);
+        let mut slab = zeroed_slab::<T>(plane * dims[2].min(CHUNK_EDGE as usize))?;
+        let mut writer = ShardWriter::new(root, self.shards, dims);
+        let (mut histogram, mut ranges) = (Histogram::new(), RangeBuilder::new(self.grid));
+        for (cz, z0) in (0..nz).step_by(CHUNK_EDGE as usize).enumerate() {
+            let planes = CHUNK_EDGE.min(nz - z0);
+            slab.truncate(plane * planes as usize);
+            for (z, out) in (z0..).zip(slab.chunks_exact_mut(plane)) {
+                pass.report(Phase::Write, z);
+                convert(pass.next_plane(z)?, out);
+            }
+            histogram.add(&slab);
+            ranges.add(z0, &slab);
+            writer.add(cz as u32, &slab)?;
+        }
+        Ok(Gathered { histogram, ranges, shards: writer.finish() })
+    }
+
+    /// Writes the small files, the manifest last.
+    fn finish(&self, gathered: Gathered, root: &Path) -> Result<PrepareSummary, StoreError> {
+        let Gathered { histogram, ranges, shards } = gathered;
+        let mut manifest = self.manifest(&histogram)?;
+        let code_of_ordinal = manifest.value_map().code_of_ordinal_table();
+        let ranges = ranges.finish(&code_of_ordinal).to_bytes();
+        let table = shard_table::to_bytes(&shards);
+        let (group, array) = (zarr_json::group(&manifest), zarr_json::array(&manifest));
+        manifest.files = FileHashes {
+            group: ContentHash::of(&group),
+            array: ContentHash::of(&array),
+            ranges: ContentHash::of(&ranges),
+            shards: ContentHash::of(&table),
+        };
+        let bytes = manifest.to_bytes()?;
+        // What was just written must be readable: the same checks that every reader makes.
+        let manifest = Manifest::from_bytes(&bytes)?;
+        let mut store_bytes: u64 = shards.iter().map(|s| s.bytes).sum();
+        let files = [
+            (GROUP_FILE, &group),
+            (ARRAY_FILE, &array),
+            (RANGES_FILE, &ranges),
+            (SHARDS_FILE, &table),
+            (MANIFEST_FILE, &bytes),
+        ];
+        for (name, content) in files {
+            write_synced(&root.join(name), content)?;
+            store_bytes += content.len() as u64;
+        }
+        let notes = self.notes(&manifest);
+        Ok(PrepareSummary { hash: StoreHash::of(&bytes), manifest, store_bytes, notes })
+    }
+
+    /// The manifest without the hashes of the files.
+    fn manifest(&self, histogram: &Histogram) -> Result<Manifest, StoreError> {
+        let stored_type = StoredType::of(self.header.voxel_type);
+        let (scale, offset, lossless) = self.mapping.map_or((1.0, 0.0, true), |(_, q)| (q.scale, q.offset, q.lossless));
+        // Only scale and offset count before the range is known.
+        let unstretched = ValueMap { stored_type, scale, offset, range: (0.0, 1.0) };
+        let value = |ordinal: u16| unstretched.value_of_ordinal(f64::from(ordinal));
+        let (first, last) = histogram.bounds();
+        let (min, max) = self.mapping.map_or((value(first), value(last)), |(scan, _)| scan.bounds());
+        let range = self.options.range.unwrap_or_else(|| default_range(min, max));
+        check_range(range.0, range.1)?;
+        let map = ValueMap { range, ..unstretched };
+        let codes = map.code_of_ordinal_table();
+        let code = |ordinal: u16| codes.get(usize::from(ordinal)).copied().unwrap_or(u16::MAX);
+        let quantiles = QUANTILES.map(|q| value(histogram.quantile(q)));
+        let unknown = ContentHash(0);
+        Ok(Manifest {
+            geometry: self.header.geometry,
+            grid: self.grid,
+            range,
+            otsu: value(histogram.otsu()),
+            quantile_999: quantiles[8],
+            writer: concat!("brickcast ", env!("CARGO_PKG_VERSION")).to_owned(),
+            source: Source {
+                name: self.options.source_name.as_deref().map(bare_name),
+                bytes: self.options.source_bytes,
+                format: shortened(self.header.format),
+                voxel_type: self.header.voxel_type,
+            },
+            space_unit: self.header.space_unit.as_deref().map(shortened),
+            stored_type,
+            scale,
+            offset,
+            lossless,
+            min,
+            max,
+            mean: map.value_of_ordinal(histogram.mean()),
+            not_finite: self.mapping.map_or(NotFinite::default(), |(scan, _)| scan.not_finite),
+            quantiles,
+            histogram: histogram.binned(HISTOGRAM_BINS, |ordinal| usize::from(code(ordinal) >> 8)),
+            files: FileHashes { group: unknown, array: unknown, ranges: unknown, shards: unknown },
+        })
+    }
+
+    fn notes(&self, m: &Manifest) -> Vec<String> {
+        let mut notes = self.header.notes.clone();
+        let Some((_, q)) = self.mapping else { return notes };
+        let how = if q.lossless { "exactly".to_owned() } else { format!("within {:e} of each value", q.scale * 0.5) };
+        notes.push(format!(
+            "mapped from 32 to 16 bits in two passes, {how}: value = {} * stored + {}",
+            m.scale, m.offset
+        ));
+        let NotFinite { nan, negative_infinity, positive_infinity } = m.not_finite;
+        if m.not_finite.total() > 0 {
+            notes.push(format!(
+                "{nan} NaN and {negative_infinity} -Inf voxels became the smallest value, {positive_infinity} +Inf voxels the largest"
+            ));
+        }
+        notes
+    }
+}
+
+/// The bounds of the data; a constant volume gets a width of one, or of what a large value needs to have a width at all.
+fn default_range(min: f64, max: f64) -> (f64, f64) {
+    if min < max && check_range(min, max).is_ok() { (min, max) } else { (min, min + (min.abs() * 1e-6).max(1.0)) }
+}
+
+/// The last component of a path of either kind: manifests carry no directories of the machine that made them.
+fn bare_name(path: &str) -> String {
+    shortened(path.rsplit(['/', '\\']).next().unwrap_or(path))
+}
+
+/// Cut at a character to what a manifest may hold.
+fn shortened(text: &str) -> String {
+    text.chars()
+        .scan(0, |bytes, c| {
+            *bytes += c.len_utf8();
+            (*bytes <= MAX_TEXT).then_some(c)
+        })
+        .collect()
+}
+
+/// An error rather than an abort where a header promises planes of more voxels than fit.
+fn zeroed_slab<T: Voxel>(voxels: usize) -> Result<Vec<T>, StoreError> {
+    let bytes = voxels as u64 * size_of::<T>() as u64;
+    let mut slab = Vec::new();
+    slab.try_reserve_exact(voxels).map_err(|_| StoreError::Memory { bytes })?;
+    slab.resize(voxels, T::zeroed());
+    Ok(slab)
+}
+
+fn write_synced(path: &Path, content: &[u8]) -> Result<(), StoreError> {
+    if let Some(dir) = path.parent() {
+        fs::create_dir_all(dir).map_err(StoreError::io("create", dir))?;
+    }
+    let written = File::create_new(path).and_then(|mut file| {
+        file.write_all(content)?;
+        file.sync_all()
+    });
+    written.map_err(StoreError::io("write", path))
+}

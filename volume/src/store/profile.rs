@@ -1,0 +1,152 @@
+//! The one Zarr v3 profile that stores are written in, and the arithmetic of shards and inner chunks.
+
+use std::fmt;
+
+use glam::UVec3;
+
+use super::StoreError;
+
+/// Voxels per edge of a shard: one file.
+pub const SHARD_EDGE: u32 = 256;
+/// Voxels per edge of an inner chunk: the unit of compression, checksum and decoding.
+pub const CHUNK_EDGE: u32 = 32;
+/// Voxels of an inner chunk; those at the volume's high edges are padded with the fill value 0.
+pub(super) const CHUNK_VOXELS: usize = (CHUNK_EDGE as usize).pow(3);
+/// The most shards that a store may have: keeps the shard table under 40 MiB.
+pub const MAX_SHARDS: u64 = 1 << 20;
+
+pub(super) const CHUNKS_PER_EDGE: u32 = SHARD_EDGE / CHUNK_EDGE;
+pub(super) const CHUNKS_PER_SHARD: usize = (CHUNKS_PER_EDGE as usize).pow(3);
+/// A shard's index: offset and length (u64 little endian) of every inner chunk, z slowest, then a crc32c of all that.
+pub(super) const INDEX_BYTES: usize = CHUNKS_PER_SHARD * 16 + 4;
+/// Offset and length of an inner chunk that is not there: it holds nothing but the fill value.
+pub(super) const ABSENT: u64 = u64::MAX;
+pub(super) const ZSTD_LEVEL: i32 = 1;
+
+pub(super) const MANIFEST_FILE: &str = "brickcast.json";
+pub(super) const GROUP_FILE: &str = "zarr.json";
+pub(super) const ARRAY_FILE: &str = "0/zarr.json";
+pub(super) const RANGES_FILE: &str = "bricks.bin";
+pub(super) const SHARDS_FILE: &str = "shards.bin";
+
+/// A shard's position in the grid of shards, `[x, y, z]`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct ShardIndex(pub [u32; 3]);
+
+impl ShardIndex {
+    /// The shard's path below the store: Zarr's default chunk key, slowest axis first.
+    #[must_use]
+    pub fn key(self) -> String {
+        let [x, y, z] = self.0;
+        format!("0/c/{z}/{y}/{x}")
+    }
+}
+
+impl fmt::Display for ShardIndex {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.key())
+    }
+}
+
+/// An inner chunk's position in the volume's grid of inner chunks, `[x, y, z]`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct InnerChunk(pub [u32; 3]);
+
+impl InnerChunk {
+    /// The shard that holds it.
+    #[must_use]
+    pub fn shard(self) -> ShardIndex {
+        ShardIndex(self.0.map(|c| c / CHUNKS_PER_EDGE))
+    }
+
+    /// Its place in that shard's index.
+    pub(super) fn slot(self) -> usize {
+        let [x, y, z] = self.0.map(|c| (c % CHUNKS_PER_EDGE) as usize);
+        let n = CHUNKS_PER_EDGE as usize;
+        x + n * (y + n * z)
+    }
+
+    /// The inner chunk at a place of a shard's index.
+    pub(super) fn at(shard: ShardIndex, slot: usize) -> Self {
+        let n = CHUNKS_PER_EDGE as usize;
+        let within = [slot % n, slot / n % n, slot / n / n];
+        Self(std::array::from_fn(|a| shard.0[a] * CHUNKS_PER_EDGE + within[a] as u32))
+    }
+
+    /// First voxel, global index space.
+    pub(super) fn lo(self) -> UVec3 {
+        UVec3::from(self.0) * CHUNK_EDGE
+    }
+}
+
+impl fmt::Display for InnerChunk {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "({}, {}, {})", self.0[0], self.0[1], self.0[2])
+    }
+}
+
+/// The shards and inner chunks of a volume.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct ShardGrid {
+    volume_dims: UVec3,
+}
+
+impl ShardGrid {
+    pub(super) fn new(volume_dims: UVec3) -> Result<Self, StoreError> {
+        let grid = Self { volume_dims };
+        match grid.count() {
+            shards if shards > MAX_SHARDS => Err(StoreError::TooManyShards { shards }),
+            _ => Ok(grid),
+        }
+    }
+
+    /// Shards per axis.
+    pub(super) fn dims(&self) -> UVec3 {
+        self.volume_dims.map(|n| n.div_ceil(SHARD_EDGE))
+    }
+
+    /// Inner chunks per axis that hold at least one voxel of the volume.
+    pub(super) fn chunk_dims(&self) -> UVec3 {
+        self.volume_dims.map(|n| n.div_ceil(CHUNK_EDGE))
+    }
+
+    pub(super) fn count(&self) -> u64 {
+        self.dims().as_u64vec3().element_product()
+    }
+
+    /// Position of `shard` in the shard table, x fastest.
+    pub(super) fn linear(&self, shard: ShardIndex) -> usize {
+        let (d, [x, y, z]) = (self.dims(), shard.0.map(|v| v as usize));
+        x + d.x as usize * (y + d.y as usize * z)
+    }
+
+    /// The shard at a position of the shard table.
+    pub(super) fn at(&self, linear: usize) -> ShardIndex {
+        let (dx, dy) = (self.dims().x as usize, self.dims().y as usize);
+        ShardIndex([(linear % dx) as u32, (linear / dx % dy) as u32, (linear / dx / dy) as u32])
+    }
+
+    /// True where the inner chunk holds at least one voxel of the volume.
+    pub(super) fn holds(&self, chunk: InnerChunk) -> bool {
+        UVec3::from(chunk.0).cmplt(self.chunk_dims()).all()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slots_and_shards_are_inverse_and_z_is_slowest() {
+        let chunk = InnerChunk([9, 18, 31]);
+        assert_eq!(chunk.shard(), ShardIndex([1, 2, 3]));
+        assert_eq!(chunk.slot(), 1 + 8 * (2 + 8 * 7));
+        assert_eq!(InnerChunk::at(chunk.shard(), chunk.slot()), chunk);
+        assert_eq!(chunk.shard().key(), "0/c/3/2/1");
+        let grid = ShardGrid::new(UVec3::new(257, 513, 1025)).unwrap();
+        for linear in 0..grid.count() as usize {
+            assert_eq!(grid.linear(grid.at(linear)), linear);
+        }
+        assert!(ShardGrid::new(UVec3::new(1 << 20, 1 << 20, 1)).is_err());
+    }
+}

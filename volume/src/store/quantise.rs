@@ -1,0 +1,183 @@
+//! From 32-bit sources to 16-bit stored numbers: a first pass finds the finite values' bounds, the second maps them.
+
+use rayon::prelude::*;
+
+use super::error::StoreError;
+use super::manifest::NotFinite;
+use super::value_map::check_range;
+use crate::format::VoxelType;
+
+/// What the first pass over a 32-bit source finds.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Scan {
+    /// Smallest and largest finite value; `min > max` where there is none.
+    min: f64,
+    max: f64,
+    /// True while every finite value was a whole number.
+    whole: bool,
+    pub(super) not_finite: NotFinite,
+}
+
+impl Scan {
+    pub(super) const EMPTY: Self = Self {
+        min: f64::INFINITY,
+        max: f64::NEG_INFINITY,
+        whole: true,
+        not_finite: NotFinite { nan: 0, negative_infinity: 0, positive_infinity: 0 },
+    };
+
+    /// Smallest and largest finite value of the source; `(0, 0)` where it has none.
+    pub(super) fn bounds(&self) -> (f64, f64) {
+        if self.min <= self.max { (self.min, self.max) } else { (0.0, 0.0) }
+    }
+
+    fn with(mut self, value: f64) -> Self {
+        if value.is_finite() {
+            self.min = self.min.min(value);
+            self.max = self.max.max(value);
+            self.whole &= value.trunc() == value;
+        } else if value.is_nan() {
+            self.not_finite.nan += 1;
+        } else if value < 0.0 {
+            self.not_finite.negative_infinity += 1;
+        } else {
+            self.not_finite.positive_infinity += 1;
+        }
+        self
+    }
+
+    fn joined(self, other: Self) -> Self {
+        let (a, b) = (self.not_finite, other.not_finite);
+        Self {
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+            whole: self.whole && other.whole,
+            not_finite: NotFinite {
+                nan: a.nan + b.nan,
+                negative_infinity: a.negative_infinity + b.negative_infinity,
+                positive_infinity: a.positive_infinity + b.positive_infinity,
+            },
+        }
+    }
+
+    /// Takes in a plane of 32-bit little-endian voxels.
+    pub(super) fn add(self, voxel_type: VoxelType, plane: &[u8]) -> Self {
+        let value = value_of(voxel_type);
+        plane
+            .par_chunks(PIECE * 4)
+            .map(|piece| piece.as_chunks::<4>().0.iter().fold(Self::EMPTY, |scan, b| scan.with(value(*b))))
+            .reduce(|| Self::EMPTY, Self::joined)
+            .joined(self)
+    }
+}
+
+/// Voxels that one task takes.
+const PIECE: usize = 1 << 16;
+
+/// A 32-bit voxel's value. Called per voxel through a pointer only once the type is known.
+fn value_of(voxel_type: VoxelType) -> fn([u8; 4]) -> f64 {
+    match voxel_type {
+        VoxelType::U32 => |b| f64::from(u32::from_le_bytes(b)),
+        VoxelType::I32 => |b| f64::from(i32::from_le_bytes(b)),
+        _ => |b| f64::from(f32::from_le_bytes(b)),
+    }
+}
+
+/// `stored = round((value - offset) / scale)`, clamped to `0..=top`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Quantiser {
+    pub(super) scale: f64,
+    pub(super) offset: f64,
+    top: u16,
+    /// True where every voxel's value survives exactly.
+    pub(super) lossless: bool,
+}
+
+impl Quantiser {
+    /// Spreads the source's values, or where `range` is given those of them inside it, over 16 bits; whole numbers that
+    /// fit are only shifted, and so survive exactly.
+    pub(super) fn new(scan: &Scan, range: Option<(f64, f64)>) -> Result<Self, StoreError> {
+        let (min, max) = scan.bounds();
+        let (lo, hi) = match range {
+            Some((lo, hi)) if lo.max(min) < hi.min(max) => (lo.max(min), hi.min(max)),
+            _ => (min, max),
+        };
+        let whole = scan.whole && lo.fract() == 0.0 && hi.fract() == 0.0 && hi - lo <= 65535.0;
+        if whole || lo == hi {
+            let lossless = (lo, hi) == (min, max) && scan.not_finite.total() == 0;
+            return Ok(Self { scale: 1.0, offset: lo, top: (hi - lo) as u16, lossless });
+        }
+        check_range(lo, hi)?;
+        Ok(Self { scale: (hi - lo) / 65535.0, offset: lo, top: u16::MAX, lossless: false })
+    }
+
+    /// Maps 32-bit little-endian voxels; `out` has one entry for every four bytes. NaN and -Inf become 0, +Inf `top`.
+    pub(super) fn map(&self, voxel_type: VoxelType, bytes: &[u8], out: &mut [u16]) {
+        let (offset, inverse, top) = (self.offset, 1.0 / self.scale, self.top);
+        // `as` saturates, and takes NaN to 0.
+        let stored = |value: f64| (((value - offset) * inverse + 0.5) as u16).min(top);
+        out.par_chunks_mut(PIECE).zip(bytes.par_chunks(PIECE * 4)).for_each(|(out, bytes)| {
+            let pairs = out.iter_mut().zip(bytes.as_chunks::<4>().0);
+            match voxel_type {
+                VoxelType::U32 => pairs.for_each(|(o, b)| *o = stored(f64::from(u32::from_le_bytes(*b)))),
+                VoxelType::I32 => pairs.for_each(|(o, b)| *o = stored(f64::from(i32::from_le_bytes(*b)))),
+                _ => pairs.for_each(|(o, b)| *o = stored(f64::from(f32::from_le_bytes(*b)))),
+            }
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mapped(values: &[f32], range: Option<(f64, f64)>) -> (Quantiser, Vec<u16>) {
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let scan = Scan::EMPTY.add(VoxelType::F32, &bytes);
+        let quantiser = Quantiser::new(&scan, range).unwrap();
+        let mut out = vec![0; values.len()];
+        quantiser.map(VoxelType::F32, &bytes, &mut out);
+        (quantiser, out)
+    }
+
+    #[test]
+    fn nan_and_infinities_are_counted_and_take_the_ends() {
+        let values = [f32::NAN, f32::NEG_INFINITY, -1.5, 2.25, f32::INFINITY];
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let scan = Scan::EMPTY.add(VoxelType::F32, &bytes);
+        assert_eq!(scan.not_finite, NotFinite { nan: 1, negative_infinity: 1, positive_infinity: 1 });
+        assert_eq!(scan.bounds(), (-1.5, 2.25));
+        let (quantiser, stored) = mapped(&values, None);
+        assert_eq!(stored, [0, 0, 0, 65535, 65535]);
+        assert!(!quantiser.lossless);
+        assert_eq!(mapped(&[f32::NAN; 3], None).1, [0; 3]);
+    }
+
+    #[test]
+    fn the_error_is_at_most_half_a_step() {
+        let values: Vec<f32> = (0..1000).map(|i| (i as f32 * 0.37).sin() * 1e-3).collect();
+        let (q, stored) = mapped(&values, None);
+        for (v, s) in values.iter().zip(stored) {
+            let back = q.scale * f64::from(s) + q.offset;
+            assert!((back - f64::from(*v)).abs() <= q.scale * 0.500_001, "{v} came back as {back}");
+        }
+    }
+
+    #[test]
+    fn whole_numbers_that_fit_survive_exactly() {
+        let (q, stored) = mapped(&[-1000.0, 0.0, 3000.0], None);
+        assert_eq!((q.scale, q.offset, q.lossless), (1.0, -1000.0, true));
+        assert_eq!(stored, [0, 1000, 4000]);
+        // +Inf becomes the largest value that occurs, not the largest that 16 bits hold.
+        assert_eq!(mapped(&[5.0, 7.0, f32::INFINITY], None).1, [0, 2, 2]);
+    }
+
+    #[test]
+    fn a_given_range_keeps_precision_beside_outliers() {
+        let (q, stored) = mapped(&[0.0, 0.5, 1.0, 1e30], Some((0.0, 1.0)));
+        assert_eq!(q.scale, 1.0 / 65535.0);
+        assert_eq!(stored, [0, 32768, 65535, 65535]);
+        // A range that misses the data leaves the data's own bounds.
+        assert_eq!(mapped(&[0.0, 0.5, 1.0], Some((5.0, 6.0))).1, [0, 32768, 65535]);
+    }
+}

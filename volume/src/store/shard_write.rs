@@ -1,0 +1,146 @@
+//! Shards are written append-only, one row of shards (all those with the same z) at a time: inner chunks as their slab
+//! comes, the index when the row is complete. Memory holds the indices of one row, never a shard.
+
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use xxhash_rust::xxh3::Xxh3Default;
+
+use super::codec;
+use super::error::StoreError;
+use super::hash::ContentHash;
+use super::profile::{
+    ABSENT, CHUNK_EDGE, CHUNK_VOXELS, CHUNKS_PER_EDGE, CHUNKS_PER_SHARD, INDEX_BYTES, InnerChunk, ShardGrid, ShardIndex,
+};
+use super::shard_table::ShardRecord;
+use super::voxel::Voxel;
+
+/// Writes the array's shards in the order of their slabs.
+pub(super) struct ShardWriter {
+    root: PathBuf,
+    grid: ShardGrid,
+    volume_dims: [usize; 3],
+    /// The row being written, x fastest; empty between rows.
+    row: Vec<OpenShard>,
+    table: Vec<ShardRecord>,
+}
+
+struct OpenShard {
+    shard: ShardIndex,
+    path: PathBuf,
+    bytes: u64,
+    hash: Xxh3Default,
+    /// Offset and length per inner chunk.
+    index: Vec<[u64; 2]>,
+}
+
+impl ShardWriter {
+    pub(super) fn new(root: &Path, grid: ShardGrid, volume_dims: [usize; 3]) -> Self {
+        Self { root: root.to_path_buf(), grid, volume_dims, row: Vec::new(), table: Vec::new() }
+    }
+
+    /// Takes the whole planes of the `cz`-th layer of inner chunks, x fastest; layers come in order.
+    pub(super) fn add<T: Voxel>(&mut self, cz: u32, slab: &[T]) -> Result<(), StoreError> {
+        if cz.is_multiple_of(CHUNKS_PER_EDGE) {
+            self.start_row(cz / CHUNKS_PER_EDGE)?;
+        }
+        let (grid, dims) = (self.grid, self.volume_dims);
+        for open in &mut self.row {
+            let first = (cz % CHUNKS_PER_EDGE) as usize * (CHUNKS_PER_EDGE * CHUNKS_PER_EDGE) as usize;
+            let slots = first..first + (CHUNKS_PER_EDGE * CHUNKS_PER_EDGE) as usize;
+            let present: Vec<_> =
+                slots.map(|slot| InnerChunk::at(open.shard, slot)).filter(|c| grid.holds(*c)).collect();
+            let encoded: Vec<_> = present
+                .into_par_iter()
+                .map(|chunk| Ok((chunk.slot(), encode_chunk(chunk, dims, slab)?)))
+                .collect::<Result<_, StoreError>>()?;
+            open.append(encoded)?;
+        }
+        let next = cz + 1;
+        if next.is_multiple_of(CHUNKS_PER_EDGE) || next == grid.chunk_dims().z {
+            for open in self.row.drain(..) {
+                self.table.push(open.finish()?);
+            }
+        }
+        Ok(())
+    }
+
+    /// The table of all shards, once every layer was added.
+    pub(super) fn finish(self) -> Vec<ShardRecord> {
+        self.table
+    }
+
+    fn start_row(&mut self, z: u32) -> Result<(), StoreError> {
+        let dims = self.grid.dims();
+        for y in 0..dims.y {
+            for x in 0..dims.x {
+                let shard = ShardIndex([x, y, z]);
+                let path = self.root.join(shard.key());
+                if let (0, Some(dir)) = (x, path.parent()) {
+                    fs::create_dir_all(dir).map_err(StoreError::io("create", dir))?;
+                }
+                let index = vec![[ABSENT; 2]; CHUNKS_PER_SHARD];
+                self.row.push(OpenShard { shard, path, bytes: 0, hash: Xxh3Default::new(), index });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl OpenShard {
+    /// Opened for each slab anew: a row may have more shards than a process may have open files.
+    fn append(&mut self, chunks: Vec<(usize, Option<Vec<u8>>)>) -> Result<(), StoreError> {
+        let file = File::options().append(true).create(true).open(&self.path);
+        let mut file = BufWriter::with_capacity(1 << 20, file.map_err(StoreError::io("create", &self.path))?);
+        for (slot, bytes) in chunks {
+            let Some(bytes) = bytes else { continue };
+            file.write_all(&bytes).map_err(StoreError::io("write", &self.path))?;
+            self.hash.update(&bytes);
+            self.index[slot] = [self.bytes, bytes.len() as u64];
+            self.bytes += bytes.len() as u64;
+        }
+        file.flush().map_err(StoreError::io("write", &self.path))
+    }
+
+    fn finish(mut self) -> Result<ShardRecord, StoreError> {
+        let mut index: Vec<u8> = Vec::with_capacity(INDEX_BYTES);
+        index.extend(self.index.iter().flatten().flat_map(|n| n.to_le_bytes()));
+        index.extend(crc32c::crc32c(&index).to_le_bytes());
+        self.hash.update(&index);
+        let written = File::options().append(true).create(true).open(&self.path).and_then(|mut file| {
+            file.write_all(&index)?;
+            file.sync_all()
+        });
+        written.map_err(StoreError::io("write", &self.path))?;
+        Ok(ShardRecord {
+            bytes: self.bytes + index.len() as u64,
+            hash: ContentHash(self.hash.digest128()),
+            index_hash: ContentHash::of(&index),
+        })
+    }
+}
+
+/// Cuts an inner chunk out of its slab, padded with 0, and encodes it; nothing where it holds nothing but 0.
+fn encode_chunk<T: Voxel>(chunk: InnerChunk, dims: [usize; 3], slab: &[T]) -> Result<Option<Vec<u8>>, StoreError> {
+    let [nx, ny, _] = dims;
+    let planes = slab.len() / (nx * ny);
+    let edge = CHUNK_EDGE as usize;
+    let (x0, y0) = (chunk.0[0] as usize * edge, chunk.0[1] as usize * edge);
+    let (width, height) = (edge.min(nx - x0), edge.min(ny - y0));
+    let mut voxels = vec![T::zeroed(); CHUNK_VOXELS];
+    for z in 0..planes {
+        for y in 0..height {
+            let from = &slab[(z * ny + y0 + y) * nx + x0..][..width];
+            voxels[(z * edge + y) * edge..][..width].copy_from_slice(from);
+        }
+    }
+    if voxels.iter().all(|v| *v == T::zeroed()) {
+        return Ok(None);
+    }
+    if cfg!(target_endian = "big") {
+        voxels.iter_mut().for_each(|v| *v = v.swapped_le());
+    }
+    codec::encode(bytemuck::cast_slice(&voxels)).map(Some)
+}

@@ -1,0 +1,44 @@
+//! Reading all of a store to find damage.
+
+use std::fs::File;
+use std::io::Read;
+
+use rayon::prelude::*;
+
+use super::error::StoreError;
+use super::hash::ContentHash;
+use super::prepare::{Phase, Progress};
+use super::profile::{CHUNKS_PER_SHARD, InnerChunk};
+use super::read::Store;
+
+impl Store {
+    /// Reads every shard, decodes every inner chunk, and compares all bytes with the manifest's hashes. A chunk is named
+    /// where one is broken; bytes that belong to no chunk are found by the shard's hash.
+    ///
+    /// # Errors
+    /// The first damage found.
+    pub fn verify(&self, progress: &mut dyn FnMut(Progress)) -> Result<(), StoreError> {
+        let shards = self.shards();
+        let total = shards.table.len() as u64;
+        for (linear, record) in shards.table.iter().enumerate() {
+            progress(Progress { phase: Phase::Verify, done: linear as u64, total });
+            let shard = shards.grid.at(linear);
+            let open = shards.open_new(shard)?;
+            (0..CHUNKS_PER_SHARD).into_par_iter().try_for_each(|slot| {
+                let chunk = InnerChunk::at(shard, slot);
+                open.read_chunk(chunk, shards.chunk_bytes()).map(drop)
+            })?;
+            let path = shards.path(shard);
+            // No longer than inner chunks and index of one shard can be: the table was checked.
+            let mut bytes = Vec::with_capacity(record.bytes as usize);
+            let read = File::open(&path).and_then(|file| file.take(record.bytes).read_to_end(&mut bytes));
+            read.map_err(StoreError::io("read", &path))?;
+            match ContentHash::of(&bytes) {
+                got if got == record.hash => {}
+                got => return Err(StoreError::FileHash { path, got, want: record.hash }),
+            }
+        }
+        progress(Progress { phase: Phase::Verify, done: total, total });
+        Ok(())
+    }
+}

@@ -1,0 +1,130 @@
+//! The two `zarr.json` files: the OME-Zarr 0.5 group and the array of the profile.
+//!
+//! Written as text in a fixed order, so that the same volume always gives the same bytes.
+
+use super::manifest::Manifest;
+use super::profile::{CHUNK_EDGE, SHARD_EDGE, ZSTD_LEVEL};
+
+/// A JSON string.
+fn quoted(text: &str) -> String {
+    serde_json::Value::from(text).to_string()
+}
+
+/// A JSON number that keeps every bit; the manifest's numbers are finite.
+fn number(value: f64) -> String {
+    serde_json::Value::from(value).to_string()
+}
+
+/// x, y, z to a JSON list in the array's order z, y, x.
+fn zyx(v: [f64; 3]) -> String {
+    format!("[{}, {}, {}]", number(v[2]), number(v[1]), number(v[0]))
+}
+
+/// The name that OME-Zarr (UDUNITS-2) has for a unit, where it has one.
+fn ome_unit(unit: &str) -> Option<&'static str> {
+    Some(match unit.trim() {
+        "mm" | "millimeter" | "millimetre" => "millimeter",
+        "um" | "µm" | "μm" | "micron" | "microns" | "micrometer" | "micrometre" => "micrometer",
+        "nm" | "nanometer" | "nanometre" => "nanometer",
+        "cm" | "centimeter" | "centimetre" => "centimeter",
+        "m" | "meter" | "metre" => "meter",
+        "km" | "kilometer" | "kilometre" => "kilometer",
+        "in" | "inch" => "inch",
+        "ft" | "foot" => "foot",
+        "pm" | "picometer" => "picometer",
+        "Å" | "angstrom" => "angstrom",
+        _ => return None,
+    })
+}
+
+/// `zarr.json` of the store itself.
+pub(super) fn group(m: &Manifest) -> Vec<u8> {
+    let unit = m.space_unit.as_deref().and_then(ome_unit);
+    let unit = unit.map_or(String::new(), |u| format!(r#", "unit": "{u}""#));
+    let axes = ["z", "y", "x"].map(|axis| format!(r#"            {{ "name": "{axis}", "type": "space"{unit} }}"#));
+    format!(
+        r#"{{
+  "zarr_format": 3,
+  "node_type": "group",
+  "attributes": {{
+    "ome": {{
+      "version": "0.5",
+      "multiscales": [
+        {{
+          "name": {name},
+          "axes": [
+{axes}
+          ],
+          "datasets": [
+            {{
+              "path": "0",
+              "coordinateTransformations": [
+                {{ "type": "scale", "scale": {scale} }},
+                {{ "type": "translation", "translation": {origin} }}
+              ]
+            }}
+          ]
+        }}
+      ]
+    }}
+  }}
+}}
+"#,
+        name = quoted(m.source.name.as_deref().unwrap_or("volume")),
+        axes = axes.join(",\n"),
+        scale = zyx(m.geometry.spacing().to_array()),
+        origin = zyx(m.geometry.origin().to_array()),
+    )
+    .into_bytes()
+}
+
+/// `0/zarr.json`. The attribute `brickcast` tells other readers how stored numbers become values.
+pub(super) fn array(m: &Manifest) -> Vec<u8> {
+    let d = m.geometry.dims();
+    format!(
+        r#"{{
+  "zarr_format": 3,
+  "node_type": "array",
+  "shape": [{nz}, {ny}, {nx}],
+  "data_type": "{data_type}",
+  "chunk_grid": {{ "name": "regular", "configuration": {{ "chunk_shape": [{shard}, {shard}, {shard}] }} }},
+  "chunk_key_encoding": {{ "name": "default", "configuration": {{ "separator": "/" }} }},
+  "fill_value": 0,
+  "codecs": [
+    {{
+      "name": "sharding_indexed",
+      "configuration": {{
+        "chunk_shape": [{chunk}, {chunk}, {chunk}],
+        "codecs": [
+          {{ "name": "bytes", "configuration": {{ "endian": "little" }} }},
+          {{ "name": "zstd", "configuration": {{ "level": {level}, "checksum": false }} }},
+          {{ "name": "crc32c" }}
+        ],
+        "index_codecs": [
+          {{ "name": "bytes", "configuration": {{ "endian": "little" }} }},
+          {{ "name": "crc32c" }}
+        ],
+        "index_location": "end"
+      }}
+    }}
+  ],
+  "dimension_names": ["z", "y", "x"],
+  "attributes": {{
+    "brickcast": {{ "scale": {scale}, "offset": {offset}, "range": [{lo}, {hi}] }}
+  }}
+}}
+"#,
+        nz = d.z,
+        ny = d.y,
+        nx = d.x,
+        data_type = m.stored_type.name(),
+        shard = SHARD_EDGE,
+        chunk = CHUNK_EDGE,
+        level = ZSTD_LEVEL,
+        scale = number(m.scale),
+        offset = number(m.offset),
+        lo = number(m.range.0),
+        hi = number(m.range.1),
+    )
+    .into_bytes()
+}
