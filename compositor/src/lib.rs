@@ -1,1 +1,3 @@
-//! stub
+//! The compositor: plan, order, over, ledger, outputs and the command line.
+
+pub mod output;

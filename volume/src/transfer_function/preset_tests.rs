@@ -205,9 +205,11 @@ proptest! {
         let mut nodes = nodes;
         nodes.sort_by_key(|n| (n.0, n.4));
         // Some x repeat, some are an ulp apart.
-        let x = |n: &(u8, f64, f64, f64, u8)| (f64::from(n.0) * 3.7).to_bits() + u64::from(n.4);
-        let flat = |f: &dyn Fn(&(u8, f64, f64, f64, u8)) -> String| nodes.iter().map(f).collect::<Vec<_>>().join(",");
-        let points = flat(&|n| format!("{:e},{},{},{}", f64::from_bits(x(n)), n.1, n.2, n.3));
+        let quad = |&(step, v, midpoint, sharpness, ulps): &(u8, f64, f64, f64, u8)| {
+            let x = f64::from_bits((f64::from(step) * 3.7).to_bits() + u64::from(ulps));
+            format!("{x:e},{v},{midpoint},{sharpness}")
+        };
+        let points = nodes.iter().map(quad).collect::<Vec<_>>().join(",");
         for space in ["RGB", "Lab", "HSV", "Diverging", "Step"] {
             let f = function(&format!(r#"{{"ColorSpace":"{space}","RGBPoints":[{points}],"Points":[{points}]}}"#));
             let (first, last) = (nodes[0], nodes[nodes.len() - 1]);
