@@ -5,6 +5,14 @@ use super::TransferFunction;
 /// Entries of a table: linear between them.
 pub const ENTRIES: usize = 4096;
 
+/// The narrowest `[c_first, c_last]`: a step within it still spans several 16-bit codes' worth of entries, and positions
+/// computed in f32 err by few entries.
+const MIN_WIDTH: f32 = 2e-4;
+
+/// Bound of the error with which any kernel computes `code - c_first` in f32: two roundings of numbers up to 1, and those of
+/// code / 65535 in a texture unit.
+const CODE_ERROR: f64 = 4.0 * f32::EPSILON as f64;
+
 /// A transfer function sampled for one step length.
 ///
 /// Kernels read value codes `c` in 0..=1 (the stretched 16-bit code / 65535, i.e. `(v - lo) / (hi - lo)` over the store's
@@ -24,43 +32,198 @@ pub struct TransferTable {
 
 impl TransferTable {
     /// Samples `function` over the store's `range` (lo, hi in data units, lo < hi) for steps of `delta_over_unit` opacity
-    /// units: `a' = 1 - (1 - a)^(Delta / unit)` (Engel et al. 2006, 1.4.2).
+    /// units, positive: `a' = 1 - (1 - a)^(Delta / unit)` (Engel et al. 2006, 1.4.2). A range without width (a constant
+    /// volume) reads the function at `lo` for every code.
     #[must_use]
     pub fn build(function: &TransferFunction, range: (f64, f64), delta_over_unit: f64) -> Self {
         let (lo, hi) = range;
-        let xs = function.colors().iter().map(|p| p.x).chain(function.opacities().iter().map(|p| p.x));
-        let (first, last) = xs.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
-        let to_code = |x: f64| ((x - lo) / (hi - lo)).clamp(0.0, 1.0) as f32;
-        let (mut c_first, mut c_last) = (to_code(first), to_code(last));
-        if c_last - c_first < 1e-4 {
-            (c_first, c_last) = ((c_first - 1e-4).max(0.0), (c_last + 1e-4).min(1.0));
-        }
+        let (c_first, c_last) = changing_codes(function, lo, hi);
         let entries: Vec<[f32; 4]> = (0..ENTRIES)
             .map(|i| {
                 let t = i as f64 / (ENTRIES - 1) as f64;
                 let code = f64::from(c_first) + (f64::from(c_last) - f64::from(c_first)) * t;
-                let x = lo + (hi - lo) * code;
+                let x = if code >= 1.0 { hi } else { lo + (hi - lo) * code };
                 let [r, g, b] = function.color(x);
-                let alpha = -((delta_over_unit * (-function.opacity(x)).ln_1p()).exp_m1());
+                let alpha = opacity_of_step(function.opacity(x), delta_over_unit);
                 [r as f32, g as f32, b as f32, alpha as f32]
             })
             .collect();
-        let mut opaque_before = vec![0];
+        let mut opaque_before = Vec::with_capacity(ENTRIES + 1);
+        let mut count = 0;
+        opaque_before.push(count);
         for e in &entries {
-            opaque_before.push(opaque_before[opaque_before.len() - 1] + u32::from(e[3] > 0.0));
+            count += u32::from(e[3] > 0.0);
+            opaque_before.push(count);
         }
         Self { entries, c_first, c_last, opaque_before }
     }
 
-    /// True where every stretched code in `min..=max` (0..=65535) has opacity 0, widened by one entry on each side.
+    /// True where every stretched code in `min..=max` (0..=65535), and every value between, has opacity 0, widened by one
+    /// entry on each side and by what f32 kernels may err.
     #[must_use]
     pub fn is_empty_over(&self, min: u16, max: u16) -> bool {
-        let last = (ENTRIES - 1) as f32;
-        let position = |code: u16| {
-            ((f32::from(code) / 65535.0 - self.c_first) / (self.c_last - self.c_first)).clamp(0.0, 1.0) * last
-        };
-        let from = (position(min).floor() as usize).saturating_sub(1);
-        let to = (position(max).ceil() as usize + 1).min(ENTRIES - 1);
+        let last = (ENTRIES - 1) as f64;
+        let width = f64::from(self.c_last) - f64::from(self.c_first);
+        let position = |code: u16| (f64::from(code) / 65535.0 - f64::from(self.c_first)) / width * last;
+        let margin = 1.0 + CODE_ERROR / width * last;
+        let from = (position(min.min(max)) - margin).clamp(0.0, last).floor() as usize;
+        let to = (position(max.max(min)) + margin).clamp(0.0, last).ceil() as usize;
         self.opaque_before[to + 1] == self.opaque_before[from]
+    }
+}
+
+/// `1 - (1 - a)^exponent`, also for an opacity of exactly 1 (which stays 1) and for very small ones.
+fn opacity_of_step(opacity: f64, exponent: f64) -> f64 {
+    if opacity >= 1.0 {
+        return 1.0;
+    }
+    -(exponent * (-opacity).ln_1p()).exp_m1()
+}
+
+/// The codes `[first, last]` between which `function` changes, at least [`MIN_WIDTH`] apart. Rounded outwards: a first entry
+/// just above the point where opacity starts would give opacity to all values below.
+fn changing_codes(function: &TransferFunction, lo: f64, hi: f64) -> (f32, f32) {
+    if !(hi - lo).is_normal() || hi < lo {
+        return (0.0, 1.0);
+    }
+    let xs = function.colors().iter().map(|p| p.x).chain(function.opacities().iter().map(|p| p.x));
+    let (first, last) = xs.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
+    let to_code = |x: f64| ((x - lo) / (hi - lo)).clamp(0.0, 1.0) as f32;
+    let (first, last) = (to_code(first).next_down().max(0.0), to_code(last).next_up().min(1.0));
+    if last - first >= MIN_WIDTH {
+        return (first, last);
+    }
+    let first = (first - MIN_WIDTH / 2.0).clamp(0.0, 1.0 - MIN_WIDTH);
+    (first, last.max(first + MIN_WIDTH))
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::transfer_function::{ColorPoint, Colormap, OpacityPoint};
+
+    fn function(points: &[(f64, f64)]) -> TransferFunction {
+        let opacities = points.iter().map(|&(x, opacity)| OpacityPoint { x, opacity }).collect();
+        TransferFunction::new(vec![ColorPoint { x: points[0].0, rgb: [0.5; 3] }], opacities).unwrap()
+    }
+
+    /// The table at a position in entries, as a kernel reads it.
+    fn alpha_at(table: &TransferTable, position: f64) -> f64 {
+        let last = (ENTRIES - 1) as f64;
+        let p = position.clamp(0.0, last);
+        let i = (p.floor() as usize).min(ENTRIES - 2);
+        let (a, b) = (f64::from(table.entries[i][3]), f64::from(table.entries[i + 1][3]));
+        a + (b - a) * (p - i as f64)
+    }
+
+    /// Every code of `min..=max` and three values between neighbours, each also where an f32 kernel may find it.
+    fn brute_force_is_empty(table: &TransferTable, min: u16, max: u16) -> bool {
+        let width = f64::from(table.c_last) - f64::from(table.c_first);
+        let slack = 2.0 * f64::from(f32::EPSILON) / width * (ENTRIES - 1) as f64;
+        (u32::from(min) * 4..=u32::from(max) * 4).all(|quarter| {
+            let code = f64::from(quarter) / (4.0 * 65535.0);
+            let exact = (code - f64::from(table.c_first)) / width * (ENTRIES - 1) as f64;
+            let single = (code as f32 - table.c_first) / (table.c_last - table.c_first) * (ENTRIES - 1) as f32;
+            [exact - slack, exact, exact + slack, f64::from(single)].into_iter().all(|p| alpha_at(table, p) == 0.0)
+        })
+    }
+
+    #[test]
+    fn full_opacity_stays_full_and_tiny_opacity_is_kept() {
+        for exponent in [1e-9, 0.01, 1.0, 16.0, 1e9] {
+            assert_eq!(opacity_of_step(1.0, exponent), 1.0);
+            assert_eq!(opacity_of_step(0.0, exponent), 0.0);
+        }
+        assert!((opacity_of_step(1e-12, 0.5) / 0.5e-12 - 1.0).abs() < 1e-9);
+        let table = TransferTable::build(&function(&[(0.0, 0.0), (1.0, 1.0)]), (0.0, 1.0), 0.5);
+        assert_eq!((table.entries[0][3], table.entries[ENTRIES - 1][3]), (0.0, 1.0));
+        assert!(table.entries.iter().flatten().all(|v| (0.0..=1.0).contains(v)));
+    }
+
+    /// Sampling and reading back must give the function, at any place and width of what changes.
+    #[test]
+    fn narrow_and_off_range_windows_read_back() {
+        for (lo, hi) in
+            [(0.0, 1.0), (100.0, 101.0), (-3000.0, 70000.0), (1234.5, 1234.6), (65535.0, 65536.0), (-9.0, -3.0)]
+        {
+            let f = TransferFunction::window(lo, hi, 0.8, Colormap::Turbo).unwrap();
+            let table = TransferTable::build(&f, (0.0, 65535.0), 1.0);
+            assert!(table.c_last > table.c_first && table.c_first >= 0.0 && table.c_last <= 1.0);
+            for code in (0..=65535).step_by(7).chain([1, 99, 100, 101, 1234, 1235, 65534, 65535]) {
+                let position = (f64::from(code) / 65535.0 - f64::from(table.c_first))
+                    / (f64::from(table.c_last) - f64::from(table.c_first))
+                    * (ENTRIES - 1) as f64;
+                let (got, want) = (alpha_at(&table, position), f.opacity(f64::from(code)));
+                assert!((got - want).abs() < 1e-3, "window {lo},{hi}, code {code}: {got} {want}");
+            }
+        }
+    }
+
+    /// A first entry rounded up would lend its opacity to all values below, and nothing would ever be culled.
+    #[test]
+    fn everything_below_a_window_is_empty() {
+        for i in 1..400_u16 {
+            let (lo, hi) = (f64::from(i) * 157.7, f64::from(i) * 157.7 + 2000.0);
+            let f = TransferFunction::window(lo, hi, 1.0, Colormap::Viridis).unwrap();
+            let table = TransferTable::build(&f, (0.0, 65535.0), 0.5);
+            assert_eq!(table.entries[0][3], 0.0);
+            let below = (lo - 2.0).floor() as u16;
+            assert!(table.is_empty_over(0, below), "{lo}");
+            assert!(!table.is_empty_over(0, (lo + 2.0).ceil() as u16), "{lo}");
+        }
+    }
+
+    #[test]
+    fn constant_functions_and_constant_volumes() {
+        for range in [(0.0, 1.0), (5.0, 5.0), (7.0, 9.0), (-4.0, -3.0)] {
+            let opaque = TransferTable::build(&function(&[(5.0, 0.25)]), range, 1.0);
+            assert!(opaque.entries.iter().all(|e| (e[3] - 0.25).abs() < 1e-7));
+            assert!(!opaque.is_empty_over(0, 0) && !opaque.is_empty_over(65535, 65535));
+            let clear = TransferTable::build(&function(&[(5.0, 0.0)]), range, 1.0);
+            assert!(clear.is_empty_over(0, 65535));
+        }
+    }
+
+    #[test]
+    fn steps_leave_both_sides_to_themselves() {
+        let at = 30_000.0_f64;
+        let f = function(&[(at, 0.0), (at.next_up(), 1.0), (at + 50.0, 1.0), ((at + 50.0).next_up(), 0.0)]);
+        let table = TransferTable::build(&f, (0.0, 65535.0), 1.0);
+        assert!(table.is_empty_over(0, 29_999) && table.is_empty_over(30_051, 65_535));
+        assert!(!table.is_empty_over(0, 30_001) && !table.is_empty_over(30_025, 30_025));
+    }
+
+    fn piecewise() -> impl Strategy<Value = TransferFunction> {
+        let x = prop_oneof![-100.0..1100.0_f64, 400.0..401.0, Just(0.0), Just(1000.0)];
+        let opacity = prop_oneof![3 => Just(0.0), 1 => Just(1.0), 1 => 0.0..1.0_f64];
+        proptest::collection::vec((x, opacity), 1..8).prop_map(|mut points| {
+            points.sort_by(|a, b| a.0.total_cmp(&b.0));
+            points.dedup_by(|a, b| a.0 == b.0);
+            function(&points)
+        })
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(2000))]
+        /// Wrong in the other direction, a brick that is seen would be missing.
+        #[test]
+        fn empty_ranges_are_empty(f in piecewise(), delta in 0.01..4.0_f64, start: u16, length in 0..3000_u16) {
+            let table = TransferTable::build(&f, (0.0, 1000.0), delta);
+            let end = start.saturating_add(length);
+            prop_assert!(!table.is_empty_over(start, end) || brute_force_is_empty(&table, start, end));
+        }
+
+        /// The answer must also be of use: what is empty three entries and a code further is found.
+        #[test]
+        fn clearly_empty_ranges_are_found(f in piecewise(), start: u16, length in 0..3000_u16) {
+            let table = TransferTable::build(&f, (0.0, 1000.0), 1.0);
+            let end = start.saturating_add(length);
+            let wider = (f64::from(table.c_last - table.c_first) * 65535.0 / (ENTRIES - 1) as f64 * 3.0).ceil() as u16 + 1;
+            if brute_force_is_empty(&table, start.saturating_sub(wider), end.saturating_add(wider)) {
+                prop_assert!(table.is_empty_over(start, end));
+            }
+        }
     }
 }

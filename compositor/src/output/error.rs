@@ -1,0 +1,31 @@
+//! What can go wrong between a picture and its file.
+
+use std::path::PathBuf;
+
+#[derive(Debug, thiserror::Error)]
+pub enum OutputError {
+    #[error("{path:?}: the format is chosen by the extension; use .png, .apng or .exr")]
+    Extension { path: PathBuf },
+    #[error("cannot write {path:?}: the folder {folder:?} does not exist; create it first")]
+    NoFolder { path: PathBuf, folder: PathBuf },
+    #[error("cannot write {path:?}: it is a folder; name a file in it")]
+    IsFolder { path: PathBuf },
+    #[error("cannot write {path:?}: {error}")]
+    Write { path: PathBuf, error: std::io::Error },
+    #[error("cannot read {path:?}: {error}")]
+    Read { path: PathBuf, error: std::io::Error },
+    #[error("cannot encode {path:?}: {problem}")]
+    Encode { path: PathBuf, problem: String },
+    #[error("cannot decode {path:?}: {problem}")]
+    Decode { path: PathBuf, problem: String },
+    #[error("{got} pixels do not fill a picture of {width}x{height}")]
+    PixelCount { got: usize, width: u32, height: u32 },
+    #[error("a frame of {got_width}x{got_height} does not fit {path:?}, whose frames are {width}x{height}")]
+    FrameSize { path: PathBuf, got_width: u32, got_height: u32, width: u32, height: u32 },
+    #[error("{path:?} was announced with {want} frames and got {got}")]
+    FrameCount { path: PathBuf, want: u32, got: u32 },
+    #[error("{0} frames: give at least 1 and at most {max}", max = super::writer::MAX_FRAMES)]
+    Frames(u32),
+    #[error("{0} frames per second: must lie between 0.1 and 240")]
+    FramesPerSecond(f64),
+}

@@ -1,0 +1,44 @@
+//! The named maps as knots, sampled from matplotlib's 256-entry tables (viridis, plasma, inferno, magma: van der Walt and
+//! Smith 2015; cividis: Nuñez, Anderton and Renslow 2018; turbo: Mikhailov 2019).
+//!
+//! Each knot is `0xIIRRGGBB`: the index of the 256-entry table, then the colour in 8 bits. Linear between knots, they stay
+//! within 0.0042 of every entry of the table in every channel (knots chosen by dynamic programming for that bound).
+
+#[rustfmt::skip]
+pub(super) const VIRIDIS: [u32; 16] = [
+    0x00440154, 0x13481c6e, 0x2346307e, 0x373f4889, 0x592f6c8e, 0x7d218e8d, 0x8f1f9f88, 0x9a23a983, 0xa62fb47c,
+    0xb548c16e, 0xc569cd5b, 0xdda5db36, 0xeccde11d, 0xf3dfe318, 0xf9efe51c, 0xfffde725,
+];
+
+#[rustfmt::skip]
+pub(super) const PLASMA: [u32; 15] = [
+    0x000d0887, 0x0720068f, 0x1c46039f, 0x326900a8, 0x407e03a8, 0x4e920fa3, 0x68b32c8e, 0x8ad5536f, 0xaff07f4f,
+    0xcbfca537, 0xe0fdc527, 0xeef9dc24, 0xfbf2f227, 0xfef0f724, 0xfff0f921,
+];
+
+#[rustfmt::skip]
+pub(super) const INFERNO: [u32; 20] = [
+    0x00000004, 0x0502020c, 0x0e09061f, 0x1b190c3e, 0x282f0a5b, 0x33420a68, 0x435c126e, 0x587d1e6d, 0x6ea02a63,
+    0x86c43c4e, 0x9bdf5337, 0xaff1711f, 0xc2fa9207, 0xc9fc9f07, 0xd1fcae12, 0xdff9c932, 0xe9f4dd4f, 0xf3f1ef75,
+    0xfbf6fa96, 0xfffcffa4,
+];
+
+#[rustfmt::skip]
+pub(super) const MAGMA: [u32; 16] = [
+    0x00000004, 0x0602020d, 0x140e0b2b, 0x25241253, 0x3036106b, 0x3a471078, 0x4b621980, 0x69912b81, 0x85bf3a77,
+    0x99de4968, 0xaaf1605d, 0xb6f8765c, 0xc3fc8e64, 0xd5feb078, 0xeffde0a1, 0xfffcfdbf,
+];
+
+#[rustfmt::skip]
+pub(super) const CIVIDIS: [u32; 15] = [
+    0x0000224e, 0x14003070, 0x17013271, 0x1c123570, 0x25233c6e, 0x393c4a6c, 0x5c5e626e, 0x86828079, 0xaba69c74,
+    0xcbc7b767, 0xe5e4ce53, 0xf6f7de3e, 0xfbfde334, 0xfefee636, 0xfffee838,
+];
+
+#[rustfmt::skip]
+pub(super) const TURBO: [u32; 29] = [
+    0x0030123b, 0x0738276d, 0x104040a2, 0x184456c7, 0x1f4669e0, 0x254778f0, 0x2b4687fb, 0x314196ff, 0x3837a8fa,
+    0x4028bceb, 0x4a1ad2d2, 0x5118dec0, 0x561ce6b4, 0x5c27eea4, 0x643ff68a, 0x7171fe5f, 0x7b96fe44, 0x83acfb38,
+    0x8bc1f334, 0x99e1dd37, 0xa4f4c73a, 0xabfbb838, 0xb7fe992c, 0xc3f9751d, 0xd0eb500e, 0xded43305, 0xebb71d02,
+    0xf8920b01, 0xff7a0403,
+];

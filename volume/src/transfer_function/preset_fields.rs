@@ -1,0 +1,151 @@
+//! The fields of a ParaView preset, checked one by one; errors name the JSON path.
+
+use serde_json::{Map, Value};
+
+use super::color_space::ColorSpace;
+use super::preset::{MAX_BYTES, MAX_NODES};
+use super::resample::Node;
+use super::{MAX_X, TransferFunctionError};
+
+/// What is wrong with a preset.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PresetErrorKind {
+    #[error("{bytes} bytes are too many for a preset (at most {MAX_BYTES}); keep one preset in a file")]
+    TooLong { bytes: usize },
+    #[error("malformed JSON at line {line}, column {column}: {error}")]
+    Json { line: usize, column: usize, error: String },
+    #[error("{path}: {problem}")]
+    Field { path: String, problem: String },
+    #[error("cannot rescale to {lo},{hi}: --transfer-function-range needs two finite numbers, the lower first")]
+    Range { lo: f64, hi: f64 },
+    #[error(transparent)]
+    Function(#[from] TransferFunctionError),
+}
+
+impl PresetErrorKind {
+    pub(super) fn json(error: serde_json::Error) -> Self {
+        let (line, column) = (error.line(), error.column());
+        let text = error.to_string();
+        Self::Json { line, column, error: text.split(" at line ").next().unwrap_or_default().to_owned() }
+    }
+}
+
+fn wrong(path: impl Into<String>, problem: impl Into<String>) -> PresetErrorKind {
+    PresetErrorKind::Field { path: path.into(), problem: problem.into() }
+}
+
+/// The type of a value, in words.
+fn kind(value: &Value) -> &'static str {
+    match value {
+        Value::Null => "null",
+        Value::Bool(_) => "true or false",
+        Value::Number(_) => "a number",
+        Value::String(_) => "a string",
+        Value::Array(_) => "a list",
+        Value::Object(_) => "an object",
+    }
+}
+
+/// The first preset of a list, or the bare preset, with its path.
+pub(super) fn first_preset(root: &Value) -> Result<(String, &Map<String, Value>), PresetErrorKind> {
+    match root {
+        Value::Object(preset) => Ok((String::from("$"), preset)),
+        Value::Array(list) => match list.first() {
+            Some(Value::Object(preset)) => Ok((String::from("[0]"), preset)),
+            Some(other) => Err(wrong("[0]", format!("a preset is an object, not {}", kind(other)))),
+            None => Err(wrong("$", "the list holds no preset")),
+        },
+        other => Err(wrong("$", format!("a file holds a list of presets or one preset, not {}", kind(other)))),
+    }
+}
+
+pub(super) fn color_space(path: &str, preset: &Map<String, Value>) -> Result<ColorSpace, PresetErrorKind> {
+    let wrap = match preset.get("HSVWrap") {
+        None => false,
+        Some(Value::Bool(wrap)) => *wrap,
+        Some(Value::Number(n)) if n.as_f64() == Some(0.0) => false,
+        Some(Value::Number(n)) if n.as_f64() == Some(1.0) => true,
+        Some(other) => return Err(wrong(format!("{path}.HSVWrap"), format!("must be true, false, 0 or 1: {other}"))),
+    };
+    let path = format!("{path}.ColorSpace");
+    let name = match preset.get("ColorSpace") {
+        None => return Ok(ColorSpace::Rgb),
+        Some(Value::String(name)) => name,
+        Some(other) => return Err(wrong(path, format!("a colour space is a string, not {}", kind(other)))),
+    };
+    match name.to_ascii_lowercase().as_str() {
+        "rgb" => Ok(ColorSpace::Rgb),
+        "lab" | "cielab" => Ok(ColorSpace::Lab),
+        "hsv" => Ok(ColorSpace::Hsv { wrap }),
+        "diverging" => Ok(ColorSpace::Diverging),
+        "step" => Ok(ColorSpace::Step),
+        _ => Err(wrong(path, format!("{name:?} is not supported; there are RGB, Lab, HSV, Diverging and Step"))),
+    }
+}
+
+/// `RGBPoints`: x, r, g, b.
+pub(super) fn color_nodes(path: &str, preset: &Map<String, Value>) -> Result<Vec<Node<3>>, PresetErrorKind> {
+    if !preset.contains_key("RGBPoints") && preset.contains_key("IndexedColors") {
+        return Err(wrong(path, "a categorical preset (IndexedColors); use a continuous one, with RGBPoints"));
+    }
+    let quads = quads(path, "RGBPoints", ["r", "g", "b"], preset)?;
+    let quads = quads.ok_or_else(|| wrong(path, "has no RGBPoints: a list x, r, g, b, x, r, g, b, ... is needed"))?;
+    Ok(quads.into_iter().map(|[x, r, g, b]| Node { x, values: [r, g, b], midpoint: 0.5, sharpness: 0.0 }).collect())
+}
+
+/// `Points`: x, opacity, midpoint, sharpness; `None` where the preset has none.
+pub(super) fn opacity_nodes(path: &str, preset: &Map<String, Value>) -> Result<Option<Vec<Node<1>>>, PresetErrorKind> {
+    let quads = quads(path, "Points", ["opacity", "midpoint", "sharpness"], preset)?;
+    let node = |[x, opacity, midpoint, sharpness]: [f64; 4]| Node { x, values: [opacity], midpoint, sharpness };
+    Ok(quads.map(|quads| quads.into_iter().map(node).collect()))
+}
+
+/// A flat list of x and three fractions called `names`, x not decreasing.
+fn quads(
+    path: &str,
+    key: &str,
+    names: [&str; 3],
+    preset: &Map<String, Value>,
+) -> Result<Option<Vec<[f64; 4]>>, PresetErrorKind> {
+    let path = format!("{path}.{key}");
+    let list = match preset.get(key) {
+        // ParaView writes null for a preset that was saved without opacities.
+        None | Some(Value::Null) => return Ok(None),
+        Some(Value::Array(list)) => list,
+        Some(other) => return Err(wrong(path, format!("must be a list of numbers, not {}", kind(other)))),
+    };
+    let count = list.len();
+    if count == 0 {
+        return Err(wrong(path, "the list is empty: at least one point (4 numbers) is needed"));
+    }
+    if count % 4 != 0 {
+        let [a, b, c] = names;
+        return Err(wrong(path, format!("{count} numbers are no multiple of 4 (x, {a}, {b}, {c})")));
+    }
+    if count / 4 > MAX_NODES {
+        return Err(wrong(path, format!("{} points are more than {MAX_NODES}: thin the list out", count / 4)));
+    }
+    let mut quads: Vec<[f64; 4]> = Vec::with_capacity(count / 4);
+    for (i, four) in list.chunks_exact(4).enumerate() {
+        let mut quad = [0.0; 4];
+        for (k, (slot, value)) in quad.iter_mut().zip(four).enumerate() {
+            let at = || format!("{path}[{}]", 4 * i + k);
+            let number = value.as_f64().ok_or_else(|| wrong(at(), format!("not a number but {}", kind(value))))?;
+            if k == 0 && number.abs() > MAX_X {
+                return Err(wrong(at(), format!("x = {number:e} is beyond +-{MAX_X:e}")));
+            }
+            if k > 0 && !(0.0..=1.0).contains(&number) {
+                return Err(wrong(at(), format!("{} = {number} must lie between 0 and 1", names[k - 1])));
+            }
+            *slot = number;
+        }
+        if let Some(before) = quads.last()
+            && quad[0] < before[0]
+        {
+            let problem = format!("x = {} is less than the x before it ({}): sort the points by x", quad[0], before[0]);
+            return Err(wrong(format!("{path}[{}]", 4 * i), problem));
+        }
+        quads.push(quad);
+    }
+    Ok(Some(quads))
+}

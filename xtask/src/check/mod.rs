@@ -1,0 +1,23 @@
+//! The checks, one file each.
+
+mod documents;
+mod file_length;
+mod machine_paths;
+mod manifests;
+mod names;
+mod shaders;
+
+use crate::tree::Tree;
+
+pub(crate) struct Check {
+    pub(crate) name: &'static str,
+    /// What holds where the check passes.
+    pub(crate) law: &'static str,
+    /// What to do where it fails.
+    pub(crate) remedy: &'static str,
+    /// One line a problem.
+    pub(crate) run: fn(&Tree) -> anyhow::Result<Vec<String>>,
+}
+
+pub(crate) const ALL: [Check; 6] =
+    [manifests::CHECK, names::CHECK, shaders::CHECK, documents::CHECK, machine_paths::CHECK, file_length::CHECK];
