@@ -46,6 +46,10 @@ impl Tolerance {
     /// f32 sums, cut by early termination at 0.999 (a quarter of a step) and rounded to f16 (an eighth).
     pub const OTHER_BRICKS: Self = Self { max: 1.0 / 255.0, mean: 0.05 / 255.0, outlier_share: 0.0 };
 
+    /// Transfer functions steeper than 4 read by a sampler with weights of 8 bits: a weight off by 1/512 times the slope is
+    /// seen where a surface passes, so only few pixels may show it, and the whole must not shift by a step.
+    pub const STEEP_HARDWARE_FILTER: Self = Self { max: 2.0 / 255.0, mean: 1.0 / 255.0, outlier_share: 0.01 };
+
     /// The same f64 arithmetic, summed in another order.
     pub const SAME_ARITHMETIC: Self = Self { max: 1e-11, mean: 1e-12, outlier_share: 0.0 };
 }

@@ -33,6 +33,7 @@ pub struct Loaded<'a> {
     geometry: Geometry,
     /// In the grid's linear order.
     bricks: Vec<Arc<dyn ResidentBrick>>,
+    filter: Filter,
 }
 
 /// Opens a kernel once per process; `Err` says why there is none.
@@ -92,10 +93,16 @@ pub fn load<'a>(raycaster: &'a dyn Raycaster, scene: &Scene, brick_size: u32) ->
         let owned = grid.owned_box(brick);
         raycaster.upload(owned, &cut(&scene.codes, volume.dims, owned, GHOST_SAMPLED)).unwrap()
     };
-    Loaded { raycaster, grid, geometry, bricks: grid.bricks().map(upload).collect() }
+    Loaded { raycaster, grid, geometry, bricks: grid.bricks().map(upload).collect(), filter: Filter::default() }
 }
 
 impl Loaded<'_> {
+    /// The same bricks, read through another filter than the default.
+    #[must_use]
+    pub fn with_filter(self, filter: Filter) -> Self {
+        Self { filter, ..self }
+    }
+
     /// The whole picture as one accumulator through all bricks, and the samples taken.
     ///
     /// # Panics
@@ -124,7 +131,7 @@ impl Loaded<'_> {
             view,
             table: Arc::new(table),
             early_termination: truth.early_termination as f32,
-            filter: Filter::default(),
+            filter: self.filter,
         };
         let mut images = self.raycaster.render(&kernel_scene, &[Job { bricks, rect }]).unwrap();
         assert_eq!(images.len(), 1, "one job, one image");

@@ -275,6 +275,19 @@ pub fn prime_picture(step: f64) -> Scene {
     SKEW.scene("prime by prime from the pole", codes, camera, [61, 47], step)
 }
 
+/// Opacity and colour jump within a hundredth of the range (slopes of 50 and more): what the exact filter is for.
+#[must_use]
+pub fn steep(step: f64) -> Scene {
+    let mut scene = oblique(step);
+    scene.name = format!("steep, step {step}");
+    let at = |v: f64| RANGE.0 + (RANGE.1 - RANGE.0) * v;
+    scene.truth.transfer = Transfer {
+        colors: vec![(at(0.5), [0.1, 0.4, 0.9]), (at(0.51), [0.9, 0.6, 0.1])],
+        opacities: vec![(at(0.3), 0.0), (at(0.31), 0.5), (at(0.32), 0.02), (at(0.6), 0.02), (at(0.61), 0.6)],
+    };
+    scene
+}
+
 /// A scene whose box is wholly behind the eye.
 #[must_use]
 pub fn behind_the_eye() -> Scene {

@@ -5,6 +5,7 @@ use brickcast_tests::product::{self, Backend};
 use brickcast_tests::referee;
 use brickcast_tests::scenes;
 use brickcast_volume::PixelRect;
+use brickcast_volume::scene::Filter;
 
 const BRICK_SIZES: [u32; 3] = [8, 16, 64];
 
@@ -74,6 +75,38 @@ fn gpu_agrees_at_a_whole_step() {
 #[test]
 fn gpu_agrees_at_two_steps() {
     check_all(Backend::Gpu, 2.0);
+}
+
+/// The exact filter keeps the maximum bounds for any slope; the hardware's keeps the mean.
+#[test]
+fn steep_transfer_functions_agree_through_either_filter() {
+    for backend in Backend::ALL {
+        let Some(raycaster) = product::raycaster(backend, "steep transfer functions") else { continue };
+        for step in [0.5, 1.0] {
+            let scene = scenes::steep(step);
+            let truth = referee::render(&scene.truth);
+            let excused = scene.excused(&truth);
+            for (filter, tolerance) in
+                [(Filter::Exact, Tolerance::GPU_AGAINST_TWIN), (Filter::Hardware, Tolerance::STEEP_HARDWARE_FILTER)]
+            {
+                let (picture, _) = product::load(raycaster, &scene, 16).with_filter(filter).render(&scene);
+                let what = format!("{backend:?}, {filter:?}, {}", scene.name);
+                let d = assert_within_where(&what, &truth.picture, &picture, &tolerance, |i| !excused[i]);
+                eprintln!("{what}: {d}");
+            }
+        }
+    }
+}
+
+/// Directly, not only by way of the referee.
+#[test]
+fn gpu_and_cpu_agree() {
+    let [Some(cpu), Some(gpu)] = Backend::ALL.map(|b| product::raycaster(b, "gpu against cpu")) else { return };
+    for scene in scenes::all(0.5).into_iter().chain(scenes::all(2.0)) {
+        let excused = scene.excused(&referee::render(&scene.truth));
+        let [(a, _), (b, _)] = [cpu, gpu].map(|raycaster| product::load(raycaster, &scene, 16).render(&scene));
+        assert_within_where(&scene.name, &a, &b, &Tolerance::GPU_AGAINST_TWIN, |i| !excused[i]);
+    }
 }
 
 /// Early termination may cost what is left behind an opacity of 0.999, and must stop at it: a threshold of a half is seen.
