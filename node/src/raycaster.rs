@@ -6,7 +6,10 @@ use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::store::BrickVoxels;
 use brickcast_volume::transfer_function::TransferTable;
-use brickcast_volume::{PixelRect, Premul, View};
+use brickcast_volume::{PixelRect, Premul, StoredBox, View};
+
+use crate::cpu::CpuRaycaster;
+use crate::gpu::{GpuError, GpuOptions, GpuRaycaster};
 
 /// What a kernel needs to know of a frame.
 #[derive(Debug, Clone)]
@@ -42,10 +45,44 @@ pub struct JobImage {
     pub samples: Vec<u64>,
 }
 
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RaycastError {
-    #[error("{0}")]
-    Todo(String),
+    #[error("a brick's stored box of {dims:?} voxels came with {got} codes in place of {want}")]
+    VoxelCount { dims: [u32; 3], got: usize, want: u64 },
+    #[error(
+        "a brick's stored box {stored:?} must reach one voxel beyond its owned box {owned:?} on every side: read it with a \
+         ghost layer of at least 1"
+    )]
+    MissingGhost { owned: OwnedBox, stored: StoredBox },
+    #[error(
+        "a brick of {dims:?} voxels (ghost layers included) exceeds the {max} per axis of the adapter's 3D textures; \
+         prepare the store with a smaller --brick, or use --backend cpu"
+    )]
+    BrickTooLarge { dims: [u32; 3], max: u32 },
+    #[error("a job's rectangle {rect:?} reaches beyond the picture of {width}x{height}")]
+    RectOutsidePicture { rect: PixelRect, width: u32, height: u32 },
+    #[error("a transfer function table of {entries} entries: between 2 and {max} are needed")]
+    TableSize { entries: usize, max: u32 },
+    #[error("a brick that another backend uploaded was given to the {backend} raycaster: upload it there first")]
+    ForeignBrick { backend: &'static str },
+    #[error("out of memory for {what} ({bytes} bytes); lower --memory-budget or the picture's size")]
+    OutOfMemory { what: &'static str, bytes: u64 },
+    #[error("the GPU device was lost ({reason}); restart the node, or use --backend cpu")]
+    DeviceLost { reason: String },
+    #[error(
+        "the GPU did not finish {what} within {seconds} s; the driver may hang: restart the node, or use --backend cpu"
+    )]
+    Timeout { what: &'static str, seconds: u64 },
+    #[error("the GPU refused {what}: {reason}")]
+    Gpu { what: &'static str, reason: String },
+}
+
+impl RaycastError {
+    /// True where the same call may succeed later on this very raycaster (memory may have been freed).
+    #[must_use]
+    pub fn is_retryable(&self) -> bool {
+        matches!(self, Self::OutOfMemory { .. })
+    }
 }
 
 /// Who renders.
@@ -57,6 +94,7 @@ pub struct BackendInfo {
     pub adapter: String,
     /// Fallbacks taken at start-up, in words for the user.
     pub notes: Vec<String>,
+    /// Processor threads that render; 1 where a real GPU does.
     pub threads: u32,
 }
 
@@ -82,4 +120,73 @@ pub trait Raycaster: Send + Sync + std::fmt::Debug {
     /// # Errors
     /// Out of memory, device lost.
     fn render(&self, scene: &KernelScene, jobs: &[Job]) -> Result<Vec<JobImage>, RaycastError>;
+}
+
+/// Which backend the user asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BackendChoice {
+    /// The GPU, or the CPU where there is none, saying why.
+    #[default]
+    Auto,
+    Gpu,
+    Cpu,
+}
+
+/// Opens the backend that `choice` names; the adapter is chosen as [`GpuOptions::from_env`] says.
+///
+/// # Errors
+/// Only for [`BackendChoice::Gpu`]: no adapter, or one that cannot be used.
+pub fn open(choice: BackendChoice) -> Result<Arc<dyn Raycaster>, GpuError> {
+    let gpu = || GpuRaycaster::new(GpuOptions::from_env());
+    match choice {
+        BackendChoice::Cpu => Ok(Arc::new(CpuRaycaster::new())),
+        BackendChoice::Gpu => Ok(Arc::new(gpu()?)),
+        BackendChoice::Auto => match gpu() {
+            Ok(raycaster) => Ok(Arc::new(raycaster)),
+            Err(error) => Ok(Arc::new(CpuRaycaster::with_note(format!("rendering on the CPU: {error}")))),
+        },
+    }
+}
+
+/// What both backends demand of a brick.
+pub(crate) fn check_brick(owned: &OwnedBox, voxels: &BrickVoxels) -> Result<(), RaycastError> {
+    let stored = voxels.stored;
+    let needed = owned.stored(brickcast_volume::brick::GHOST_SAMPLED);
+    if stored.lo.cmpgt(needed.lo).any() || stored.hi.cmplt(needed.hi).any() {
+        return Err(RaycastError::MissingGhost { owned: *owned, stored });
+    }
+    let want = stored.voxel_count();
+    if voxels.codes.len() as u64 != want {
+        return Err(RaycastError::VoxelCount { dims: stored.dims().into(), got: voxels.codes.len(), want });
+    }
+    Ok(())
+}
+
+/// What both backends demand of a call.
+pub(crate) fn check_jobs(scene: &KernelScene, jobs: &[Job], max_entries: u32) -> Result<(), RaycastError> {
+    let entries = scene.table.entries.len();
+    if entries < 2 || entries > max_entries as usize {
+        return Err(RaycastError::TableSize { entries, max: max_entries });
+    }
+    let size = scene.view.size();
+    let full = size.full_rect();
+    match jobs.iter().find(|job| !job.rect.is_empty() && job.rect.intersect(&full) != job.rect) {
+        Some(job) => {
+            let (width, height) = (size.width(), size.height());
+            Err(RaycastError::RectOutsidePicture { rect: job.rect, width, height })
+        }
+        None => Ok(()),
+    }
+}
+
+/// A cleared accumulator.
+pub(crate) fn new_pixels(rect: &PixelRect) -> Result<Vec<Premul>, RaycastError> {
+    let count = rect.pixel_count();
+    let mut pixels = Vec::new();
+    if pixels.try_reserve_exact(count).is_err() {
+        let bytes = (count * size_of::<Premul>()) as u64;
+        return Err(RaycastError::OutOfMemory { what: "an accumulator", bytes });
+    }
+    pixels.resize(count, Premul::CLEAR);
+    Ok(pixels)
 }

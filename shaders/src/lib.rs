@@ -1,1 +1,43 @@
-//! stub
+//! The WGSL kernels, their Rust-side layouts, and a CPU twin of every kernel.
+//!
+//! Kernels are concatenated from `wgsl/` (no module system: under ten kernels need none). A twin has its kernel's name and
+//! order of operations, so that the two can be read side by side.
+
+pub mod layout;
+pub mod twin;
+
+pub use layout::{BrickUniform, FrameUniform};
+
+/// Pixels that a workgroup of the raycast kernel covers, per axis.
+pub const WORKGROUP_PIXELS: u32 = 16;
+
+/// How the raycast kernel reads volume and transfer function.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum RaycastVariant {
+    /// The adapter's linear filters; needs filterable textures.
+    Hardware,
+    /// Loads and own interpolation: no 8-bit weights, and textures need not be filterable.
+    Exact,
+}
+
+/// The raycast kernel; entry point `raycast`.
+#[must_use]
+pub fn raycast_wgsl(variant: RaycastVariant) -> String {
+    let read = match variant {
+        RaycastVariant::Hardware => include_str!("../wgsl/shared/read_hardware.wgsl"),
+        RaycastVariant::Exact => include_str!("../wgsl/shared/read_exact.wgsl"),
+    };
+    [
+        include_str!("../wgsl/shared/layout.wgsl"),
+        include_str!("../wgsl/shared/ray.wgsl"),
+        read,
+        include_str!("../wgsl/raycast.wgsl"),
+    ]
+    .concat()
+}
+
+/// The start-up self-test of the adapter's filter; entry point `filter_probe`.
+#[must_use]
+pub fn filter_probe_wgsl() -> &'static str {
+    include_str!("../wgsl/filter_probe.wgsl")
+}

@@ -1,0 +1,232 @@
+//! Finding an adapter, opening it, and noticing when it fails: wgpu's errors become values here, never panics.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::mpsc::{self, TryRecvError};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use wgpu::{Adapter, Backend, Backends, DeviceType};
+
+use super::{GpuError, GpuOptions};
+use crate::raycaster::RaycastError;
+
+/// An open adapter.
+#[derive(Debug)]
+pub(super) struct Gpu {
+    pub(super) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+    pub(super) limits: wgpu::Limits,
+    /// Name, driver and backend.
+    pub(super) name: String,
+    /// The processor plays GPU (lavapipe, WARP).
+    pub(super) is_software: bool,
+    pub(super) has_norm16: bool,
+    timeout: Duration,
+    fault: Arc<Mutex<Option<RaycastError>>>,
+}
+
+/// Invocations of the raycast kernel's workgroup.
+const WORKGROUP: u32 = brickcast_shaders::WORKGROUP_PIXELS * brickcast_shaders::WORKGROUP_PIXELS;
+
+impl Gpu {
+    pub(super) fn open(options: &GpuOptions) -> Result<Self, GpuError> {
+        let adapter = choose(options.adapter.as_deref())?;
+        let info = adapter.get_info();
+        let name = describe(&adapter);
+        let has_norm16 = adapter.features().contains(wgpu::Features::TEXTURE_FORMAT_16BIT_NORM);
+        let required_features =
+            if has_norm16 { wgpu::Features::TEXTURE_FORMAT_16BIT_NORM } else { wgpu::Features::empty() };
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("brickcast"),
+            required_features,
+            // wgpu's defaults are far below what adapters can do.
+            required_limits: adapter.limits(),
+            ..Default::default()
+        };
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
+            .map_err(|e| GpuError::Open { adapter: name.clone(), reason: e.to_string() })?;
+        let fault = Arc::new(Mutex::new(None));
+        let keep_first = |fault: &Mutex<Option<RaycastError>>, error: RaycastError| {
+            fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+        };
+        let uncaptured = fault.clone();
+        device.on_uncaptured_error(Arc::new(move |e| keep_first(&uncaptured, from_wgpu("a command", 0, &e))));
+        let lost = fault.clone();
+        device.set_device_lost_callback(move |reason, message| {
+            keep_first(&lost, RaycastError::DeviceLost { reason: format!("{reason:?}: {message}") });
+        });
+        Ok(Self {
+            limits: device.limits(),
+            device,
+            queue,
+            name,
+            is_software: info.device_type == DeviceType::Cpu,
+            has_norm16,
+            timeout: options.timeout,
+            fault,
+        })
+    }
+
+    /// Runs `work`, which creates or records something of `bytes` bytes, and returns what wgpu said of it.
+    pub(super) fn guarded<T>(
+        &self,
+        what: &'static str,
+        bytes: u64,
+        work: impl FnOnce() -> T,
+    ) -> Result<T, RaycastError> {
+        self.check()?;
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
+        let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let value = work();
+        let errors = [validation.pop(), internal.pop()].map(pollster::block_on);
+        let out_of_memory = pollster::block_on(memory.pop());
+        match [out_of_memory].into_iter().chain(errors).flatten().next() {
+            Some(error) => Err(self.fault().unwrap_or_else(|| from_wgpu(what, bytes, &error))),
+            None => self.check().map(|()| value),
+        }
+    }
+
+    /// What went wrong outside a guard. A lost device stays lost; other faults are reported once.
+    fn check(&self) -> Result<(), RaycastError> {
+        self.fault().map_or(Ok(()), Err)
+    }
+
+    fn fault(&self) -> Option<RaycastError> {
+        let mut fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*fault {
+            Some(RaycastError::DeviceLost { .. }) => fault.clone(),
+            _ => fault.take(),
+        }
+    }
+
+    /// Waits until the submission is done, but never longer than the timeout.
+    pub(super) fn wait(&self, what: &'static str, submission: wgpu::SubmissionIndex) -> Result<(), RaycastError> {
+        self.poll(what, wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(self.timeout) })
+    }
+
+    fn poll(&self, what: &'static str, poll: wgpu::PollType) -> Result<(), RaycastError> {
+        // wgpu 30 panics when a device is lost while it is polled; there is no other way to ask.
+        match catch_unwind(AssertUnwindSafe(|| self.device.poll(poll))) {
+            Ok(Ok(_)) => self.check(),
+            Ok(Err(wgpu::PollError::Timeout)) => {
+                Err(RaycastError::Timeout { what, seconds: self.timeout.as_secs().max(1) })
+            }
+            Ok(Err(error)) => Err(RaycastError::Gpu { what, reason: error.to_string() }),
+            Err(_) => {
+                let lost = RaycastError::DeviceLost { reason: format!("wgpu gave up while waiting for {what}") };
+                let mut fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
+                Err(fault.get_or_insert(lost).clone())
+            }
+        }
+    }
+
+    /// Maps the buffer's first `bytes` bytes, hands them to `read`, and unmaps.
+    pub(super) fn read<T>(
+        &self,
+        what: &'static str,
+        buffer: &wgpu::Buffer,
+        bytes: u64,
+        read: impl FnOnce(&[u8]) -> T,
+    ) -> Result<T, RaycastError> {
+        let refused = |reason: String| RaycastError::Gpu { what, reason };
+        let slice = buffer.slice(..bytes);
+        let (send, receive) = mpsc::channel();
+        self.guarded(what, bytes, || {
+            // The receiver may be gone after a timeout; nobody is left to tell then.
+            slice.map_async(wgpu::MapMode::Read, move |result| drop(send.send(result)));
+        })?;
+        let deadline = Instant::now() + self.timeout;
+        loop {
+            match receive.try_recv() {
+                Ok(Ok(())) => break,
+                Ok(Err(error)) => return Err(refused(error.to_string())),
+                Err(TryRecvError::Disconnected) => return Err(refused("the mapping was dropped".to_owned())),
+                Err(TryRecvError::Empty) if Instant::now() > deadline => {
+                    return Err(RaycastError::Timeout { what, seconds: self.timeout.as_secs().max(1) });
+                }
+                Err(TryRecvError::Empty) => {
+                    let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(self.timeout) };
+                    self.poll(what, wait)?;
+                }
+            }
+        }
+        let value = slice.get_mapped_range().map(|view| read(&view)).map_err(|e| refused(e.to_string()));
+        buffer.unmap();
+        value
+    }
+}
+
+fn from_wgpu(what: &'static str, bytes: u64, error: &wgpu::Error) -> RaycastError {
+    match error {
+        wgpu::Error::OutOfMemory { .. } => RaycastError::OutOfMemory { what, bytes },
+        other => RaycastError::Gpu { what, reason: other.to_string() },
+    }
+}
+
+/// The best adapter whose description holds `wanted` (any case): real GPUs before software, Vulkan, Metal and DX12 before
+/// GL.
+fn choose(wanted: Option<&str>) -> Result<Adapter, GpuError> {
+    let mut found = Vec::new();
+    // GL is only asked where nothing else answers: opening it on a machine without a display is slow and noisy.
+    for backends in [Backends::PRIMARY, Backends::GL] {
+        if !wgpu::Instance::enabled_backend_features().intersects(backends) {
+            continue;
+        }
+        let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
+            backends,
+            flags: wgpu::InstanceFlags::empty(),
+            ..wgpu::InstanceDescriptor::new_without_display_handle()
+        });
+        let mut adapters = pollster::block_on(instance.enumerate_adapters(backends));
+        found.extend(adapters.iter().map(describe));
+        adapters.retain(|a| can_compute(a) && wanted.is_none_or(|w| contains(&describe(a), w)));
+        if let Some(best) = adapters.into_iter().min_by_key(rank) {
+            return Ok(best);
+        }
+    }
+    match (wanted, found.is_empty()) {
+        (_, true) => Err(GpuError::NoAdapter),
+        (Some(wanted), _) => Err(GpuError::NoSuchAdapter { wanted: wanted.to_owned(), found: found.join("; ") }),
+        (None, _) => Err(GpuError::NoCompute { found: found.join("; ") }),
+    }
+}
+
+fn contains(text: &str, part: &str) -> bool {
+    text.to_lowercase().contains(&part.to_lowercase())
+}
+
+fn can_compute(adapter: &Adapter) -> bool {
+    let limits = adapter.limits();
+    adapter.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::COMPUTE_SHADERS)
+        && limits.max_compute_invocations_per_workgroup >= WORKGROUP
+        && limits.max_storage_buffers_per_shader_stage >= 2
+        && limits.max_storage_buffer_binding_size >= super::plan::MIN_ACCUMULATOR_BYTES
+        && limits.max_bind_groups >= 3
+}
+
+fn rank(adapter: &Adapter) -> u32 {
+    match adapter.get_info().device_type {
+        DeviceType::DiscreteGpu => 0,
+        DeviceType::IntegratedGpu => 1,
+        DeviceType::VirtualGpu => 2,
+        DeviceType::Other => 3,
+        DeviceType::Cpu => 4,
+    }
+}
+
+fn describe(adapter: &Adapter) -> String {
+    let info = adapter.get_info();
+    let driver = format!("{} {}", info.driver, info.driver_info);
+    let backend = match info.backend {
+        Backend::Vulkan => "Vulkan",
+        Backend::Metal => "Metal",
+        Backend::Dx12 => "DirectX 12",
+        Backend::Gl => "OpenGL",
+        _ => "other",
+    };
+    match driver.trim() {
+        "" => format!("{} ({backend})", info.name),
+        driver => format!("{} ({backend}, {driver})", info.name),
+    }
+}

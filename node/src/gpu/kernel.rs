@@ -1,0 +1,198 @@
+//! The raycast pipelines and what they bind: group 0 the frame, group 1 the accumulator and the dispatch, group 2 a brick.
+
+use std::num::NonZeroU64;
+
+use brickcast_shaders::{BrickUniform, FrameUniform, RaycastVariant, raycast_wgsl};
+use brickcast_volume::transfer_function::TransferTable;
+use half::f16;
+use wgpu::{BindGroupLayoutEntry, BindingType, BufferBindingType, TextureFormat, TextureSampleType};
+
+use super::device::Gpu;
+use crate::raycaster::RaycastError;
+
+/// Pipeline and frame layout of one variant.
+#[derive(Debug)]
+struct Kernel {
+    frame_layout: wgpu::BindGroupLayout,
+    pipeline: wgpu::ComputePipeline,
+}
+
+/// Pipelines of both variants; the hardware one only where voxels can be filtered.
+#[derive(Debug)]
+pub(super) struct Kernels {
+    hardware: Option<Kernel>,
+    exact: Kernel,
+    dispatch_layout: wgpu::BindGroupLayout,
+    pub(super) volume_layout: wgpu::BindGroupLayout,
+    sampler: wgpu::Sampler,
+    pub(super) voxel_format: TextureFormat,
+}
+
+pub(super) const FRAME_BYTES: u64 = size_of::<FrameUniform>() as u64;
+pub(super) const DISPATCH_BYTES: u64 = size_of::<BrickUniform>() as u64;
+
+fn entry(binding: u32, ty: BindingType) -> BindGroupLayoutEntry {
+    BindGroupLayoutEntry { binding, visibility: wgpu::ShaderStages::COMPUTE, ty, count: None }
+}
+
+fn uniform(bytes: u64, has_dynamic_offset: bool) -> BindingType {
+    BindingType::Buffer { ty: BufferBindingType::Uniform, has_dynamic_offset, min_binding_size: NonZeroU64::new(bytes) }
+}
+
+fn storage(read_only: bool) -> BindingType {
+    let ty = BufferBindingType::Storage { read_only };
+    BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
+}
+
+fn texture(view_dimension: wgpu::TextureViewDimension, filterable: bool) -> BindingType {
+    BindingType::Texture { sample_type: TextureSampleType::Float { filterable }, view_dimension, multisampled: false }
+}
+
+fn layout(gpu: &Gpu, label: &str, entries: &[BindGroupLayoutEntry]) -> wgpu::BindGroupLayout {
+    gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
+}
+
+/// Linear between texel centres, clamped at the edge.
+pub(super) fn linear_sampler(gpu: &Gpu) -> wgpu::Sampler {
+    gpu.device.create_sampler(&wgpu::SamplerDescriptor {
+        label: Some("linear, clamped"),
+        mag_filter: wgpu::FilterMode::Linear,
+        min_filter: wgpu::FilterMode::Linear,
+        ..Default::default()
+    })
+}
+
+impl Kernels {
+    /// `norm16`: voxels are R16Unorm, else R32Float. `exact_only`: no hardware variant.
+    pub(super) fn new(gpu: &Gpu, norm16: bool, exact_only: bool) -> Result<Self, RaycastError> {
+        gpu.guarded("the raycast kernels", 0, || {
+            let volume = texture(wgpu::TextureViewDimension::D3, norm16);
+            let volume_layout = layout(gpu, "brick", &[entry(0, volume)]);
+            let dispatch_layout = layout(
+                gpu,
+                "dispatch",
+                &[entry(0, uniform(DISPATCH_BYTES, true)), entry(1, storage(false)), entry(2, storage(false))],
+            );
+            let build = |variant| Kernel::new(gpu, variant, &dispatch_layout, &volume_layout);
+            Self {
+                hardware: (!exact_only).then(|| build(RaycastVariant::Hardware)),
+                exact: build(RaycastVariant::Exact),
+                dispatch_layout,
+                volume_layout,
+                sampler: linear_sampler(gpu),
+                voxel_format: if norm16 { TextureFormat::R16Unorm } else { TextureFormat::R32Float },
+            }
+        })
+    }
+
+    pub(super) fn voxel_bytes(&self) -> u64 {
+        if self.voxel_format == TextureFormat::R16Unorm { 2 } else { 4 }
+    }
+
+    fn kernel(&self, variant: RaycastVariant) -> &Kernel {
+        match (variant, &self.hardware) {
+            (RaycastVariant::Hardware, Some(kernel)) => kernel,
+            _ => &self.exact,
+        }
+    }
+
+    pub(super) fn pipeline(&self, variant: RaycastVariant) -> &wgpu::ComputePipeline {
+        &self.kernel(variant).pipeline
+    }
+
+    /// Group 0: the frame's uniform and its transfer function, half floats for the filter and full ones for loads.
+    pub(super) fn bind_frame(
+        &self,
+        gpu: &Gpu,
+        variant: RaycastVariant,
+        frame: &wgpu::Buffer,
+        table: &TransferTable,
+    ) -> wgpu::BindGroup {
+        let filtered = variant == RaycastVariant::Hardware && self.hardware.is_some();
+        let (format, bytes) = if filtered {
+            let halves: Vec<[f16; 4]> = table.entries.iter().map(|e| e.map(f16::from_f32)).collect();
+            (TextureFormat::Rgba16Float, bytemuck::cast_slice(&halves).to_vec())
+        } else {
+            (TextureFormat::Rgba32Float, bytemuck::cast_slice(&table.entries).to_vec())
+        };
+        let size = wgpu::Extent3d { width: table.entries.len() as u32, height: 1, depth_or_array_layers: 1 };
+        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some("transfer function"),
+            size,
+            mip_level_count: 1,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+            view_formats: &[],
+        });
+        let rows = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: None, rows_per_image: None };
+        gpu.queue.write_texture(texture.as_image_copy(), &bytes, rows, size);
+        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+        let entries = [
+            wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() },
+            wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(&view) },
+            wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::Sampler(&self.sampler) },
+        ];
+        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("frame"),
+            layout: &self.kernel(variant).frame_layout,
+            entries: if filtered { &entries } else { &entries[..2] },
+        })
+    }
+
+    /// Group 1: one dispatch's uniform (at a dynamic offset), the accumulator and the counters.
+    pub(super) fn bind_dispatch(
+        &self,
+        gpu: &Gpu,
+        dispatches: &wgpu::Buffer,
+        accumulator: &wgpu::Buffer,
+        counters: &wgpu::Buffer,
+    ) -> wgpu::BindGroup {
+        let uniform = wgpu::BufferBinding { buffer: dispatches, offset: 0, size: NonZeroU64::new(DISPATCH_BYTES) };
+        gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("dispatch"),
+            layout: &self.dispatch_layout,
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::Buffer(uniform) },
+                wgpu::BindGroupEntry { binding: 1, resource: accumulator.as_entire_binding() },
+                wgpu::BindGroupEntry { binding: 2, resource: counters.as_entire_binding() },
+            ],
+        })
+    }
+}
+
+impl Kernel {
+    fn new(
+        gpu: &Gpu,
+        variant: RaycastVariant,
+        dispatch_layout: &wgpu::BindGroupLayout,
+        volume_layout: &wgpu::BindGroupLayout,
+    ) -> Self {
+        let filtered = variant == RaycastVariant::Hardware;
+        let entries = [
+            entry(0, uniform(FRAME_BYTES, false)),
+            entry(1, texture(wgpu::TextureViewDimension::D2, filtered)),
+            entry(2, BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
+        ];
+        let frame_layout = layout(gpu, "frame", if filtered { &entries } else { &entries[..2] });
+        let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label: Some("raycast"),
+            bind_group_layouts: &[Some(&frame_layout), Some(dispatch_layout), Some(volume_layout)],
+            immediate_size: 0,
+        });
+        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label: Some("raycast"),
+            source: wgpu::ShaderSource::Wgsl(raycast_wgsl(variant).into()),
+        });
+        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label: Some("raycast"),
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some("raycast"),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
+        Self { frame_layout, pipeline }
+    }
+}

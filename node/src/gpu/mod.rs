@@ -1,0 +1,182 @@
+//! The raycaster on the GPU, through wgpu. Nothing outside this folder knows wgpu.
+
+mod device;
+mod filter_test;
+mod kernel;
+mod plan;
+mod readback;
+mod upload;
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use brickcast_shaders::RaycastVariant;
+use brickcast_volume::brick::OwnedBox;
+use brickcast_volume::scene::Filter;
+use brickcast_volume::store::BrickVoxels;
+use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction, TransferTable};
+use brickcast_volume::{Camera, Geometry, Orbit, PictureSize, View};
+use glam::UVec3;
+
+use crate::raycaster::{
+    BackendInfo, Job, JobImage, KernelScene, RaycastError, Raycaster, ResidentBrick, check_brick, check_jobs,
+};
+use device::Gpu;
+use kernel::Kernels;
+use readback::{Call, Scratch};
+
+/// How the adapter is chosen and used.
+#[derive(Debug, Clone)]
+pub struct GpuOptions {
+    /// Part of the adapter's name, driver or backend, any case; `None` takes the best.
+    pub adapter: Option<String>,
+    /// Store voxels as R32Float even where R16Unorm is there (for tests of the fallback).
+    pub without_norm16: bool,
+    /// The longest wait for a piece of work that takes seconds on the slowest adapter.
+    pub timeout: Duration,
+    /// Most bytes of accumulators on the GPU at a time (as many again for reading back); clamped to the adapter's limits.
+    pub accumulator_bytes: u64,
+}
+
+impl Default for GpuOptions {
+    fn default() -> Self {
+        Self { adapter: None, without_norm16: false, timeout: Duration::from_secs(60), accumulator_bytes: 128 << 20 }
+    }
+}
+
+impl GpuOptions {
+    /// The default with the adapter that `BRICKCAST_ADAPTER` names, if set.
+    #[must_use]
+    pub fn from_env() -> Self {
+        let adapter = std::env::var("BRICKCAST_ADAPTER").ok().filter(|name| !name.trim().is_empty());
+        Self { adapter, ..Self::default() }
+    }
+}
+
+/// Why there is no GPU raycaster.
+#[derive(Debug, Clone, thiserror::Error)]
+pub enum GpuError {
+    #[error(
+        "no Vulkan, Metal, DirectX 12 or OpenGL driver found; install your GPU's driver, or mesa-vulkan-drivers for \
+         rendering in software"
+    )]
+    NoAdapter,
+    #[error("no adapter's description holds `{wanted}` (BRICKCAST_ADAPTER); found: {found}")]
+    NoSuchAdapter { wanted: String, found: String },
+    #[error("no adapter can run the compute kernel; found: {found}; update the driver, or use --backend cpu")]
+    NoCompute { found: String },
+    #[error("adapter {adapter} does not open: {reason}; update the driver, or use --backend cpu")]
+    Open { adapter: String, reason: String },
+    #[error("adapter {adapter} fails at start-up: {source}; update the driver, or use --backend cpu")]
+    StartUp { adapter: String, source: RaycastError },
+}
+
+/// Renders with wgpu compute kernels.
+#[derive(Debug)]
+pub struct GpuRaycaster {
+    info: BackendInfo,
+    gpu: Arc<Gpu>,
+    kernels: Kernels,
+    /// The linear filter cannot be used: everything goes through the exact kernel.
+    exact_only: bool,
+    accumulator_bytes: u64,
+    /// Also makes calls take turns, which bounds the memory of accumulators.
+    scratch: Mutex<Scratch>,
+}
+
+impl GpuRaycaster {
+    /// Opens the best adapter and tests its filter.
+    ///
+    /// # Errors
+    /// No adapter, none of the name asked for, or one that does not work.
+    pub fn new(options: GpuOptions) -> Result<Self, GpuError> {
+        let gpu = Arc::new(Gpu::open(&options)?);
+        let failed = |source| GpuError::StartUp { adapter: gpu.name.clone(), source };
+        let mut notes = Vec::new();
+        let norm16 = gpu.has_norm16 && !options.without_norm16;
+        if gpu.is_software {
+            notes.push(format!("{} is a software driver: the GPU kernel runs on the processor", gpu.name));
+        }
+        let mut exact_only = !norm16;
+        if norm16 {
+            if let Some(complaint) = filter_test::complaint(&gpu).map_err(failed)? {
+                notes.push(format!("{complaint}: using the exact filter (eight loads) instead"));
+                exact_only = true;
+            }
+        } else {
+            notes.push(
+                "the adapter has no 16-bit normalised textures: voxels take 4 bytes, and the exact filter (eight loads) is \
+                 used"
+                    .to_owned(),
+            );
+        }
+        let kernels = Kernels::new(&gpu, norm16, exact_only).map_err(failed)?;
+        let threads =
+            if gpu.is_software { std::thread::available_parallelism().map_or(1, |n| n.get() as u32) } else { 1 };
+        let info = BackendInfo { backend: "gpu", adapter: gpu.name.clone(), notes, threads };
+        let accumulator_bytes = options
+            .accumulator_bytes
+            .min(gpu.limits.max_storage_buffer_binding_size)
+            .min(gpu.limits.max_buffer_size)
+            .max(plan::MIN_ACCUMULATOR_BYTES);
+        let scratch = Mutex::new(Scratch::new(&gpu).map_err(failed)?);
+        Ok(Self { info, gpu, kernels, exact_only, accumulator_bytes, scratch })
+    }
+
+    fn variant(&self, filter: Filter) -> RaycastVariant {
+        match filter {
+            Filter::Hardware if !self.exact_only => RaycastVariant::Hardware,
+            _ => RaycastVariant::Exact,
+        }
+    }
+}
+
+impl Raycaster for GpuRaycaster {
+    fn info(&self) -> &BackendInfo {
+        &self.info
+    }
+
+    fn brick_bytes(&self, stored_voxels: u64) -> u64 {
+        stored_voxels * self.kernels.voxel_bytes()
+    }
+
+    fn upload(&self, owned: OwnedBox, voxels: &BrickVoxels) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
+        check_brick(&owned, voxels)?;
+        Ok(Arc::new(upload::upload(&self.gpu, &self.kernels, owned, voxels)?))
+    }
+
+    fn warm_up(&self, filter: Filter) -> Result<(), RaycastError> {
+        let broken = |reason: String| RaycastError::Gpu { what: "warming up", reason };
+        let (scene, owned) = smallest_scene(filter).map_err(broken)?;
+        let stored = owned.stored(brickcast_volume::brick::GHOST_SAMPLED);
+        let codes = vec![u16::MAX; stored.voxel_count() as usize];
+        let bricks = vec![self.upload(owned, &BrickVoxels { stored, codes })?];
+        self.render(&scene, &[Job { bricks, rect: scene.view.size().full_rect() }]).map(drop)
+    }
+
+    fn render(&self, scene: &KernelScene, jobs: &[Job]) -> Result<Vec<JobImage>, RaycastError> {
+        check_jobs(scene, jobs, self.gpu.limits.max_texture_dimension_2d)?;
+        let call = Call {
+            gpu: &self.gpu,
+            kernels: &self.kernels,
+            variant: self.variant(scene.filter),
+            accumulator_bytes: self.accumulator_bytes,
+        };
+        let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner);
+        readback::render(&call, &mut scratch, scene, jobs)
+    }
+}
+
+/// One voxel, one workgroup: enough to make the driver compile the kernel.
+fn smallest_scene(filter: Filter) -> Result<(KernelScene, OwnedBox), String> {
+    let words = |e: &dyn std::fmt::Display| e.to_string();
+    let geometry = Geometry::new([1; 3], [1.0; 3], [0.0; 3]).map_err(|e| words(&e))?;
+    let camera = Camera::orbit(&geometry, Orbit::default()).map_err(|e| words(&e))?;
+    let size = PictureSize::new(16, 16).map_err(|e| words(&e))?;
+    let view = View::new(&geometry, &camera, size, 0.5).map_err(|e| words(&e))?;
+    let colors = vec![ColorPoint { x: 0.0, rgb: [1.0; 3] }];
+    let function = TransferFunction::new(colors, vec![OpacityPoint { x: 0.0, opacity: 0.5 }]).map_err(|e| words(&e))?;
+    let table = Arc::new(TransferTable::build(&function, (0.0, 1.0), 0.5));
+    let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::ONE };
+    Ok((KernelScene { view, table, early_termination: 1.0, filter }, owned))
+}

@@ -1,0 +1,258 @@
+//! Recording a call's dispatches, and bringing accumulators and counters back.
+
+use std::sync::Arc;
+
+use brickcast_shaders::{FrameUniform, RaycastVariant, WORKGROUP_PIXELS};
+use brickcast_volume::PixelRect;
+use brickcast_volume::transfer_function::TransferTable;
+
+use super::device::Gpu;
+use super::kernel::{DISPATCH_BYTES, FRAME_BYTES, Kernels};
+use super::plan::{self, Batch, DISPATCH_SAMPLES, Dispatch, PIXEL_BYTES};
+use super::upload::GpuBrick;
+use crate::raycaster::{Job, JobImage, KernelScene, RaycastError, new_pixels};
+
+/// The most dispatches of one submission.
+const SUBMIT_DISPATCHES: usize = 1024;
+const COUNTER_BYTES: u64 = 4;
+
+/// Buffers that live from call to call.
+#[derive(Debug)]
+pub(super) struct Scratch {
+    frame: wgpu::Buffer,
+    dispatches: wgpu::Buffer,
+    /// Bytes from one dispatch's uniform to the next.
+    dispatch_stride: u64,
+    buffers: Option<Buffers>,
+    /// The last table, as bound for a variant.
+    table: Option<(Arc<TransferTable>, RaycastVariant, wgpu::BindGroup)>,
+}
+
+/// Accumulator and counters, and where they are read.
+#[derive(Debug)]
+struct Buffers {
+    accumulator: wgpu::Buffer,
+    counters: wgpu::Buffer,
+    staging: wgpu::Buffer,
+    bind_group: wgpu::BindGroup,
+}
+
+/// What a call renders with.
+pub(super) struct Call<'a> {
+    pub(super) gpu: &'a Arc<Gpu>,
+    pub(super) kernels: &'a Kernels,
+    pub(super) variant: RaycastVariant,
+    /// Most bytes of the accumulator buffer.
+    pub(super) accumulator_bytes: u64,
+}
+
+fn buffer(gpu: &Gpu, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
+    gpu.device.create_buffer(&wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
+}
+
+impl Scratch {
+    pub(super) fn new(gpu: &Gpu) -> Result<Self, RaycastError> {
+        let alignment = u64::from(gpu.limits.min_uniform_buffer_offset_alignment);
+        let dispatch_stride = DISPATCH_BYTES.next_multiple_of(alignment.max(1));
+        let bytes = dispatch_stride * SUBMIT_DISPATCHES as u64;
+        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        gpu.guarded("uniform buffers", bytes, || Self {
+            frame: buffer(gpu, "frame", FRAME_BYTES, usage),
+            dispatches: buffer(gpu, "dispatches", bytes, usage),
+            dispatch_stride,
+            buffers: None,
+            table: None,
+        })
+    }
+
+    /// Makes room for `pixels` and `counters`; grows only, by doubling up to `most` bytes of pixels.
+    fn reserve(&mut self, call: &Call<'_>, pixels: u64, counters: u64) -> Result<&Buffers, RaycastError> {
+        let (need_pixels, need_counters) = (pixels * PIXEL_BYTES, counters.max(1) * COUNTER_BYTES);
+        let old = self.buffers.as_ref().map_or((0, 0), |b| (b.accumulator.size(), b.counters.size()));
+        if old.0 < need_pixels || old.1 < need_counters {
+            // The old ones first: both at a time might not fit.
+            self.buffers = None;
+            let grown = |old: u64, need: u64| if old < need { need.next_power_of_two() } else { old };
+            let pixel_bytes = grown(old.0, need_pixels).min(call.accumulator_bytes.max(need_pixels));
+            let counter_bytes = grown(old.1, need_counters.max(4096));
+            let staging_bytes = pixel_bytes + counter_bytes;
+            let gpu = call.gpu;
+            let kept = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+            let read = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+            let dispatches = &self.dispatches;
+            self.buffers = Some(gpu.guarded("accumulators", pixel_bytes + staging_bytes, || {
+                let accumulator = buffer(gpu, "accumulator", pixel_bytes, kept);
+                let counters = buffer(gpu, "counters", counter_bytes, kept);
+                let bind_group = call.kernels.bind_dispatch(gpu, dispatches, &accumulator, &counters);
+                Buffers { accumulator, counters, staging: buffer(gpu, "staging", staging_bytes, read), bind_group }
+            })?);
+        }
+        let missing = RaycastError::OutOfMemory { what: "accumulators", bytes: need_pixels };
+        self.buffers.as_ref().ok_or(missing)
+    }
+
+    /// Binds the frame; the table is uploaded only when it changes.
+    fn bind_frame(&mut self, call: &Call<'_>, scene: &KernelScene) -> Result<wgpu::BindGroup, RaycastError> {
+        let gpu = call.gpu;
+        let frame = FrameUniform::new(&scene.view.kernel(), &scene.table, scene.early_termination);
+        gpu.guarded("a frame's uniform", FRAME_BYTES, || {
+            gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame))
+        })?;
+        if let Some((table, variant, bound)) = &self.table
+            && *variant == call.variant
+            && (Arc::ptr_eq(table, &scene.table) || table == &scene.table)
+        {
+            return Ok(bound.clone());
+        }
+        let bytes = scene.table.entries.len() as u64 * PIXEL_BYTES;
+        let bound = gpu.guarded("a transfer function", bytes, || {
+            call.kernels.bind_frame(gpu, call.variant, &self.frame, &scene.table)
+        })?;
+        self.table = Some((scene.table.clone(), call.variant, bound.clone()));
+        Ok(bound)
+    }
+}
+
+pub(super) fn render(
+    call: &Call<'_>,
+    scratch: &mut Scratch,
+    scene: &KernelScene,
+    jobs: &[Job],
+) -> Result<Vec<JobImage>, RaycastError> {
+    let bricks: Vec<Vec<&GpuBrick>> = jobs.iter().map(|job| bricks_of(call.gpu, job)).collect::<Result<_, _>>()?;
+    let mut images: Vec<JobImage> = jobs
+        .iter()
+        .map(|job| {
+            let samples = vec![0; job.bricks.len()];
+            Ok(JobImage { rect: job.rect, pixels: new_pixels(&job.rect)?, samples })
+        })
+        .collect::<Result<_, RaycastError>>()?;
+    let frame = scratch.bind_frame(call, scene)?;
+    let rects: Vec<PixelRect> = jobs.iter().map(|job| job.rect).collect();
+    let capacity = (call.accumulator_bytes / PIXEL_BYTES).min(u64::from(u32::MAX)) as u32;
+    for batch in plan::batches(&rects, capacity) {
+        let mut dispatches = Vec::new();
+        for band in &batch.bands {
+            for (i, brick) in bricks[band.job].iter().enumerate() {
+                dispatches.extend(plan::dispatches(&scene.view, band, i, &brick.owned, brick.boxes));
+            }
+        }
+        if !dispatches.is_empty() {
+            let staged = run(call, scratch, &frame, &bricks, &batch, &mut dispatches)?;
+            collect(call, scratch, &batch, &dispatches, staged, &mut images)?;
+        }
+    }
+    Ok(images)
+}
+
+fn bricks_of<'a>(gpu: &Arc<Gpu>, job: &'a Job) -> Result<Vec<&'a GpuBrick>, RaycastError> {
+    job.bricks
+        .iter()
+        .map(|b| b.as_any().downcast_ref::<GpuBrick>().filter(|b| b.is_on(gpu)))
+        .collect::<Option<_>>()
+        .ok_or(RaycastError::ForeignBrick { backend: "gpu" })
+}
+
+/// Runs of dispatches that make up a submission: short, so that waits are.
+fn submissions(dispatches: &[Dispatch]) -> Vec<std::ops::Range<usize>> {
+    let (mut runs, mut first, mut samples) = (Vec::new(), 0, 0.0);
+    for (i, dispatch) in dispatches.iter().enumerate() {
+        if i > first && (i - first == SUBMIT_DISPATCHES || samples + dispatch.samples > DISPATCH_SAMPLES) {
+            runs.push(first..i);
+            (first, samples) = (i, 0.0);
+        }
+        samples += dispatch.samples;
+    }
+    runs.push(first..dispatches.len());
+    runs
+}
+
+/// Renders a batch and copies the result to the staging buffer; returns its bytes there.
+fn run(
+    call: &Call<'_>,
+    scratch: &mut Scratch,
+    frame: &wgpu::BindGroup,
+    bricks: &[Vec<&GpuBrick>],
+    batch: &Batch,
+    dispatches: &mut [Dispatch],
+) -> Result<u64, RaycastError> {
+    let gpu = call.gpu;
+    let stride = scratch.dispatch_stride;
+    scratch.reserve(call, u64::from(batch.pixels), dispatches.len() as u64)?;
+    let Some(buffers) = &scratch.buffers else { return Ok(0) };
+    let pixel_bytes = u64::from(batch.pixels) * PIXEL_BYTES;
+    let counter_bytes = dispatches.len() as u64 * COUNTER_BYTES;
+    for (counter, dispatch) in dispatches.iter_mut().enumerate() {
+        dispatch.uniform.counter = counter as u32;
+    }
+    let runs = submissions(dispatches);
+    let last = runs.len() - 1;
+    let mut before = None;
+    for (n, run) in runs.into_iter().enumerate() {
+        let mut uniforms = vec![0; run.len() * stride as usize];
+        for (slot, dispatch) in uniforms.chunks_mut(stride as usize).zip(&dispatches[run.clone()]) {
+            slot[..DISPATCH_BYTES as usize].copy_from_slice(bytemuck::bytes_of(&dispatch.uniform));
+        }
+        let submission = gpu.guarded("rendering", 0, || {
+            gpu.queue.write_buffer(&scratch.dispatches, 0, &uniforms);
+            let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+            if n == 0 {
+                encoder.clear_buffer(&buffers.accumulator, 0, Some(pixel_bytes));
+                encoder.clear_buffer(&buffers.counters, 0, Some(counter_bytes));
+            }
+            {
+                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+                pass.set_pipeline(call.kernels.pipeline(call.variant));
+                pass.set_bind_group(0, frame, &[]);
+                // wgpu puts a barrier between dispatches that write the same buffer: bricks blend in this order.
+                for (i, dispatch) in dispatches[run].iter().enumerate() {
+                    let [width, height] = dispatch.uniform.rect_size;
+                    pass.set_bind_group(1, &buffers.bind_group, &[(i as u64 * stride) as u32]);
+                    pass.set_bind_group(2, &bricks[dispatch.job][dispatch.brick].bind_group, &[]);
+                    let groups = |pixels: u32| pixels.div_ceil(WORKGROUP_PIXELS);
+                    pass.dispatch_workgroups(groups(width), groups(height), 1);
+                }
+            }
+            if n == last {
+                encoder.copy_buffer_to_buffer(&buffers.accumulator, 0, &buffers.staging, 0, pixel_bytes);
+                encoder.copy_buffer_to_buffer(&buffers.counters, 0, &buffers.staging, pixel_bytes, counter_bytes);
+            }
+            gpu.queue.submit([encoder.finish()])
+        })?;
+        // One submission runs while the next is recorded; the last is waited for by the mapping.
+        if let Some(before) = before.replace(submission) {
+            gpu.wait("rendering", before)?;
+        }
+    }
+    if let Some(submission) = before {
+        gpu.wait("rendering", submission)?;
+    }
+    Ok(pixel_bytes + counter_bytes)
+}
+
+/// Staging buffer to images.
+fn collect(
+    call: &Call<'_>,
+    scratch: &Scratch,
+    batch: &Batch,
+    dispatches: &[Dispatch],
+    bytes: u64,
+    images: &mut [JobImage],
+) -> Result<(), RaycastError> {
+    let Some(buffers) = &scratch.buffers else { return Ok(()) };
+    call.gpu.read("reading back", &buffers.staging, bytes, |staged| {
+        let (pixels, counters) = staged.split_at(batch.pixels as usize * PIXEL_BYTES as usize);
+        for band in &batch.bands {
+            let image = &mut images[band.job];
+            let count = band.rect.pixel_count();
+            // Bands are whole rows, so their pixels lie together in both.
+            let to = (band.rect.lo.y - image.rect.lo.y) as usize * band.rect.size().x as usize;
+            let from = band.base as usize * PIXEL_BYTES as usize;
+            let target: &mut [u8] = bytemuck::cast_slice_mut(&mut image.pixels[to..to + count]);
+            target.copy_from_slice(&pixels[from..from + target.len()]);
+        }
+        for (dispatch, counter) in dispatches.iter().zip(counters.as_chunks::<4>().0) {
+            images[dispatch.job].samples[dispatch.brick] += u64::from(u32::from_le_bytes(*counter));
+        }
+    })
+}

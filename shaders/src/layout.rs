@@ -1,0 +1,96 @@
+//! Uniforms as both sides see them. `tests/layout.rs` compares names and offsets with the WGSL's.
+
+use brickcast_volume::transfer_function::TransferTable;
+use brickcast_volume::visibility::KernelView;
+use brickcast_volume::{OwnedBox, StoredBox};
+use bytemuck::{Pod, Zeroable};
+
+/// An accumulated opacity that no ray reaches: early termination switched off.
+pub const NEVER: f32 = 2.0;
+
+/// What all bricks of a frame share. Lengths along rays are in units of the smallest spacing, positions in global index
+/// space.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct FrameUniform {
+    pub eye: [f32; 3],
+    /// Delta: sample k lies at `t = k * step`.
+    pub step: f32,
+    pub ray_forward: [f32; 3],
+    /// Rays stop at this accumulated opacity; [`NEVER`] where early termination is off.
+    pub stop_alpha: f32,
+    pub ray_right: [f32; 3],
+    pub inverse_width: f32,
+    pub ray_up: [f32; 3],
+    pub inverse_height: f32,
+    pub voxels_per_unit: [f32; 3],
+    /// 1 for parallel rays.
+    pub parallel: u32,
+    pub width: i32,
+    pub height: i32,
+    /// Code (0..=1) of the table's first entry.
+    pub table_first: f32,
+    /// Entries per code: `(entries - 1) / (c_last - c_first)`.
+    pub table_scale: f32,
+}
+
+/// One brick's dispatch over the pixels of one rectangle.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+pub struct BrickUniform {
+    /// Voxels that the brick integrates, global, half-open.
+    pub owned_lo: [i32; 3],
+    /// Index of the rectangle's first pixel in the accumulator.
+    pub accumulator_base: u32,
+    pub owned_hi: [i32; 3],
+    /// Pixels from one accumulator row to the next.
+    pub accumulator_stride: u32,
+    /// First voxel of the texture, global; beyond the volume's edge voxels repeat the edge.
+    pub stored_lo: [i32; 3],
+    /// Which counter takes the samples.
+    pub counter: u32,
+    /// Voxels of the texture.
+    pub stored_dims: [u32; 3],
+    pub reserved: u32,
+    /// Pixels `[rect_lo, rect_lo + rect_size)`.
+    pub rect_lo: [u32; 2],
+    pub rect_size: [u32; 2],
+}
+
+impl FrameUniform {
+    /// `early_termination` in (0, 1]; 1 switches it off: not even rays of opacity 1 stop.
+    #[must_use]
+    pub fn new(view: &KernelView, table: &TransferTable, early_termination: f32) -> Self {
+        let last = table.entries.len().saturating_sub(1) as f32;
+        Self {
+            eye: view.eye.into(),
+            step: view.step,
+            ray_forward: view.ray_forward.into(),
+            stop_alpha: if early_termination < 1.0 { early_termination } else { NEVER },
+            ray_right: view.ray_right.into(),
+            inverse_width: 1.0 / view.width as f32,
+            ray_up: view.ray_up.into(),
+            inverse_height: 1.0 / view.height as f32,
+            voxels_per_unit: view.voxels_per_unit.into(),
+            parallel: u32::from(view.parallel),
+            width: view.width as i32,
+            height: view.height as i32,
+            table_first: table.c_first,
+            table_scale: last / (table.c_last - table.c_first),
+        }
+    }
+}
+
+impl BrickUniform {
+    /// The brick's boxes; rectangle, accumulator and counter still zero.
+    #[must_use]
+    pub fn of_boxes(owned: &OwnedBox, stored: &StoredBox) -> Self {
+        Self {
+            owned_lo: owned.lo.as_ivec3().into(),
+            owned_hi: owned.hi.as_ivec3().into(),
+            stored_lo: stored.lo.into(),
+            stored_dims: stored.dims().into(),
+            ..Self::zeroed()
+        }
+    }
+}

@@ -1,0 +1,3 @@
+//! The kernels on the CPU: plain, in their WGSL's order of operations.
+
+pub mod raycast;

@@ -1,0 +1,205 @@
+//! `wgsl/raycast.wgsl` on the CPU, in f32 with the kernel's order of operations and no fused multiply-add.
+//!
+//! Both filters of the GPU are one here: interpolation is at full precision. Value codes stay 0..=65535 until they are
+//! interpolated, which is the one difference in order.
+
+use brickcast_volume::Premul;
+
+use crate::layout::{BrickUniform, FrameUniform};
+
+/// Slower than this per unit of t, a ray moves by less than 3e-7 voxel over the longest reach: it runs inside the plane.
+const PARALLEL_TO_PLANE: f32 = 1e-12;
+const FAR: f32 = 3e38;
+const CODE: f32 = 1.0 / 65535.0;
+
+/// Index space; t in units of the smallest spacing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Ray {
+    pub origin: [f32; 3],
+    /// Index space per unit of t; components parallel to a plane are exactly zero.
+    pub direction: [f32; 3],
+    /// 1 / direction, zero where direction is zero.
+    pub inverse: [f32; 3],
+}
+
+/// The samples of a ray that a brick owns: k, k + 1, ... while `k * step < t_out`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Segment {
+    /// An integer, exact in f32 up to 2^24.
+    pub k: f32,
+    pub t_out: f32,
+}
+
+/// The ray through the centre of pixel (x, y) of the picture.
+#[must_use]
+pub fn pixel_ray(frame: &FrameUniform, x: u32, y: u32) -> Ray {
+    let u = (2 * x as i32 + 1 - frame.width) as f32 * frame.inverse_width;
+    let v = (frame.height - 1 - 2 * y as i32) as f32 * frame.inverse_height;
+    let q: [f32; 3] = std::array::from_fn(|a| frame.ray_right[a] * u + frame.ray_up[a] * v);
+    let mut origin = frame.eye;
+    let mut direction = frame.ray_forward;
+    if frame.parallel != 0 {
+        origin = std::array::from_fn(|a| origin[a] + q[a] * frame.voxels_per_unit[a]);
+    } else {
+        direction = std::array::from_fn(|a| direction[a] + q[a]);
+        let [dx, dy, dz] = direction;
+        let scale = 1.0 / (dx * dx + dy * dy + dz * dz).sqrt();
+        direction = direction.map(|d| d * scale);
+    }
+    direction = std::array::from_fn(|a| direction[a] * frame.voxels_per_unit[a]);
+    direction = direction.map(|d| if d.abs() < PARALLEL_TO_PLANE { 0.0 } else { d });
+    let inverse = direction.map(|d| if d == 0.0 { 0.0 } else { 1.0 / d });
+    Ray { origin, direction, inverse }
+}
+
+/// The samples of `ray` in the brick's owned box (conventions.md, "Sampling grid"); `None` where there are none.
+#[must_use]
+pub fn owned_segment(frame: &FrameUniform, brick: &BrickUniform, ray: &Ray) -> Option<Segment> {
+    let (mut t_in, mut t_out) = (0.0_f32, FAR);
+    for a in 0..3 {
+        let (lo, hi) = (brick.owned_lo[a] as f32, brick.owned_hi[a] as f32);
+        let origin = ray.origin[a];
+        if ray.direction[a] == 0.0 {
+            if origin < lo || origin >= hi {
+                return None;
+            }
+            continue;
+        }
+        let at_lo = (lo - origin) * ray.inverse[a];
+        let at_hi = (hi - origin) * ray.inverse[a];
+        t_in = t_in.max(at_lo.min(at_hi));
+        t_out = t_out.min(at_lo.max(at_hi));
+    }
+    if t_in >= t_out {
+        return None;
+    }
+    // The quotient errs by a unit in the last place, the product decides.
+    let mut k = (t_in / frame.step).ceil();
+    for _ in 0..4 {
+        if k > 0.0 && (k - 1.0) * frame.step >= t_in {
+            k -= 1.0;
+        }
+    }
+    for _ in 0..4 {
+        if k * frame.step < t_in {
+            k += 1.0;
+        }
+    }
+    (k * frame.step < t_out).then_some(Segment { k, t_out })
+}
+
+/// Trilinear value code of the brick's texels at a global position.
+struct VolumeReader<'a> {
+    codes: &'a [u16],
+    /// Subtract from a global position + 0.5, rounded down, for the texel of the support's low corner.
+    first_texel: [i32; 3],
+    last_corner: [i32; 3],
+    row: usize,
+    slice: usize,
+}
+
+impl<'a> VolumeReader<'a> {
+    fn new(brick: &BrickUniform, codes: &'a [u16]) -> Self {
+        let dims = brick.stored_dims;
+        Self {
+            codes,
+            first_texel: brick.stored_lo.map(|lo| lo + 1),
+            last_corner: dims.map(|n| n as i32 - 2),
+            row: dims[0] as usize,
+            slice: dims[0] as usize * dims[1] as usize,
+        }
+    }
+
+    #[inline(always)]
+    fn between_x(&self, at: usize, w: f32) -> f32 {
+        match self.codes.get(at..at + 2) {
+            Some(&[a, b]) => between(f32::from(a), f32::from(b), w),
+            _ => 0.0,
+        }
+    }
+
+    /// The code, 0..=1.
+    #[inline(always)]
+    fn read(&self, p_voxel: [f32; 3]) -> f32 {
+        let mut w = [0.0; 3];
+        let mut corner = [0; 3];
+        for a in 0..3 {
+            // Half a voxel up in place of down: never negative, so that cutting off rounds down.
+            let p = p_voxel[a] + 0.5;
+            let whole = p as i32;
+            w[a] = p - whole as f32;
+            corner[a] = (whole - self.first_texel[a]).min(self.last_corner[a]).max(0) as usize;
+        }
+        let at = corner[0] + corner[1] * self.row + corner[2] * self.slice;
+        let y0z0 = self.between_x(at, w[0]);
+        let y1z0 = self.between_x(at + self.row, w[0]);
+        let y0z1 = self.between_x(at + self.slice, w[0]);
+        let y1z1 = self.between_x(at + self.slice + self.row, w[0]);
+        between(between(y0z0, y1z0, w[1]), between(y0z1, y1z1, w[1]), w[2]) * CODE
+    }
+}
+
+/// Returns equal ends unchanged.
+#[inline(always)]
+fn between(a: f32, b: f32, t: f32) -> f32 {
+    a + (b - a) * t
+}
+
+/// Takes the brick's samples along `ray` into `sum`; returns it and how many they were. `codes` are the stored box's, x
+/// fastest, at least one voxel wider than the owned box on every side; `table` has at least two entries (without them the
+/// brick is empty).
+#[must_use]
+pub fn raycast_ray(
+    frame: &FrameUniform,
+    brick: &BrickUniform,
+    codes: &[u16],
+    table: &[[f32; 4]],
+    ray: &Ray,
+    mut sum: Premul,
+) -> (Premul, u32) {
+    let Some(owned) = owned_segment(frame, brick, ray) else { return (sum, 0) };
+    if sum.a >= frame.stop_alpha || table.len() < 2 {
+        return (sum, 0);
+    }
+    let volume = VolumeReader::new(brick, codes);
+    let last_entry = table.len() - 1;
+    let (first, scale, last) = (frame.table_first, frame.table_scale, last_entry as f32);
+    let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin, ray.direction);
+    let mut k = owned.k;
+    loop {
+        // Always the product, never accumulated: the same sample in every brick.
+        let t = k * frame.step;
+        if t >= owned.t_out || sum.a >= frame.stop_alpha {
+            break;
+        }
+        let code = volume.read([ox + t * dx, oy + t * dy, oz + t * dz]);
+        let entry = ((code - first) * scale).max(0.0).min(last);
+        let i = (entry as usize).min(last_entry - 1);
+        let [a, b] = [table[i], table[i + 1]];
+        let w = entry - i as f32;
+        let alpha = between(a[3], b[3], w);
+        // Adding nothing changes no bit.
+        if alpha > 0.0 {
+            let weight = (1.0 - sum.a) * alpha;
+            sum.r += between(a[0], b[0], w) * weight;
+            sum.g += between(a[1], b[1], w) * weight;
+            sum.b += between(a[2], b[2], w) * weight;
+            sum.a += weight;
+        }
+        k += 1.0;
+    }
+    (sum, (k - owned.k) as u32)
+}
+
+/// One invocation of the kernel: [`raycast_ray`] for the pixel (x, y) of the picture.
+#[must_use]
+pub fn raycast_pixel(
+    frame: &FrameUniform,
+    brick: &BrickUniform,
+    codes: &[u16],
+    table: &[[f32; 4]],
+    (x, y): (u32, u32),
+    sum: Premul,
+) -> (Premul, u32) {
+    raycast_ray(frame, brick, codes, table, &pixel_ray(frame, x, y), sum)
+}

@@ -1,0 +1,31 @@
+// Volume and transfer function through the adapter's linear filters. The ghost layer keeps every support inside the
+// texture.
+@group(0) @binding(1) var table: texture_2d<f32>;
+@group(0) @binding(2) var linear_clamped: sampler;
+@group(2) @binding(0) var volume: texture_3d<f32>;
+
+// What does not change along a ray.
+struct Reader {
+    first_voxel: vec3<f32>,
+    texels_inverse: vec3<f32>,
+    entry_inverse: f32,
+}
+
+fn new_reader(brick: BrickUniform) -> Reader {
+    return Reader(
+        vec3<f32>(brick.stored_lo),
+        1.0 / vec3<f32>(brick.stored_dims),
+        1.0 / f32(textureDimensions(table).x),
+    );
+}
+
+// The value code, 0..=1, at a global position.
+fn read_volume(reader: Reader, p_voxel: vec3<f32>) -> f32 {
+    return textureSampleLevel(volume, linear_clamped, (p_voxel - reader.first_voxel) * reader.texels_inverse, 0.0).r;
+}
+
+// Straight colour and opacity of one step.
+fn classify(reader: Reader, frame: FrameUniform, code: f32) -> vec4<f32> {
+    let entry = (code - frame.table_first) * frame.table_scale;
+    return textureSampleLevel(table, linear_clamped, vec2((entry + 0.5) * reader.entry_inverse, 0.5), 0.0);
+}
