@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use brickcast_node::raycaster::{Job, JobImage, KernelScene, Raycaster, ResidentBrick};
+use brickcast_node::raycaster::{self, BackendChoice, Job, JobImage, KernelScene, Raycaster, ResidentBrick};
 use brickcast_volume::brick::GHOST_SAMPLED;
 use brickcast_volume::merge::sort_front_to_back;
 use brickcast_volume::scene::Filter;
@@ -33,21 +33,28 @@ pub struct Loaded<'a> {
     geometry: Geometry,
     /// In the grid's linear order.
     bricks: Vec<Arc<dyn ResidentBrick>>,
+    filter: Filter,
 }
 
-/// Opens a kernel once per process; `Err` says why there is none.
-fn open(_backend: Backend) -> Result<Box<dyn Raycaster>, String> {
-    Err("no kernel is built in".to_owned())
+/// Opens a kernel; `Err` says why there is none.
+fn open(backend: Backend) -> Result<Arc<dyn Raycaster>, String> {
+    let choice = match backend {
+        Backend::Cpu => BackendChoice::Cpu,
+        Backend::Gpu => BackendChoice::Gpu,
+    };
+    let raycaster = raycaster::open(choice).map_err(|error| error.to_string())?;
+    eprintln!("{backend:?}: {:?}", raycaster.info());
+    Ok(raycaster)
 }
 
-/// The kernel of `backend`, or `None`, said by name, where this machine has none.
+/// The kernel of `backend`, opened once per process, or `None`, said by name, where this machine has none.
 ///
 /// # Panics
 /// Where there is none although `BRICKCAST_REQUIRE_ALL` is set.
 #[must_use]
 pub fn raycaster(backend: Backend, test: &str) -> Option<&'static dyn Raycaster> {
-    static CPU: OnceLock<Result<Box<dyn Raycaster>, String>> = OnceLock::new();
-    static GPU: OnceLock<Result<Box<dyn Raycaster>, String>> = OnceLock::new();
+    static CPU: OnceLock<Result<Arc<dyn Raycaster>, String>> = OnceLock::new();
+    static GPU: OnceLock<Result<Arc<dyn Raycaster>, String>> = OnceLock::new();
     let cell = match backend {
         Backend::Cpu => &CPU,
         Backend::Gpu => &GPU,
@@ -92,10 +99,16 @@ pub fn load<'a>(raycaster: &'a dyn Raycaster, scene: &Scene, brick_size: u32) ->
         let owned = grid.owned_box(brick);
         raycaster.upload(owned, &cut(&scene.codes, volume.dims, owned, GHOST_SAMPLED)).unwrap()
     };
-    Loaded { raycaster, grid, geometry, bricks: grid.bricks().map(upload).collect() }
+    Loaded { raycaster, grid, geometry, bricks: grid.bricks().map(upload).collect(), filter: Filter::default() }
 }
 
 impl Loaded<'_> {
+    /// The same bricks, read through another filter than the default.
+    #[must_use]
+    pub fn with_filter(self, filter: Filter) -> Self {
+        Self { filter, ..self }
+    }
+
     /// The whole picture as one accumulator through all bricks, and the samples taken.
     ///
     /// # Panics
@@ -114,6 +127,15 @@ impl Loaded<'_> {
     /// As [`Self::render`].
     #[must_use]
     pub fn render_rect(&self, scene: &Scene, rect: PixelRect) -> JobImage {
+        self.render_layers(scene, 1, rect).remove(0)
+    }
+
+    /// The bricks cut into `count` runs, front to back, each a job of its own in one call.
+    ///
+    /// # Panics
+    /// As [`Self::render`].
+    #[must_use]
+    pub fn render_layers(&self, scene: &Scene, count: usize, rect: PixelRect) -> Vec<JobImage> {
         let truth = &scene.truth;
         let view = View::new(&self.geometry, &camera(scene), picture_size(scene), truth.step).unwrap();
         let table = TransferTable::build(&transfer_function(scene), scene.range, truth.delta() / truth.unit);
@@ -124,15 +146,18 @@ impl Loaded<'_> {
             view,
             table: Arc::new(table),
             early_termination: truth.early_termination as f32,
-            filter: Filter::default(),
+            filter: self.filter,
         };
-        let mut images = self.raycaster.render(&kernel_scene, &[Job { bricks, rect }]).unwrap();
-        assert_eq!(images.len(), 1, "one job, one image");
-        let image = images.remove(0);
-        assert_eq!(image.rect, rect);
-        assert_eq!(image.pixels.len(), rect.pixel_count());
-        assert_eq!(image.samples.len(), order.len(), "one count for each brick of the job");
-        image
+        let jobs: Vec<Job> =
+            bricks.chunks(bricks.len().div_ceil(count)).map(|run| Job { bricks: run.to_vec(), rect }).collect();
+        let images = self.raycaster.render(&kernel_scene, &jobs).unwrap();
+        assert_eq!(images.len(), jobs.len(), "one image for each job");
+        for (image, job) in images.iter().zip(&jobs) {
+            assert_eq!(image.rect, rect);
+            assert_eq!(image.pixels.len(), rect.pixel_count());
+            assert_eq!(image.samples.len(), job.bricks.len(), "one count for each brick of the job");
+        }
+        images
     }
 }
 

@@ -204,3 +204,84 @@ fn by_rows(scene: &Scene, pixel: impl Fn(&Ray, [usize; 2]) -> Gathered + Sync) -
         doubtful: gathered.iter().map(|(_, doubt)| *doubt).collect(),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{Camera, Lens, Transfer, Volume};
+    use super::*;
+
+    /// Two voxels of 1.0 along x with the values 0 and 1; opacity is half the value, red is the value, green is one.
+    fn two_voxels(position: DVec3, focal_point: DVec3) -> Scene {
+        let mut volume = Volume::filled([2, 1, 1], [1.0; 3], [0.0; 3], 0.0);
+        volume.values[1] = 1.0;
+        Scene {
+            volume,
+            camera: Camera { position, focal_point, view_up: DVec3::Y, lens: Lens::Parallel { parallel_scale: 0.1 } },
+            transfer: Transfer {
+                colors: vec![(0.0, [0.0, 1.0, 0.0]), (1.0, [1.0, 1.0, 0.0])],
+                opacities: vec![(0.0, 0.0), (1.0, 0.5)],
+            },
+            size: [1, 1],
+            step: 0.5,
+            unit: 0.5,
+            early_termination: 1.0,
+        }
+    }
+
+    /// Summed by hand. The eye is 1.25 before the box, so the samples lie at 0.25, 0.75, 1.25 and 1.75 within it, where the
+    /// values are 0, 0.25, 0.75 and 1; the back one comes first.
+    #[test]
+    fn a_ray_summed_by_hand() {
+        let scene = two_voxels(DVec3::new(2.75, 0.0, 0.0), DVec3::ZERO);
+        let rendering = render(&scene);
+        assert_eq!(rendering.samples, 4);
+        let (mut c, mut a) = (0.0, 0.0);
+        for v in [1.0, 0.75, 0.25, 0.0] {
+            c += (1.0 - a) * (v / 2.0) * v;
+            a += (1.0 - a) * (v / 2.0);
+        }
+        let expected = [c, a, 0.0, a];
+        assert!(expected.iter().zip(rendering.picture.pixels[0]).all(|(e, v)| (e - v).abs() < 1e-15));
+        // Opacities refer to a length: the same over twice the unit is the square root of the transparency.
+        let mut longer = scene.clone();
+        longer.unit = 1.0;
+        let root = 1.0 - (1.0 - a).sqrt();
+        assert!((render(&longer).picture.pixels[0][3] - root).abs() < 1e-15);
+        // Half an opacity is reached with the first sample.
+        let stopped = render(&Scene { early_termination: 0.5, ..scene });
+        assert_eq!((stopped.samples, stopped.picture.pixels[0]), (1, [0.5, 0.5, 0.0, 0.5]));
+    }
+
+    /// Half-open: of samples on both faces of the box the near one counts; at the eye, k = 0 counts.
+    #[test]
+    fn the_sample_at_the_entry_counts_and_the_one_at_the_exit_does_not() {
+        for (x, samples) in [(2.0, 4), (1.5, 4), (1.25, 4), (1.0, 3), (0.0, 1), (-0.5, 0)] {
+            let scene = two_voxels(DVec3::new(x, 0.0, 0.0), DVec3::new(x - 1.0, 0.0, 0.0));
+            assert_eq!(render(&scene).samples, samples, "eye at {x}");
+            assert_eq!(render_bricks(&scene, 1, Sabotage::None).samples, samples, "eye at {x}, in bricks");
+        }
+    }
+
+    /// From the default orbit, x grows to the right and y upwards: of four voxels only the one there is seen.
+    #[test]
+    fn the_default_orbit_shows_x_to_the_right_and_y_upwards() {
+        let mut volume = Volume::filled([4, 4, 1], [1.0; 3], [0.0; 3], 0.0);
+        volume.values[3 * 4 + 3] = 1.0;
+        let camera = Camera::orbit(&volume, 0.0, 0.0, 1.0, 30.0);
+        let scene = Scene { camera, volume, size: [16, 16], ..two_voxels(DVec3::X, DVec3::ZERO) };
+        let picture = render(&scene).picture;
+        assert!(picture.max_alpha() > 0.2);
+        for (i, pixel) in picture.pixels.iter().enumerate() {
+            assert!(pixel[3] == 0.0 || (i % 16 >= 8 && i / 16 < 8), "pixel {i}: {pixel:?}");
+        }
+    }
+
+    /// A ray in the box's low face belongs to it, one in the high face does not.
+    #[test]
+    fn rays_inside_faces_have_one_owner() {
+        for (y, samples) in [(-0.5, 4), (0.0, 4), (0.5, 0)] {
+            let scene = two_voxels(DVec3::new(2.0, y, 0.0), DVec3::new(1.0, y, 0.0));
+            assert_eq!(render(&scene).samples, samples, "ray at y = {y}");
+        }
+    }
+}
