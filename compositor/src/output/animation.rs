@@ -1,6 +1,5 @@
 //! Sequences: an animated PNG, written frame by frame, and names for numbered files.
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use brickcast_volume::PictureSize;

@@ -16,7 +16,7 @@ use brickcast_volume::{PictureSize, Premul};
 
 pub use error::OutputError;
 pub use manifest::{write_json, write_manifest};
-pub use writer::{FrameOptions, FrameWriter};
+pub use writer::{FrameOptions, FrameWriter, MAX_FRAMES};
 
 /// What a file name's extension stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

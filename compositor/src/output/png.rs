@@ -82,7 +82,7 @@ pub struct Decoded {
 }
 
 /// The most bytes that a file may unfold to, over all frames.
-const MAX_DECODED: usize = 4 << 30;
+const MAX_DECODED: usize = 2 << 30;
 
 /// Reads back what this module and [`super::animation`] write.
 ///

@@ -1,7 +1,7 @@
 //! The repository must work on any machine: no path or package mirror of the one it was written on.
 
 use super::Check;
-use crate::tree::{SourceFile, Tree};
+use crate::tree::SourceFile;
 
 pub(super) const CHECK: Check = Check {
     name: "machine-paths",
