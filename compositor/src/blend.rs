@@ -8,11 +8,13 @@ use brickcast_volume::{PictureSize, Premul, TreeNode, over};
 use rayon::prelude::*;
 
 use crate::ledger::{Ledger, TilePixels};
-use crate::output::Picture;
+use crate::output::{OutputError, Picture};
 
 /// Joins everything that the ledger holds, in visibility order from `from`.
-#[must_use]
-pub fn blend(ledger: &Ledger, tree: &MergeTree, from: Viewpoint, size: PictureSize) -> Picture {
+///
+/// # Errors
+/// None that a picture of this size could have.
+pub fn blend(ledger: &Ledger, tree: &MergeTree, from: Viewpoint, size: PictureSize) -> Result<Picture, OutputError> {
     // Only subtrees that hold a layer are worth a visit.
     let mut on_the_way: HashSet<TreeNode> = HashSet::new();
     for layer in ledger.layers() {
@@ -41,14 +43,14 @@ pub fn blend(ledger: &Ledger, tree: &MergeTree, from: Viewpoint, size: PictureSi
             Some((tile, merged))
         })
         .collect();
-    let mut picture = Picture { size, pixels: vec![Premul::CLEAR; size.pixel_count()] };
+    let mut picture = vec![Premul::CLEAR; size.pixel_count()];
     for ([tx, ty], pixels) in tiles {
         let (x0, y0) = ((tx * TILE) as usize, (ty * TILE) as usize);
         let width = (TILE as usize).min(size.width() as usize - x0);
         for (row, line) in pixels.chunks_exact(width).enumerate() {
             let at = (y0 + row) * size.width() as usize + x0;
-            picture.pixels[at..at + width].copy_from_slice(line);
+            picture[at..at + width].copy_from_slice(line);
         }
     }
-    picture
+    Picture::new(size, picture)
 }

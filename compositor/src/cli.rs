@@ -215,7 +215,13 @@ pub struct SceneArgs {
     #[arg(long, value_name = "X,Y,Z", value_parser = triple::<f64>, allow_hyphen_values = true, help_heading = "Camera")]
     pub view_up: Option<[f64; 3]>,
     /// Parallel projection: half the picture's height, world units
-    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true, conflicts_with = "view_angle", help_heading = "Camera")]
+    #[arg(
+        long,
+        value_name = "LENGTH",
+        allow_hyphen_values = true,
+        conflicts_with = "view_angle",
+        help_heading = "Camera"
+    )]
     pub parallel_scale: Option<f64>,
     /// Sample distance in voxels of the smallest spacing
     #[arg(long, default_value_t = 0.5, allow_hyphen_values = true, help_heading = "Quality")]
@@ -354,7 +360,10 @@ fn triple<T: std::str::FromStr>(text: &str) -> Result<[T; 3], String> {
     let count = numbers.len();
     match <[T; 3]>::try_from(numbers) {
         Ok(numbers) if parts.len() == 3 => Ok(numbers),
-        _ => Err(format!("`{text}` is not three numbers X,Y,Z ({count} of {} parts are numbers of this kind)", parts.len())),
+        _ => Err(format!(
+            "`{text}` is not three numbers X,Y,Z ({count} of {} parts are numbers of this kind)",
+            parts.len()
+        )),
     }
 }
 

@@ -4,10 +4,10 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 
-use brickcast_node::raycaster::{BackendChoice, RaycastError, Raycaster};
-use brickcast_node::server;
-use brickcast_node::stores::DataRoot;
-use brickcast_node::{Node, NodeConfig, NodeStartError};
+use brickcast_node::config::parse_bytes;
+use brickcast_node::gpu::GpuError;
+use brickcast_node::raycaster::{self, BackendChoice, Raycaster};
+use brickcast_node::{DataRoot, Node, NodeConfig, NodeError, serve};
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
@@ -17,9 +17,9 @@ use crate::cli::BackendArg;
 #[derive(Debug, thiserror::Error)]
 pub enum EmbeddedError {
     #[error(transparent)]
-    Backend(#[from] RaycastError),
+    Backend(#[from] GpuError),
     #[error(transparent)]
-    Node(#[from] NodeStartError),
+    Node(#[from] NodeError),
     #[error("--local {0}: between 1 and 64 nodes can run inside this process")]
     Count(usize),
     #[error("no loopback port could be opened for a node inside this process: {0}")]
@@ -41,7 +41,7 @@ impl Kernel {
             BackendArg::Gpu => BackendChoice::Gpu,
             BackendArg::Cpu => BackendChoice::Cpu,
         };
-        Ok(Self(brickcast_node::open(choice)?))
+        Ok(Self(raycaster::open(choice)?))
     }
 
     /// `gpu` or `cpu`, the adapter, and the fallbacks taken.
@@ -63,7 +63,7 @@ impl Kernel {
 /// # Errors
 /// What is wrong with the text.
 pub fn parse_size(text: &str) -> Result<u64, String> {
-    brickcast_node::config::parse_size(text).map_err(|e| e.to_string())
+    parse_bytes(text).map_err(|e| e.to_string())
 }
 
 /// Running nodes; they stop when this is dropped.
@@ -83,18 +83,14 @@ impl EmbeddedNodes {
             return Err(EmbeddedError::Count(count));
         }
         let mut nodes = Self { addresses: Vec::new(), running: Vec::new() };
-        for index in 0..count {
-            let config = NodeConfig {
-                data: DataRoot::Single(store.to_path_buf()),
-                memory_budget,
-                node_id: format!("embedded-{}-{index}", std::process::id()),
-            };
+        for _ in 0..count {
+            let config = NodeConfig::new(DataRoot::Single(store.to_path_buf()), memory_budget);
             let node = Arc::new(Node::new(config, Arc::clone(&kernel.0))?);
             let listener = TcpListener::bind(("127.0.0.1", 0)).await?;
             nodes.addresses.push(listener.local_addr()?);
             let (stop, stopped) = oneshot::channel::<()>();
             let task = tokio::spawn(async move {
-                let ended = server::serve(node, listener, async {
+                let ended = serve(node, listener, async {
                     stopped.await.ok();
                 });
                 if let Err(error) = ended.await {

@@ -50,8 +50,7 @@ impl Ledger {
         for (from, layers) in orders.iter().enumerate() {
             for layer in layers {
                 let open = layer.tiles.count() as usize;
-                let debt =
-                    Debt { from, tiles: layer.tiles, answered: vec![false; open], open, pixels: HashMap::new() };
+                let debt = Debt { from, tiles: layer.tiles, answered: vec![false; open], open, pixels: HashMap::new() };
                 debts.insert(layer.node, debt);
             }
         }

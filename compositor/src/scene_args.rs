@@ -119,16 +119,13 @@ impl SceneArgs {
         let default_opacities = default_opacities(store.otsu, store.quantile_999);
         if let Some(path) = &self.transfer_function {
             let file = path.display().to_string();
-            let text = std::fs::read_to_string(path)
-                .with_context(|| format!("transfer function {file}: cannot be read"))?;
-            let options = PresetOptions {
-                rescale: self.transfer_function_range.map(|[lo, hi]| (lo, hi)),
-                default_opacities,
-            };
+            let text =
+                std::fs::read_to_string(path).with_context(|| format!("transfer function {file}: cannot be read"))?;
+            let options =
+                PresetOptions { rescale: self.transfer_function_range.map(|[lo, hi]| (lo, hi)), default_opacities };
             let preset = Preset::from_json(&file, &text, &options)?;
-            let note = (!preset.has_opacities).then(|| {
-                format!("{file} has no Points: {}", describe_default(store.otsu, store.quantile_999))
-            });
+            let note = (!preset.has_opacities)
+                .then(|| format!("{file} has no Points: {}", describe_default(store.otsu, store.quantile_999)));
             return Ok((preset.function, note));
         }
         let default = self.window.is_none() && self.opacity.is_none() && self.colormap.is_none();

@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use brickcast_proto::{
-    FramePart, NodeDescription, PrepareReceipt, PrepareRequest, RenderOrder, StoreDescription, StoreQuery, transport, wire,
+    FramePart, NodeDescription, PrepareReceipt, PrepareRequest, RenderOrder, StoreDescription, StoreQuery, transport,
+    wire,
 };
 use brickcast_volume::StoreHash;
 use futures_util::{Stream, StreamExt as _};
@@ -51,7 +52,9 @@ impl NodeClient {
         let unreachable = |reason: String| NodeError::Unreachable { address: address.to_owned(), reason };
         let channel = match tokio::time::timeout(transport::CONNECT_TIMEOUT, endpoint.connect()).await {
             Ok(connected) => connected.map_err(|e| unreachable(innermost(&e)))?,
-            Err(_) => return Err(unreachable(format!("no connection within {} s", transport::CONNECT_TIMEOUT.as_secs()))),
+            Err(_) => {
+                return Err(unreachable(format!("no connection within {} s", transport::CONNECT_TIMEOUT.as_secs())));
+            }
         };
         Ok(Self {
             address: address.to_owned(),

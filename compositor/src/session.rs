@@ -6,7 +6,6 @@ use brickcast_proto::{
     FramePart, NodeDescription, Part, PrepareRequest, Receipt, RenderOrder, StoreDescription, TileRect, decode_tile,
 };
 use brickcast_volume::scene::{Scene, Transport};
-use brickcast_volume::store::Manifest;
 use brickcast_volume::transfer_function::TransferTable;
 use brickcast_volume::visibility::ViewError;
 use brickcast_volume::{Epoch, FrameId, StoreHash, TreeNode, View};
@@ -16,7 +15,7 @@ use tokio::task::JoinSet;
 
 use crate::blend::blend;
 use crate::ledger::{Ledger, TilePixels};
-use crate::output::Picture;
+use crate::output::{OutputError, Picture};
 use crate::plan::{Assignment, Shown, StoreFacts};
 use crate::service::{NodeClient, NodeError};
 use crate::stats::{FrameStats, LoadStats, NodeFrame};
@@ -37,12 +36,12 @@ pub enum SessionError {
          copy one of them to all nodes"
     )]
     OtherContent { name: String, first: String, first_hash: StoreHash, second: String, second_hash: StoreHash },
-    #[error("node {address}: the manifest of store {hash} is not valid: {reason}")]
-    Manifest { address: String, hash: StoreHash, reason: String },
     #[error(transparent)]
     View(#[from] ViewError),
     #[error("nothing of the frame arrived: {}", .0.join("; "))]
     NothingArrived(Vec<String>),
+    #[error(transparent)]
+    Output(#[from] OutputError),
     #[error("a task of the compositor ended early: {0}")]
     Task(#[from] tokio::task::JoinError),
 }
@@ -80,9 +79,22 @@ pub struct Session {
 }
 
 enum Event {
-    Tile { node: usize, at: (FrameId, Epoch), layer: TreeNode, tile: [u32; 2], pixels: Option<TilePixels>, bytes: usize },
-    Receipt { node: usize, receipt: Receipt },
-    Lost { node: usize, error: NodeError },
+    Tile {
+        node: usize,
+        at: (FrameId, Epoch),
+        layer: TreeNode,
+        tile: [u32; 2],
+        pixels: Option<TilePixels>,
+        bytes: usize,
+    },
+    Receipt {
+        node: usize,
+        receipt: Receipt,
+    },
+    Lost {
+        node: usize,
+        error: NodeError,
+    },
 }
 
 impl Session {
@@ -96,7 +108,8 @@ impl Session {
             return Err(SessionError::NoNodes);
         }
         let nodes = try_join_all(addresses.iter().map(|a| NodeClient::connect(a))).await?;
-        let described = try_join_all(nodes.iter().cloned().map(|mut node| async move { node.describe().await })).await?;
+        let described =
+            try_join_all(nodes.iter().cloned().map(|mut node| async move { node.describe().await })).await?;
         for (i, one) in described.iter().enumerate() {
             if let Some(j) = described[..i].iter().position(|other| other.node_id == one.node_id) {
                 let (first, second) = (addresses[j].clone(), addresses[i].clone());
@@ -124,7 +137,7 @@ impl Session {
                 });
             }
         }
-        let store = facts(&addresses[0], &stores[0])?;
+        let store = facts(&stores[0]);
         Ok(Self { nodes, descriptions: described, store, next_frame: 1, epoch: Epoch(1), fixed: None })
     }
 
@@ -146,11 +159,8 @@ impl Session {
 
     fn shown(&self, scene: &Scene) -> Shown {
         let delta = scene.step * self.store.manifest.geometry.min_spacing();
-        let table = TransferTable::build(
-            &scene.transfer_function,
-            self.store.manifest.range,
-            delta / scene.opacity_unit,
-        );
+        let table =
+            TransferTable::build(&scene.transfer_function, self.store.manifest.range, delta / scene.opacity_unit);
         Shown::of(&self.store, &table)
     }
 
@@ -189,7 +199,12 @@ impl Session {
     /// # Errors
     /// Nothing arrived at all, or the nodes refused the order. A frame of which a part arrived is returned, marked
     /// incomplete.
-    pub async fn render(&mut self, scene: &Scene, transport: Transport, deadline: Duration) -> Result<Frame, SessionError> {
+    pub async fn render(
+        &mut self,
+        scene: &Scene,
+        transport: Transport,
+        deadline: Duration,
+    ) -> Result<Frame, SessionError> {
         let view = View::new(&self.store.manifest.geometry, &scene.camera, scene.size, scene.step)?;
         let shown = self.shown(scene);
         let orders = self.assignment(&shown).orders(&shown, &view);
@@ -266,7 +281,7 @@ impl Session {
         let complete = ledger.is_complete();
         let missing_tiles = ledger.missing_tiles();
         let (tree, from, size) = (self.store.tree(), view.viewpoint(), scene.size);
-        let picture = tokio::task::spawn_blocking(move || blend(&ledger, &tree, from, size)).await?;
+        let picture = tokio::task::spawn_blocking(move || blend(&ledger, &tree, from, size)).await??;
         let frame_ms = started.elapsed().as_secs_f64() * 1e3;
         let stats = FrameStats::sum(frame_ms, tiles, bytes_received, complete, stats);
         Ok(Frame { picture, complete, problems, missing_tiles, stats })
@@ -339,12 +354,10 @@ async fn collect(
     }
 }
 
-fn facts(address: &str, description: &StoreDescription) -> Result<StoreFacts, SessionError> {
-    let invalid = |reason: String| SessionError::Manifest { address: address.to_owned(), hash: description.hash, reason };
-    let actual = StoreHash::of(&description.manifest);
-    if actual != description.hash {
-        return Err(invalid(format!("its bytes hash to {actual}")));
+fn facts(description: &StoreDescription) -> StoreFacts {
+    StoreFacts {
+        hash: description.hash,
+        manifest: description.manifest.clone(),
+        ranges: description.ranges.clone(),
     }
-    let manifest = Manifest::from_bytes(&description.manifest).map_err(|e| invalid(e.to_string()))?;
-    Ok(StoreFacts { hash: actual, manifest, ranges: description.ranges.clone() })
 }

@@ -69,8 +69,8 @@ impl OnTheWayArgs {
         std::fs::create_dir_all(&cache).with_context(|| {
             format!("cache folder {}: cannot be made; name another with --cache-dir", cache.display())
         })?;
-        let options =
-            PrepareOptions { brick_size: self.brick, range: self.range.map(|[lo, hi]| (lo, hi)), force: true };
+        let range = self.range.map(|[lo, hi]| (lo, hi));
+        let options = PrepareOptions { brick_size: self.brick, range, force: true, ..PrepareOptions::default() };
         prepare_input(input, &hints, &target, &options)?;
         Ok(Store::open(&target)?)
     }
@@ -130,11 +130,13 @@ pub fn prepare_input(
     options: &PrepareOptions,
 ) -> Result<PrepareSummary, Failure> {
     let mut source = format::open(input, hints)?;
-    for note in &source.header().notes {
-        tracing::warn!("{}: {note}", input.display());
-    }
     let bar = Bar::new(&format!("preparing {}", input.display()));
-    let summary = prepare(source.as_mut(), target, options, &mut |p| bar.at(p.done, p.total))?;
+    let options = PrepareOptions {
+        source_name: input.file_name().and_then(|n| n.to_str()).map(str::to_owned),
+        source_bytes: input.metadata().ok().map(|m| m.len()),
+        ..options.clone()
+    };
+    let summary = prepare(source.as_mut(), target, &options, &mut |p| bar.at(p.done, p.total))?;
     bar.finish();
     for note in &summary.notes {
         tracing::warn!("{}: {note}", input.display());

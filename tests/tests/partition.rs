@@ -42,7 +42,7 @@ fn volume_file(folder: &Path) -> PathBuf {
 fn store(folder: &Path, input: &Path, brick_size: u32) -> Store {
     let target = folder.join(format!("field-{brick_size}"));
     let mut source = format::open(input, &RawHints::default()).unwrap();
-    let options = PrepareOptions { brick_size, range: None, force: false };
+    let options = PrepareOptions { brick_size, ..PrepareOptions::default() };
     prepare(source.as_mut(), &target, &options, &mut |_| {}).unwrap();
     Store::open(&target).unwrap()
 }
@@ -113,11 +113,11 @@ async fn render(session: &mut Session, scene: &Scene, transport: Transport) -> F
 }
 
 fn bits(frame: &Frame) -> Vec<[u32; 4]> {
-    frame.picture.pixels.iter().map(|p| p.to_array().map(f32::to_bits)).collect()
+    frame.picture.pixels().iter().map(|p| p.to_array().map(f32::to_bits)).collect()
 }
 
 fn worst(a: &Frame, b: &Frame) -> f32 {
-    let pairs = a.picture.pixels.iter().zip(&b.picture.pixels);
+    let pairs = a.picture.pixels().iter().zip(b.picture.pixels());
     pairs.flat_map(|(p, q)| (0..4).map(move |c| (p.to_array()[c] - q.to_array()[c]).abs())).fold(0.0, f32::max)
 }
 
@@ -134,12 +134,12 @@ fn the_same_bits_from_any_number_of_nodes() {
                 let cameras = cameras(&store);
                 let mut expected: Vec<Vec<[u32; 4]>> = Vec::new();
                 for count in [1, 2, 3, 8] {
-                    let nodes = EmbeddedNodes::start(&kernel, count, store.path(), 1 << 30).await.unwrap();
+                    let nodes = EmbeddedNodes::start(&kernel, count, &store.path(), 1 << 30).await.unwrap();
                     let mut session = Session::open(&nodes.addresses(), StoreChoice::Hash(store.hash())).await.unwrap();
                     for (i, (name, camera)) in cameras.iter().enumerate() {
                         let scene = scene(&store, *camera, (67, 53), true);
                         let frame = render(&mut session, &scene, Transport::F32).await;
-                        assert!(frame.picture.pixels.iter().any(|p| p.a > 0.3), "{name}: nothing to see");
+                        assert!(frame.picture.pixels().iter().any(|p| p.a > 0.3), "{name}: nothing to see");
                         if *name == "oblique" {
                             for node in &frame.stats.nodes {
                                 assert!(
@@ -177,7 +177,7 @@ fn brick_size_transport_and_mode_change_less_than_one_step_of_eight_bits() {
                 let store =
                     if path.is_dir() { Store::open(&path).unwrap() } else { store(folder.path(), &input, brick_size) };
                 for count in [1, 3] {
-                    let nodes = EmbeddedNodes::start(&kernel, count, store.path(), 1 << 30).await.unwrap();
+                    let nodes = EmbeddedNodes::start(&kernel, count, &store.path(), 1 << 30).await.unwrap();
                     let mut session = Session::open(&nodes.addresses(), StoreChoice::Hash(store.hash())).await.unwrap();
                     for (exact, transport) in [(true, Transport::F32), (false, Transport::F32), (false, Transport::F16)]
                     {
@@ -198,7 +198,7 @@ fn brick_size_transport_and_mode_change_less_than_one_step_of_eight_bits() {
 
 fn copy(frame: &Frame) -> Frame {
     Frame {
-        picture: brickcast::output::Picture { size: frame.picture.size, pixels: frame.picture.pixels.clone() },
+        picture: frame.picture.clone(),
         complete: frame.complete,
         problems: Vec::new(),
         missing_tiles: Vec::new(),
@@ -216,11 +216,11 @@ fn odd_image_sizes() {
             for size in [(1, 1), (17, 5), (127, 61), (64, 64), (65, 129)] {
                 let mut first = None;
                 for count in [1, 3] {
-                    let nodes = EmbeddedNodes::start(&kernel, count, store.path(), 1 << 30).await.unwrap();
+                    let nodes = EmbeddedNodes::start(&kernel, count, &store.path(), 1 << 30).await.unwrap();
                     let mut session = Session::open(&nodes.addresses(), StoreChoice::Hash(store.hash())).await.unwrap();
                     let scene = scene(&store, cameras(&store)[0].1, size, true);
                     let frame = render(&mut session, &scene, Transport::F32).await;
-                    assert_eq!(frame.picture.pixels.len(), (size.0 * size.1) as usize);
+                    assert_eq!(frame.picture.pixels().len(), (size.0 * size.1) as usize);
                     let got = bits(&frame);
                     assert!(*first.get_or_insert_with(|| got.clone()) == got, "{size:?} on {count} nodes");
                 }
@@ -239,7 +239,7 @@ fn a_small_memory_budget_changes_no_bit() {
         let kernel = Kernel::open(BackendArg::Cpu).unwrap();
         let mut frames = Vec::new();
         for budget in [1 << 30, 34 * 34 * 34 * 2 * 5] {
-            let nodes = EmbeddedNodes::start(&kernel, 2, store.path(), budget).await.unwrap();
+            let nodes = EmbeddedNodes::start(&kernel, 2, &store.path(), budget).await.unwrap();
             let mut session = Session::open(&nodes.addresses(), StoreChoice::Hash(store.hash())).await.unwrap();
             let scene = scene(&store, cameras(&store)[0].1, (67, 53), true);
             session.load(&scene).await.unwrap();

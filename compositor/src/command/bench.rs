@@ -69,7 +69,7 @@ async fn measure(
     (backend, count): (&'static str, usize),
     budget: u64,
 ) -> Result<Row, Failure> {
-    let nodes = EmbeddedNodes::start(kernel, count, store.path(), budget).await?;
+    let nodes = EmbeddedNodes::start(kernel, count, &store.path(), budget).await?;
     let mut session = Session::open(&nodes.addresses(), crate::session::StoreChoice::Hash(store.hash())).await?;
     let load = session.load(&choice.scene).await?;
     let limit = std::time::Duration::from_secs(3600);
@@ -95,7 +95,16 @@ async fn measure(
 fn report(args: &BenchArgs, store: &Store, rows: &[Row], adapters: &[serde_json::Value]) -> Result<(), Failure> {
     let Some(base) = rows.first() else { return Err(anyhow!("no backend could be opened").into()) };
     let mut table = Table::new();
-    table.set_header(["backend", "nodes", "ms a frame", "M samples/s", "M samples/s/core", "ratio", "load ms", "received"]);
+    table.set_header([
+        "backend",
+        "nodes",
+        "ms a frame",
+        "M samples/s",
+        "M samples/s/core",
+        "ratio",
+        "load ms",
+        "received",
+    ]);
     let mut list = Vec::new();
     for row in rows {
         let rate = row.samples as f64 / row.frame_ms / 1e3;

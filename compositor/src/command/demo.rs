@@ -3,18 +3,18 @@
 use std::path::Path;
 
 use anyhow::Context as _;
+use brickcast_volume::PictureSize;
 use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::phantom::{PhantomOptions, write_phantom};
 use brickcast_volume::scene::{Filter, Scene, Transport};
 use brickcast_volume::store::{PrepareOptions, Store};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
-use brickcast_volume::PictureSize;
 
 use super::say;
 use crate::cli::DemoArgs;
 use crate::embedded::{EmbeddedNodes, Kernel};
 use crate::failure::Failure;
-use crate::output::{FrameWriter, OutputFormat, write_manifest};
+use crate::output::{FrameOptions, FrameWriter, OutputFormat, write_manifest};
 use crate::progress::Bar;
 use crate::scene_args::SceneChoice;
 use crate::session::{Session, StoreChoice};
@@ -49,7 +49,8 @@ pub async fn run(args: DemoArgs, quiet: bool) -> Result<(), Failure> {
     let choice = SceneChoice { scene: scene(&opened, size)?, transport: Transport::F16, note: None };
     let load = session.load(&choice.scene).await?;
     let frame = session.render(&choice.scene, choice.transport, std::time::Duration::from_secs(300)).await?;
-    let mut writer = FrameWriter::open(&args.output, size, 1, Some([1.0; 3]), 25)?;
+    let options = FrameOptions { background: Some([1.0; 3]), ..FrameOptions::default() };
+    let mut writer = FrameWriter::open(OutputFormat::from_path(&args.output)?, &args.output, size, options)?;
     writer.push(&frame.picture)?;
     writer.finish()?;
     write_manifest(&args.output, &super::render::manifest(&session, &choice, &frame))?;
@@ -75,8 +76,11 @@ fn make(nrrd: &Path, store: &Path, dims: [u32; 3], quiet: bool) -> Result<Store,
     write_phantom(nrrd, &options, &mut |done, total| bar.at(done, total))?;
     bar.finish();
     let [x, y, z] = dims;
-    say(quiet, &format!("1. made a phantom part with {} pores, {x} x {y} x {z} voxels: {}", options.pores, nrrd.display()))?;
-    let options = PrepareOptions { brick_size: 64, range: None, force: true };
+    say(
+        quiet,
+        &format!("1. made a phantom part with {} pores, {x} x {y} x {z} voxels: {}", options.pores, nrrd.display()),
+    )?;
+    let options = PrepareOptions { force: true, ..PrepareOptions::default() };
     let summary = prepare_input(nrrd, &Default::default(), store, &options)?;
     say(quiet, &format!("   and prepared it as {} bricks: {}", summary.manifest.grid.brick_count(), store.display()))?;
     Ok(Store::open(store)?)

@@ -46,9 +46,8 @@ pub async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -> Resul
     for (node, layers) in orders.iter().enumerate() {
         let bricks = assignment.bricks_of(&shown, node);
         let boxes = bricks.iter().map(|&b| grid.owned_box(grid.brick_at(b as usize)));
-        let (owned, stored) = boxes.fold((0, 0), |(o, s), b| {
-            (o + b.voxel_count(), s + b.stored(GHOST_SAMPLED).voxel_count())
-        });
+        let (owned, stored) =
+            boxes.fold((0, 0), |(o, s), b| (o + b.voxel_count(), s + b.stored(GHOST_SAMPLED).voxel_count()));
         let memory = stored * 2;
         let over = if memory > budgets[node] { " (over)" } else { "" };
         out.add_row([
@@ -59,7 +58,7 @@ pub async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -> Resul
             format!("{}{over}", bytes(budgets[node])),
             layers.iter().map(|l| l.chunks.len()).sum::<usize>().to_string(),
             layers.len().to_string(),
-            layers.iter().map(|l| l.tiles.count()).sum::<usize>().to_string(),
+            layers.iter().map(|l| l.tiles.count()).sum::<u32>().to_string(),
         ]);
     }
     let d = geometry.dims();

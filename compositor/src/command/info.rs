@@ -25,7 +25,11 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
         (manifest, None, notes)
     };
     let value = describe(&manifest, store.as_ref(), &notes);
-    if args.json { print(&format!("{value:#}\n")) } else { print(&text(&args.path.display().to_string(), &manifest, &value)) }
+    if args.json {
+        print(&format!("{value:#}\n"))
+    } else {
+        print(&text(&args.path.display().to_string(), &manifest, &value))
+    }
 }
 
 fn describe(m: &Manifest, store: Option<&Store>, notes: &[String]) -> Value {
@@ -73,8 +77,17 @@ fn text(path: &str, m: &Manifest, value: &Value) -> String {
     let (d, s, o) = (g.dims(), g.spacing(), g.origin());
     let unit = m.space_unit.as_deref().unwrap_or("units");
     let mut lines = vec![
-        format!("{path}: {} {}", m.source.format, if value["store"].is_null() { "" } else { "as a brick store" }).trim_end().to_owned(),
-        format!("  dims       {} x {} x {} = {} voxels of {}", d.x, d.y, d.z, g.voxel_count(), m.source.voxel_type.name()),
+        format!("{path}: {} {}", m.source.format, if value["store"].is_null() { "" } else { "as a brick store" })
+            .trim_end()
+            .to_owned(),
+        format!(
+            "  dims       {} x {} x {} = {} voxels of {}",
+            d.x,
+            d.y,
+            d.z,
+            g.voxel_count(),
+            m.source.voxel_type.name()
+        ),
         format!("  spacing    {} x {} x {} {unit}, origin {}, {}, {}", s.x, s.y, s.z, o.x, o.y, o.z),
         format!("  values     {} to {}, mean {:.6}", m.min, m.max, m.mean),
         format!("  range      {} to {} (codes 0 and 65535)", m.range.0, m.range.1),

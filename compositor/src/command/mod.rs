@@ -57,7 +57,9 @@ fn blocking(command: impl Future<Output = Result<(), Failure>>) -> Result<(), Fa
 pub(crate) fn print(text: &str) -> Result<(), Failure> {
     let mut out = std::io::stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(anyhow::Error::new(error).context("stdout").into()),
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(anyhow::Error::new(error).context("stdout").into())
+        }
         _ => Ok(()),
     }
 }

@@ -22,7 +22,7 @@ pub fn run(args: &PhantomArgs, quiet: bool) -> Result<(), Failure> {
             args.out.display(),
             bytes(report.bytes),
             args.pores,
-            report.truth.display()
+            report.truth_path.display()
         ),
     )
 }

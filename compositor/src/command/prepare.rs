@@ -15,8 +15,8 @@ use crate::source::{prepare_input, short};
 pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
     BrickGrid::new(glam::UVec3::ONE, args.brick).map_err(Failure::usage)?;
     let hints = args.raw.hints()?;
-    let options =
-        PrepareOptions { brick_size: args.brick, range: args.range.map(|[lo, hi]| (lo, hi)), force: args.force };
+    let range = args.range.map(|[lo, hi]| (lo, hi));
+    let options = PrepareOptions { brick_size: args.brick, range, force: args.force, ..PrepareOptions::default() };
     let started = Instant::now();
     let summary = prepare_input(&args.input, &hints, &args.store, &options)?;
     let seconds = started.elapsed().as_secs_f64();
@@ -34,7 +34,7 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
             m.grid.brick_size(),
             m.min,
             m.max,
-            bytes(summary.bytes_on_disk),
+            bytes(summary.store_bytes),
             short(summary.hash),
         ),
     )

@@ -12,14 +12,12 @@ use crate::cli::RenderArgs;
 use crate::command::dry_run;
 use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
 use crate::failure::Failure;
-use crate::output::{FrameWriter, OutputFormat, write_json, write_manifest};
+use crate::output::{FrameOptions, FrameWriter, MAX_FRAMES, OutputFormat, write_json, write_manifest};
 use crate::scene_args::SceneChoice;
 use crate::session::{Frame, Session};
 use crate::source::{Source, short};
 use crate::stats;
 
-/// The most frames of one sequence.
-const MAX_FRAMES: u32 = 100_000;
 
 /// # Errors
 /// Usage before anything opens; failures that name what was wrong; [`Failure::Incomplete`] where a frame was written that
@@ -55,7 +53,9 @@ fn check(args: &RenderArgs) -> Result<(), Failure> {
     if let Some(output) = &args.output {
         let format = OutputFormat::from_path(output).map_err(Failure::usage)?;
         if format == OutputFormat::Exr && args.background.is_some() {
-            return Err(Failure::usage(anyhow!("--background: an .exr keeps its alpha; write a .png for a background")));
+            return Err(Failure::usage(anyhow!(
+                "--background: an .exr keeps its alpha; write a .png for a background"
+            )));
         }
     }
     Ok(())
@@ -77,7 +77,7 @@ async fn open_session(
         say(quiet, note)?;
     }
     tracing::info!("{backend}: {adapter}");
-    let nodes = EmbeddedNodes::start(&kernel, args.nodes.local.unwrap_or(1), store.path(), memory_budget).await?;
+    let nodes = EmbeddedNodes::start(&kernel, args.nodes.local.unwrap_or(1), &store.path(), memory_budget).await?;
     let session = Session::open(&nodes.addresses(), source.choice()).await?;
     Ok((session, Some(nodes)))
 }
@@ -97,13 +97,16 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
         .collect::<Result<_, _>>()
         .map_err(Failure::usage)?;
 
+    let options =
+        FrameOptions { frames: args.frames, fps: f64::from(args.fps), background: background(args.background)? };
+    let mut writer = FrameWriter::open(OutputFormat::from_path(output)?, output, choice.scene.size, options)?;
     let started = Instant::now();
     let load = session.load(&choice.scene).await?;
     if !load.fits {
-        tracing::warn!("a node's memory budget holds fewer bricks than it renders: frames load on the way and are slow");
+        tracing::warn!(
+            "a node's memory budget holds fewer bricks than it renders: frames load on the way and are slow"
+        );
     }
-    let mut writer =
-        FrameWriter::open(output, choice.scene.size, args.frames, background(args.background)?, args.fps)?;
     let mut frames = Vec::new();
     let mut manifests = Vec::new();
     let mut problems = Vec::new();
@@ -116,10 +119,12 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
             first_frame_ms = started.elapsed().as_secs_f64() * 1e3;
         }
         problems.extend(frame.problems.iter().map(|p| format!("frame {i}: {p}")));
-        let written = writer.push(&frame.picture)?;
+        writer.push(&frame.picture)?;
         let manifest = manifest(&session, &one, &frame);
-        match written {
-            Some(path) if !args.no_manifest => write_manifest(&path, &manifest)?,
+        match writer.last_written() {
+            Some(path) if !args.no_manifest => {
+                write_manifest(path, &manifest)?;
+            }
             Some(_) => {}
             None => manifests.push(manifest),
         }

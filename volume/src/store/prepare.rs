@@ -96,13 +96,7 @@ pub fn prepare(
     }
     let work = WorkDir::create(out, options.force)?;
     let mut pass = Pass { source, header: &header, plane: Vec::new(), progress };
-    let mapping = if header.voxel_type.is_lossless() {
-        None
-    } else {
-        let scan = pass.scan()?;
-        pass.source.rewind()?;
-        Some((scan, Quantiser::new(&scan, options.range)?))
-    };
+    let mapping = pass.mapping(options.range)?;
     let job = Job { header: &header, options, grid, shards, mapping };
     let root = work.store();
     let gathered = match StoredType::of(header.voxel_type) {
@@ -119,6 +113,30 @@ pub fn prepare(
     work.publish()?;
     pass.report(Phase::Finish, header.geometry.dims().z);
     Ok(summary)
+}
+
+/// What the manifest of a store made of this input would say, without writing one: the hashes of its files are zero.
+///
+/// # Errors
+/// An input that cannot be read.
+pub fn survey(source: &mut dyn VolumeSource, progress: &mut dyn FnMut(Progress)) -> Result<Manifest, StoreError> {
+    let header = source.header().clone();
+    let options = PrepareOptions { brick_size: 512, ..PrepareOptions::default() };
+    let grid = BrickGrid::new(header.geometry.dims(), options.brick_size)?;
+    let shards = ShardGrid::new(header.geometry.dims())?;
+    let mut pass = Pass { source, header: &header, plane: Vec::new(), progress };
+    let mapping = pass.mapping(None)?;
+    let job = Job { header: &header, options: &options, grid, shards, mapping };
+    let histogram = match StoredType::of(header.voxel_type) {
+        StoredType::U8 => job.count(&mut pass, read_le::<u8>)?,
+        StoredType::I8 => job.count(&mut pass, read_le::<i8>)?,
+        StoredType::I16 => job.count(&mut pass, read_le::<i16>)?,
+        StoredType::U16 => match mapping {
+            None => job.count(&mut pass, read_le::<u16>)?,
+            Some((_, q)) => job.count(&mut pass, |bytes, out| q.map(header.voxel_type, bytes, out))?,
+        },
+    };
+    job.manifest(&histogram)
 }
 
 /// The input, plane by plane.
@@ -143,6 +161,16 @@ impl Pass<'_> {
             return Err(StoreError::SourceLength { plane: z, got: self.plane.len(), want });
         }
         Ok(&self.plane)
+    }
+
+    /// How 32-bit voxels are mapped to 16 bits, after a pass of their own; `None` for types that are stored as they are.
+    fn mapping(&mut self, range: Option<(f64, f64)>) -> Result<Option<(Scan, Quantiser)>, StoreError> {
+        if self.header.voxel_type.is_lossless() {
+            return Ok(None);
+        }
+        let scan = self.scan()?;
+        self.source.rewind()?;
+        Ok(Some((scan, Quantiser::new(&scan, range)?)))
     }
 
     fn scan(&mut self) -> Result<Scan, StoreError> {
@@ -195,6 +223,19 @@ impl Job<'_> {
             writer.add(cz as u32, &slab)?;
         }
         Ok(Gathered { histogram, ranges, shards: writer.finish() })
+    }
+
+    /// Reads every plane for its statistics only.
+    fn count<T: Voxel>(&self, pass: &mut Pass<'_>, convert: impl Fn(&[u8], &mut [T])) -> Result<Histogram, StoreError> {
+        let d = self.header.geometry.dims();
+        let mut plane = vec![T::zeroed(); d.x as usize * d.y as usize];
+        let mut histogram = Histogram::new();
+        for z in 0..d.z {
+            pass.report(Phase::Scan, z);
+            convert(pass.next_plane(z)?, &mut plane);
+            histogram.add(&plane);
+        }
+        Ok(histogram)
     }
 
     /// Writes the small files, the manifest last.
