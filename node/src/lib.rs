@@ -1,5 +1,19 @@
 //! The render node: adapter, brick residency, rendering and the tonic service.
 
+pub mod config;
 pub mod cpu;
+pub mod error;
 pub mod gpu;
+pub mod meter;
+pub mod node;
 pub mod raycaster;
+pub mod render;
+pub mod residency;
+pub mod server;
+mod service;
+pub mod stores;
+
+pub use config::{DataRoot, NodeConfig};
+pub use error::NodeError;
+pub use node::Node;
+pub use server::serve;

@@ -1,1 +1,106 @@
-fn main() {}
+//! `brickcast-node`: a render node as a process.
+
+mod cli;
+
+use std::io::{self, Write as _};
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::time::Duration;
+
+use anyhow::Context as _;
+use brickcast_node::config::format_bytes;
+use brickcast_node::{DataRoot, Node, NodeConfig, raycaster, serve};
+use clap::Parser as _;
+use tokio::net::TcpListener;
+
+use crate::cli::Cli;
+
+/// What the runtime's threads may take to end after the server has.
+const EXIT_TIMEOUT: Duration = Duration::from_millis(500);
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    start_log(&cli);
+    match run(&cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            // The log may be filtered; the reason for the exit never is.
+            let _ = writeln!(io::stderr(), "brickcast-node: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn start_log(cli: &Cli) {
+    let ours = format!("warn,brickcast_node={}", cli.level());
+    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
+        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(ours));
+    // Fails only where a log exists already.
+    let _ = tracing_subscriber::fmt().with_writer(io::stderr).with_env_filter(filter).try_init();
+}
+
+fn run(cli: &Cli) -> anyhow::Result<()> {
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("cannot start threads")?;
+    let outcome = runtime.block_on(run_node(cli));
+    runtime.shutdown_timeout(EXIT_TIMEOUT);
+    outcome
+}
+
+async fn run_node(cli: &Cli) -> anyhow::Result<()> {
+    // Before anything slow: a signal during the start ends the process cleanly too.
+    let shutdown = shutdown_signal()?;
+    let listener = TcpListener::bind(&cli.listen)
+        .await
+        .with_context(|| format!("cannot listen on {}; choose another --listen host:port", cli.listen))?;
+    let address = listener.local_addr().context("cannot tell the port that was taken")?;
+    if !address.ip().is_loopback() {
+        tracing::warn!("whoever reaches {address} can use this node: keep it on a private network");
+    }
+    let backend = cli.backend.into();
+    let raycaster = tokio::task::spawn_blocking(move || raycaster::open(backend))
+        .await
+        .context("opening the backend failed")?
+        .context("cannot open the backend")?;
+    let info = raycaster.info();
+    tracing::info!("rendering on {} ({}), {} for bricks", info.adapter, info.backend, format_bytes(cli.memory_budget));
+    for note in &info.notes {
+        tracing::warn!("{note}");
+    }
+    let config = NodeConfig::new(DataRoot::Folder(cli.data.clone()), cli.memory_budget);
+    let node = Arc::new(Node::new(config, raycaster)?);
+    announce(&format!("listening on {address}")).context("cannot write to stdout")?;
+    serve(node, listener, async {
+        shutdown.await;
+        tracing::info!("shutting down: frames under way finish first");
+    })
+    .await?;
+    Ok(())
+}
+
+/// A line on stdout: results go there, logs to stderr.
+fn announce(line: &str) -> io::Result<()> {
+    let mut stdout = io::stdout().lock();
+    writeln!(stdout, "{line}")?;
+    stdout.flush()
+}
+
+/// Resolves at ctrl-c or SIGTERM.
+fn shutdown_signal() -> anyhow::Result<impl Future<Output = ()>> {
+    #[cfg(unix)]
+    let mut terminate = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::terminate())
+        .context("cannot listen for SIGTERM")?;
+    #[cfg(unix)]
+    let mut interrupt = tokio::signal::unix::signal(tokio::signal::unix::SignalKind::interrupt())
+        .context("cannot listen for ctrl-c")?;
+    Ok(async move {
+        #[cfg(unix)]
+        tokio::select! {
+            _ = terminate.recv() => {}
+            _ = interrupt.recv() => {}
+        }
+        #[cfg(not(unix))]
+        {
+            let _ = tokio::signal::ctrl_c().await;
+        }
+    })
+}

@@ -2,7 +2,7 @@
 
 use brickcast_volume::StoreHash;
 use brickcast_volume::scene::Filter;
-use brickcast_volume::store::BrickRanges;
+use brickcast_volume::store::{BrickRanges, Manifest};
 use bytes::Bytes;
 
 /// The longest text of any field, bytes.
@@ -11,8 +11,6 @@ pub const MAX_TEXT: usize = 4096;
 pub const MAX_STORES: usize = 4096;
 /// The most notes that a node tells of.
 pub const MAX_NOTES: usize = 64;
-/// The largest manifest, bytes.
-pub const MAX_MANIFEST: usize = 4 << 20;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum NodeState {
@@ -78,12 +76,15 @@ pub enum StoreQuery {
 }
 
 /// A store's manifest and brick ranges, so that a client needs no data of its own.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct StoreDescription {
     pub name: String,
-    /// The hash of `manifest`; checked.
+    /// The hash of `manifest_bytes`; checked.
     pub hash: StoreHash,
-    pub manifest: Bytes,
+    /// What `manifest_bytes` say.
+    pub manifest: Manifest,
+    pub manifest_bytes: Bytes,
+    /// One for every brick of the manifest's grid; checked against the hash that the manifest names.
     pub ranges: BrickRanges,
 }
 

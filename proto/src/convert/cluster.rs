@@ -2,13 +2,13 @@
 
 use brickcast_volume::StoreHash;
 use brickcast_volume::brick::MAX_BRICKS;
-use brickcast_volume::store::BrickRanges;
+use brickcast_volume::store::{BrickRanges, Manifest, StoreError};
 
 use super::scene::{filter_from_wire, filter_to_wire};
 use super::{WireError, at_most, duration, text};
 use crate::cluster::{
-    MAX_MANIFEST, MAX_NOTES, MAX_STORES, MAX_TEXT, NodeDescription, NodeState, PrepareReceipt, PrepareRequest,
-    StoreDescription, StoreName, StoreQuery,
+    MAX_NOTES, MAX_STORES, MAX_TEXT, NodeDescription, NodeState, PrepareReceipt, PrepareRequest, StoreDescription,
+    StoreName, StoreQuery,
 };
 use crate::wire;
 
@@ -97,8 +97,12 @@ impl TryFrom<wire::OpenStoreRequest> for StoreQuery {
 
 impl From<StoreDescription> for wire::StoreDescription {
     fn from(store: StoreDescription) -> Self {
-        let ranges: Vec<u8> = store.ranges.0.iter().flatten().flat_map(|code| code.to_le_bytes()).collect();
-        Self { hash: store.hash.to_string(), name: store.name, manifest: store.manifest, brick_ranges: ranges.into() }
+        Self {
+            hash: store.hash.to_string(),
+            name: store.name,
+            manifest: store.manifest_bytes,
+            brick_ranges: store.ranges.to_bytes().into(),
+        }
     }
 }
 
@@ -107,24 +111,16 @@ impl TryFrom<wire::StoreDescription> for StoreDescription {
 
     fn try_from(store: wire::StoreDescription) -> Result<Self, WireError> {
         let hash: StoreHash = store.hash.parse()?;
-        at_most("bytes of manifest", store.manifest.len(), MAX_MANIFEST)?;
+        at_most("bytes of manifest", store.manifest.len(), Manifest::MAX_BYTES as usize)?;
         let got = StoreHash::of(&store.manifest);
         if got != hash {
-            return Err(WireError::ManifestHash { got: got.to_string(), want: hash.to_string() });
+            return Err(WireError::ManifestHash { got, want: hash });
         }
-        let bytes = store.brick_ranges.len();
-        at_most("bricks", bytes / 4, MAX_BRICKS as usize)?;
-        if bytes == 0 || !bytes.is_multiple_of(4) {
-            return Err(WireError::Ranges { got: bytes, want: "four for every brick are needed".to_owned() });
-        }
-        let codes = |b: &[u8]| [u16::from_le_bytes([b[0], b[1]]), u16::from_le_bytes([b[2], b[3]])];
-        let ranges: Vec<[u16; 2]> = store.brick_ranges.chunks_exact(4).map(codes).collect();
-        if let Some(brick) = ranges.iter().position(|[min, max]| min > max) {
-            let [min, max] = ranges[brick];
-            return Err(WireError::UpsideDown { brick, min, max });
-        }
+        let broken = |error: StoreError| WireError::Store(error.to_string());
+        let manifest = Manifest::from_bytes(&store.manifest).map_err(broken)?;
+        let ranges = BrickRanges::from_bytes(&manifest, &store.brick_ranges).map_err(broken)?;
         let name = text("store name", store.name, MAX_TEXT)?;
-        Ok(Self { name, hash, manifest: store.manifest, ranges: BrickRanges(ranges) })
+        Ok(Self { name, hash, manifest, manifest_bytes: store.manifest, ranges })
     }
 }
 

@@ -5,12 +5,12 @@ mod order;
 mod part;
 mod scene;
 
-use brickcast_volume::TreeNode;
 use brickcast_volume::camera::CameraError;
 use brickcast_volume::ids::NotAStoreHash;
 use brickcast_volume::scene::SceneError;
 use brickcast_volume::transfer_function::TransferFunctionError;
 use brickcast_volume::visibility::ViewError;
+use brickcast_volume::{StoreHash, TreeNode};
 
 use crate::tile::TileError;
 use crate::tile_rect::TileRect;
@@ -59,11 +59,9 @@ pub enum WireError {
     #[error("{what} must be strictly increasing; {after} follows {before}")]
     Order { what: &'static str, before: u32, after: u32 },
     #[error("the manifest's bytes have hash {got}, the message says {want}")]
-    ManifestHash { got: String, want: String },
-    #[error("brick ranges: {got} bytes, {want}")]
-    Ranges { got: usize, want: String },
-    #[error("brick {brick}: range {min}..{max} is upside down")]
-    UpsideDown { brick: usize, min: u16, max: u16 },
+    ManifestHash { got: StoreHash, want: StoreHash },
+    #[error("store: {0}")]
+    Store(String),
 }
 
 /// `text` cut to at most `max` bytes at a character's border, marked where it was cut.

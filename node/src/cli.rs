@@ -1,0 +1,98 @@
+//! The command line of `brickcast-node`.
+
+use std::path::PathBuf;
+use std::sync::LazyLock;
+
+use brickcast_node::config::parse_bytes;
+use brickcast_node::raycaster::BackendChoice;
+use brickcast_proto::PROTOCOL_VERSION;
+use clap::{ArgAction, Parser, ValueEnum};
+
+/// Of the software and of the protocol.
+static VERSION: LazyLock<String> =
+    LazyLock::new(|| format!("{} (protocol {PROTOCOL_VERSION})", env!("CARGO_PKG_VERSION")));
+
+/// A render node: holds bricks of volumes, renders the layers that a compositor orders.
+#[derive(Debug, Parser)]
+#[command(
+    name = "brickcast-node",
+    version = VERSION.as_str(),
+    after_help = "Prints `listening on ADDR` on stdout when it serves; logs go to stderr.\n\
+                  Exit codes: 0 after SIGTERM or ctrl-c, 1 failure, 2 wrong usage."
+)]
+pub(crate) struct Cli {
+    /// Where to listen, host:port; port 0 takes a free one. Nodes trust whoever reaches them: beyond loopback, listen on a
+    /// private network only
+    #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:7000")]
+    pub(crate) listen: String,
+
+    /// Folder with stores (made by `brickcast prepare`); nothing outside it is read
+    #[arg(long, value_name = "DIR")]
+    pub(crate) data: PathBuf,
+
+    /// Who renders: the GPU, the CPU, or the GPU where there is one
+    #[arg(long, value_enum, default_value_t = Backend::Auto)]
+    pub(crate) backend: Backend,
+
+    /// Memory for resident bricks, with a unit such as 512MiB or 4GiB
+    #[arg(long, value_name = "SIZE", default_value = "4GiB", value_parser = parse_bytes)]
+    pub(crate) memory_budget: u64,
+
+    /// More words on stderr; twice for still more
+    #[arg(short, long, action = ArgAction::Count, conflicts_with = "quiet")]
+    pub(crate) verbose: u8,
+
+    /// Only errors on stderr
+    #[arg(short, long)]
+    pub(crate) quiet: bool,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum Backend {
+    Auto,
+    Gpu,
+    Cpu,
+}
+
+impl From<Backend> for BackendChoice {
+    fn from(backend: Backend) -> Self {
+        match backend {
+            Backend::Auto => Self::Auto,
+            Backend::Gpu => Self::Gpu,
+            Backend::Cpu => Self::Cpu,
+        }
+    }
+}
+
+impl Cli {
+    /// The level of the log.
+    pub(crate) fn level(&self) -> tracing::Level {
+        match (self.quiet, self.verbose) {
+            (true, _) => tracing::Level::ERROR,
+            (false, 0) => tracing::Level::INFO,
+            (false, 1) => tracing::Level::DEBUG,
+            (false, _) => tracing::Level::TRACE,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::CommandFactory as _;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn budgets_without_sense_are_usage_errors() {
+        let parse = |budget: &str| Cli::try_parse_from(["brickcast-node", "--data", ".", "--memory-budget", budget]);
+        assert_eq!(parse("2GiB").unwrap().memory_budget, 2 << 30);
+        for bad in ["0", "lots", "4XB"] {
+            let error = parse(bad).unwrap_err();
+            assert_eq!(error.exit_code(), 2, "{bad}");
+        }
+    }
+}

@@ -1,0 +1,104 @@
+//! Everything that can go wrong on a node, and what the other side is told.
+
+use std::path::PathBuf;
+
+use brickcast_proto::{Failure, Fault};
+use brickcast_volume::store::StoreError;
+use brickcast_volume::visibility::ViewError;
+use brickcast_volume::{BrickIndex, ChunkIndex, StoreHash, TreeNode};
+
+use crate::config::format_bytes;
+use crate::raycaster::RaycastError;
+
+#[derive(Debug, thiserror::Error)]
+pub enum NodeError {
+    #[error("data root {}: {source}; --data names a folder with stores", path.display())]
+    DataRoot { path: PathBuf, source: std::io::Error },
+    #[error("no store with hash {hash} here; {there}")]
+    UnknownStore { hash: StoreHash, there: String },
+    #[error("no store named `{name}` here; {there}")]
+    UnknownName { name: String, there: String },
+    #[error("store name `{name}`: {why}; names are paths below the node's --data, such as `scans/walnut`")]
+    BadName { name: String, why: &'static str },
+    #[error(
+        "store `{name}` has hash {got} here, not {want}: another content under the same name; copy the store again"
+    )]
+    OtherContent { name: String, got: StoreHash, want: StoreHash },
+    #[error("store `{name}`: {source}")]
+    Store { name: String, source: StoreError },
+
+    #[error("layer {} is no node of this store's merge tree, or has no chunks", .0.0)]
+    NoSuchLayer(TreeNode),
+    #[error("chunk {chunk} is beyond the store's last, {last}")]
+    NoSuchChunk { chunk: u32, last: u64 },
+    #[error("chunk {chunk} does not lie under layer {}, which orders it", .layer.0)]
+    ChunkElsewhere { chunk: u32, layer: TreeNode },
+    #[error("brick {brick} is beyond the store's last, {last}")]
+    NoSuchBrick { brick: u32, last: u64 },
+    #[error(transparent)]
+    View(#[from] ViewError),
+    #[error("a step of {delta} world units is {ratio:e} opacity units of {unit}: must lie between 1e-9 and 1e6")]
+    OpacityUnit { delta: f64, unit: f64, ratio: f64 },
+
+    #[error(
+        "brick {brick} needs {}, the node's memory budget is {}; raise --memory-budget",
+        format_bytes(*bytes),
+        format_bytes(*budget)
+    )]
+    BrickTooLarge { brick: BrickIndex, bytes: u64, budget: u64 },
+    #[error(
+        "chunk {chunk} needs {} at once in exact mode, the node's memory budget is {}; raise --memory-budget, or render \
+         without --exact",
+        format_bytes(*bytes),
+        format_bytes(*budget)
+    )]
+    ChunkTooLarge { chunk: ChunkIndex, bytes: u64, budget: u64 },
+    #[error("bricks of {} are wanted at once, the memory budget is {}", format_bytes(*bytes), format_bytes(*budget))]
+    BatchTooLarge { bytes: u64, budget: u64 },
+    #[error(transparent)]
+    Raycast(#[from] RaycastError),
+
+    #[error("{0} orders wait already; try again later")]
+    Busy(usize),
+    #[error("the node is shutting down and takes no more orders")]
+    Draining,
+    #[error("the client took no part of the frame for {0} s")]
+    Stalled(u64),
+    #[error("the client went away")]
+    Cancelled,
+    #[error("the node's work failed unexpectedly ({0}); the node goes on, please report it")]
+    Panicked(String),
+}
+
+impl NodeError {
+    #[must_use]
+    pub fn fault(&self) -> Fault {
+        match self {
+            Self::UnknownStore { .. } | Self::UnknownName { .. } => Fault::UnknownStore,
+            Self::OtherContent { .. } => Fault::OtherContent,
+            Self::BadName { .. }
+            | Self::NoSuchLayer(_)
+            | Self::NoSuchChunk { .. }
+            | Self::ChunkElsewhere { .. }
+            | Self::NoSuchBrick { .. }
+            | Self::View(_)
+            | Self::OpacityUnit { .. } => Fault::Invalid,
+            Self::DataRoot { .. } | Self::Store { .. } => Fault::BrokenStore,
+            Self::BrickTooLarge { .. }
+            | Self::ChunkTooLarge { .. }
+            | Self::BatchTooLarge { .. }
+            | Self::Raycast(RaycastError::BrickTooLarge { .. }) => Fault::BudgetTooSmall,
+            Self::Raycast(_) => Fault::Device,
+            Self::Busy(_) => Fault::Busy,
+            Self::Draining => Fault::Draining,
+            Self::Stalled(_) | Self::Cancelled => Fault::Abandoned,
+            Self::Panicked(_) => Fault::Internal,
+        }
+    }
+}
+
+impl From<NodeError> for Failure {
+    fn from(error: NodeError) -> Self {
+        Self::new(error.fault(), error.to_string())
+    }
+}

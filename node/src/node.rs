@@ -1,0 +1,309 @@
+//! A node: stores, residency and a raycaster behind a fair queue of orders.
+//!
+//! Stateless towards orders: a frame is exactly what its order says, and nothing of it stays but resident bricks.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use brickcast_proto::{
+    FramePart, NodeDescription, NodeState, PROTOCOL_VERSION, Part, PrepareReceipt, PrepareRequest, RenderOrder,
+    StoreDescription, StoreQuery,
+};
+use brickcast_volume::brick::GHOST_SAMPLED;
+use brickcast_volume::store::ChunkCache;
+use bytes::Bytes;
+use tokio::runtime::Handle;
+use tokio::sync::{Semaphore, mpsc};
+use tokio::task::JoinError;
+
+use crate::config::NodeConfig;
+use crate::error::NodeError;
+use crate::meter::{FrameMeter, LoadMeter, peak_resident_set};
+use crate::raycaster::Raycaster;
+use crate::render::{TableCache, Workshop, load_bricks, render_frame};
+use crate::residency::{BrickKey, Residency, Wanted};
+use crate::stores::{OpenStore, Stores};
+
+/// Orders that may wait while one renders.
+pub const MAX_WAITING: usize = 16;
+/// Parts between the renderer and the connection: 4 MiB of tiles at most.
+const PARTS_IN_FLIGHT: usize = 64;
+/// A client that takes no part for this long is given up, so that it cannot hold the node.
+const STALL_TIMEOUT: Duration = Duration::from_secs(30);
+/// Decoded chunks of the store kept for neighbours, bytes, at most.
+const MAX_CACHE: u64 = 256 << 20;
+/// Bricks loaded ahead before a waiting frame gets its turn.
+const PREPARE_BATCH: usize = 64;
+
+#[derive(Debug)]
+pub struct Node {
+    config: NodeConfig,
+    raycaster: Arc<dyn Raycaster>,
+    stores: Stores,
+    residency: Residency,
+    cache: ChunkCache,
+    tables: TableCache,
+    /// One frame, or one batch of loading ahead, at a time; fair.
+    turn: Arc<Semaphore>,
+    /// The one that renders and those that wait.
+    places: Arc<Semaphore>,
+    draining: AtomicBool,
+    /// Work stops at its next batch.
+    stopped: AtomicBool,
+}
+
+/// The parts of a frame as they are made; ends after the receipt or an error.
+pub type Parts = mpsc::Receiver<Result<FramePart, NodeError>>;
+
+impl Node {
+    /// # Errors
+    /// A data root that is not there.
+    pub fn new(config: NodeConfig, raycaster: Arc<dyn Raycaster>) -> Result<Self, NodeError> {
+        let stores = Stores::new(&config.data)?;
+        let cache = ChunkCache::new(MAX_CACHE.min(config.memory_budget / 4));
+        Ok(Self {
+            residency: Residency::new(config.memory_budget),
+            config,
+            raycaster,
+            stores,
+            cache,
+            tables: TableCache::default(),
+            turn: Arc::new(Semaphore::new(1)),
+            places: Arc::new(Semaphore::new(MAX_WAITING + 1)),
+            draining: AtomicBool::new(false),
+            stopped: AtomicBool::new(false),
+        })
+    }
+
+    /// From now on new orders are refused; frames under way finish.
+    pub fn drain(&self) {
+        self.draining.store(true, Ordering::Relaxed);
+    }
+
+    /// Frames under way end at their next batch, with an error.
+    pub fn stop(&self) {
+        self.drain();
+        self.stopped.store(true, Ordering::Relaxed);
+    }
+
+    fn stopped(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
+
+    fn accepting(&self) -> Result<(), NodeError> {
+        if self.draining.load(Ordering::Relaxed) { Err(NodeError::Draining) } else { Ok(()) }
+    }
+
+    fn workshop(&self) -> Workshop<'_> {
+        Workshop { raycaster: &*self.raycaster, residency: &self.residency, cache: &self.cache, tables: &self.tables }
+    }
+
+    /// Takes an order; its parts come as they are made. Dropping the receiver cancels the frame.
+    ///
+    /// # Errors
+    /// Draining, too many orders waiting, an unknown store. What goes wrong later comes through the channel.
+    pub async fn render(self: Arc<Self>, order: RenderOrder) -> Result<Parts, NodeError> {
+        let started = Instant::now();
+        self.accepting()?;
+        let place = self.places.clone().try_acquire_owned().map_err(|_| NodeError::Busy(MAX_WAITING))?;
+        let store = self.open(StoreQuery::Hash(order.store)).await?;
+        let (tx, rx) = mpsc::channel(PARTS_IN_FLIGHT);
+        tokio::spawn(async move {
+            let _place = place;
+            let turn = tokio::select! {
+                turn = self.turn.clone().acquire_owned() => turn,
+                () = tx.closed() => return,
+            };
+            let worker = tx.clone();
+            let node = self.clone();
+            let work = tokio::task::spawn_blocking(move || {
+                let _turn = turn;
+                node.render_now(&order, &store, started, &worker)
+            });
+            if let Err(error) = flatten(work.await) {
+                match &error {
+                    NodeError::Cancelled => tracing::debug!("{error}"),
+                    _ => tracing::warn!("frame failed: {error}"),
+                }
+                // Nobody may be there to hear it.
+                let _ = tx.send_timeout(Err(error), STALL_TIMEOUT).await;
+            }
+        });
+        Ok(rx)
+    }
+
+    /// Renders on this (blocking) thread.
+    fn render_now(
+        &self,
+        order: &RenderOrder,
+        store: &OpenStore,
+        started: Instant,
+        parts: &mpsc::Sender<Result<FramePart, NodeError>>,
+    ) -> Result<(), NodeError> {
+        let mut meter = FrameMeter::new(started, order.layers.len());
+        let cancelled = || parts.is_closed() || self.stopped();
+        let mut emit = |part| {
+            let part = FramePart { frame: order.frame, epoch: order.epoch, part };
+            send(parts, Ok(part))
+        };
+        let result = render_frame(order, store, self.workshop(), &mut meter, &cancelled, &mut emit);
+        match result {
+            Ok(()) => emit(Part::Receipt(meter.receipt())),
+            Err(NodeError::Cancelled) if self.stopped() => Err(NodeError::Draining),
+            Err(error) => {
+                self.note_broken(&error, store);
+                Err(error)
+            }
+        }
+    }
+
+    /// A store that reads badly is closed, so that a repaired one is found.
+    fn note_broken(&self, error: &NodeError, store: &OpenStore) {
+        if matches!(error, NodeError::Store { .. }) {
+            self.stores.forget(store.store.hash());
+        }
+    }
+
+    async fn open(self: &Arc<Self>, query: StoreQuery) -> Result<Arc<OpenStore>, NodeError> {
+        let node = self.clone();
+        flatten(tokio::task::spawn_blocking(move || node.stores.query(&query)).await)
+    }
+
+    /// Manifest and brick ranges of a store.
+    ///
+    /// # Errors
+    /// A store that is not here, or not under that name, or not with that content.
+    pub async fn describe_store(self: &Arc<Self>, query: StoreQuery) -> Result<StoreDescription, NodeError> {
+        let open = self.open(query).await?;
+        Ok(StoreDescription {
+            name: open.name.clone(),
+            hash: open.store.hash(),
+            manifest: open.store.manifest().clone(),
+            manifest_bytes: Bytes::copy_from_slice(open.store.manifest_bytes()),
+            ranges: open.store.brick_ranges().clone(),
+        })
+    }
+
+    /// Who this node is and what it holds.
+    ///
+    /// # Errors
+    /// Only where looking at the stores panicked.
+    pub async fn describe(self: &Arc<Self>) -> Result<NodeDescription, NodeError> {
+        let node = self.clone();
+        let stores = flatten(tokio::task::spawn_blocking(move || Ok(node.stores.list())).await)?;
+        let info = self.raycaster.info();
+        let occupancy = self.residency.occupancy();
+        Ok(NodeDescription {
+            node_id: self.config.node_id.clone(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            protocol: PROTOCOL_VERSION,
+            backend: info.backend.to_owned(),
+            adapter: info.adapter.clone(),
+            memory_budget: self.config.memory_budget,
+            memory_used: occupancy.bytes,
+            resident_bricks: u32::try_from(occupancy.bricks).unwrap_or(u32::MAX),
+            state: if self.accepting().is_ok() { NodeState::Serving } else { NodeState::Draining },
+            stores,
+            notes: info.notes.clone(),
+            threads: info.threads,
+            max_resident_set: peak_resident_set(),
+        })
+    }
+
+    /// Warms the pipelines and makes bricks resident, in the order asked and as many as the budget holds; frames get their
+    /// turn in between.
+    ///
+    /// # Errors
+    /// An unknown store or brick, a broken store, a failing adapter, draining.
+    pub async fn prepare(self: &Arc<Self>, request: PrepareRequest) -> Result<PrepareReceipt, NodeError> {
+        self.accepting()?;
+        let store = self.open(StoreQuery::Hash(request.store)).await?;
+        let grid = store.store.manifest().grid;
+        let mut wanted = Vec::with_capacity(request.bricks.len());
+        let mut bytes = 0_u64;
+        for &brick in &request.bricks {
+            if u64::from(brick) >= grid.brick_count() {
+                return Err(NodeError::NoSuchBrick { brick, last: grid.brick_count().saturating_sub(1) });
+            }
+            let stored = grid.owned_box(grid.brick_at(brick as usize)).stored(GHOST_SAMPLED);
+            let size = self.raycaster.brick_bytes(stored.voxel_count());
+            bytes = bytes.saturating_add(size);
+            if bytes <= self.config.memory_budget {
+                let key = BrickKey { store: request.store, brick, ghost: GHOST_SAMPLED };
+                wanted.push(Wanted { key, bytes: size });
+            }
+        }
+        let mut load = LoadMeter::default();
+        load.add(
+            self.in_turn(move |node| {
+                node.raycaster.warm_up(request.filter)?;
+                Ok(LoadMeter::default())
+            })
+            .await?,
+        );
+        for batch in wanted.chunks(PREPARE_BATCH) {
+            let (batch, store) = (batch.to_vec(), store.clone());
+            let loaded = self.in_turn(move |node| {
+                let loaded = load_bricks(&batch, &store, node.workshop(), &|| node.stopped());
+                loaded.map(|(_, meter)| meter).inspect_err(|error| node.note_broken(error, &store))
+            });
+            load.add(loaded.await?);
+        }
+        Ok(PrepareReceipt {
+            load_ms: load.milliseconds(),
+            bricks: u32::try_from(wanted.len()).unwrap_or(u32::MAX),
+            decoded_bytes: load.decoded_bytes,
+            owned_bytes: load.owned_bytes,
+            resident_bytes: self.residency.occupancy().bytes,
+            fits: bytes <= self.config.memory_budget,
+        })
+    }
+
+    /// Runs blocking work when its turn comes.
+    async fn in_turn<T: Send + 'static>(
+        self: &Arc<Self>,
+        work: impl FnOnce(&Self) -> Result<T, NodeError> + Send + 'static,
+    ) -> Result<T, NodeError> {
+        let turn = self.turn.clone().acquire_owned().await;
+        let node = self.clone();
+        let done = tokio::task::spawn_blocking(move || {
+            let _turn = turn;
+            work(&node)
+        });
+        flatten(done.await)
+    }
+}
+
+/// A panic in blocking work is an error of that work, not of the node.
+fn flatten<T>(done: Result<Result<T, NodeError>, JoinError>) -> Result<T, NodeError> {
+    done.unwrap_or_else(|error| Err(NodeError::Panicked(panic_text(error))))
+}
+
+fn panic_text(error: JoinError) -> String {
+    match error.try_into_panic() {
+        Ok(payload) => payload
+            .downcast_ref::<String>()
+            .cloned()
+            .or_else(|| payload.downcast_ref::<&str>().map(|&s| s.to_owned()))
+            .unwrap_or_else(|| "a panic without words".to_owned()),
+        Err(error) => error.to_string(),
+    }
+}
+
+/// Waits for the client to take parts, but not for ever.
+fn send(
+    parts: &mpsc::Sender<Result<FramePart, NodeError>>,
+    part: Result<FramePart, NodeError>,
+) -> Result<(), NodeError> {
+    use mpsc::error::{SendTimeoutError, TrySendError};
+    match parts.try_send(part) {
+        Ok(()) => Ok(()),
+        Err(TrySendError::Closed(_)) => Err(NodeError::Cancelled),
+        Err(TrySendError::Full(part)) => match Handle::current().block_on(parts.send_timeout(part, STALL_TIMEOUT)) {
+            Ok(()) => Ok(()),
+            Err(SendTimeoutError::Closed(_)) => Err(NodeError::Cancelled),
+            Err(SendTimeoutError::Timeout(_)) => Err(NodeError::Stalled(STALL_TIMEOUT.as_secs())),
+        },
+    }
+}

@@ -1,0 +1,148 @@
+//! Units rendered in batches that fit the memory, and handed out one by one.
+
+use std::collections::{HashMap, VecDeque};
+use std::sync::Arc;
+use std::time::Instant;
+
+use brickcast_volume::Premul;
+use brickcast_volume::brick::GHOST_SAMPLED;
+use brickcast_volume::store::ChunkCache;
+
+use super::plan::{FramePlan, Unit};
+use super::{MAX_BATCH_BYTES, Workshop};
+use crate::error::NodeError;
+use crate::meter::{FrameMeter, LoadMeter};
+use crate::raycaster::{Job, JobImage, Raycaster, ResidentBrick};
+use crate::residency::{BrickKey, Lease, Load, Wanted};
+use crate::stores::OpenStore;
+
+/// The plan's units in their order, rendered when they are needed, several at once.
+pub(super) struct Batches<'a> {
+    plan: &'a FramePlan,
+    store: &'a OpenStore,
+    workshop: Workshop<'a>,
+    cancelled: &'a (dyn Fn() -> bool + Sync),
+    /// The first unit that is not rendered yet.
+    next: usize,
+    finished: VecDeque<JobImage>,
+}
+
+impl<'a> Batches<'a> {
+    pub(super) fn new(
+        plan: &'a FramePlan,
+        store: &'a OpenStore,
+        workshop: Workshop<'a>,
+        cancelled: &'a (dyn Fn() -> bool + Sync),
+    ) -> Self {
+        Self { plan, store, workshop, cancelled, next: 0, finished: VecDeque::new() }
+    }
+
+    /// The unit whose picture [`Batches::take`] gives next.
+    pub(super) fn upcoming(&self) -> Option<&'a Unit> {
+        self.plan.units.get(self.next - self.finished.len())
+    }
+
+    /// The next unit's picture; `None` after the last.
+    pub(super) fn take(&mut self, meter: &mut FrameMeter) -> Result<Option<JobImage>, NodeError> {
+        if self.finished.is_empty() && self.next < self.plan.units.len() {
+            if (self.cancelled)() {
+                return Err(NodeError::Cancelled);
+            }
+            self.render(meter)?;
+        }
+        Ok(self.finished.pop_front())
+    }
+
+    fn render(&mut self, meter: &mut FrameMeter) -> Result<(), NodeError> {
+        let (end, wanted) = self.fitting();
+        let units = &self.plan.units[self.next..end];
+        let (lease, load) = load_bricks(&wanted, self.store, self.workshop, self.cancelled)?;
+        meter.loaded(load);
+        let resident: HashMap<BrickKey, &Arc<dyn ResidentBrick>> =
+            wanted.iter().map(|w| w.key).zip(lease.bricks()).collect();
+        let key = |position: &usize| self.plan.bricks[*position].wanted.key;
+        let jobs: Vec<Job> = units
+            .iter()
+            .map(|unit| Job {
+                bricks: unit.bricks.iter().map(|p| resident[&key(p)].clone()).collect(),
+                rect: unit.rect,
+            })
+            .collect();
+        let images = self.workshop.raycaster.render(&self.plan.scene, &jobs)?;
+        for (unit, image) in units.iter().zip(&images) {
+            for (position, samples) in unit.bricks.iter().zip(&image.samples) {
+                meter.rendered(key(position).brick, *samples);
+            }
+        }
+        self.finished = images.into();
+        self.next = end;
+        Ok(())
+    }
+
+    /// As many units from the next one as fit (at least one): the end of the run, and its bricks, none twice.
+    fn fitting(&self) -> (usize, Vec<Wanted>) {
+        let budget = self.workshop.residency.budget();
+        let mut wanted: HashMap<BrickKey, u64> = HashMap::new();
+        let (mut brick_bytes, mut picture_bytes) = (0_u64, 0_u64);
+        let mut end = self.next;
+        for unit in &self.plan.units[self.next..] {
+            let new = unit.bricks.iter().map(|&p| self.plan.bricks[p].wanted).filter(|w| !wanted.contains_key(&w.key));
+            let more: u64 = new.clone().map(|w| w.bytes).fold(0, u64::saturating_add);
+            let pixels = (unit.rect.pixel_count() * size_of::<Premul>()) as u64;
+            let fits = brick_bytes.saturating_add(more) <= budget && picture_bytes + pixels <= MAX_BATCH_BYTES;
+            if end > self.next && !fits {
+                break;
+            }
+            let new: Vec<Wanted> = new.collect();
+            wanted.extend(new.iter().map(|w| (w.key, w.bytes)));
+            brick_bytes = brick_bytes.saturating_add(more);
+            picture_bytes += pixels;
+            end += 1;
+        }
+        let mut wanted: Vec<Wanted> = wanted.into_iter().map(|(key, bytes)| Wanted { key, bytes }).collect();
+        wanted.sort_unstable_by_key(|w| w.key);
+        (end, wanted)
+    }
+}
+
+/// Holds `wanted`, loading what is missing from the store through the shared cache of decoded chunks.
+pub(crate) fn load_bricks<'a>(
+    wanted: &[Wanted],
+    store: &OpenStore,
+    workshop: Workshop<'a>,
+    cancelled: &(dyn Fn() -> bool + Sync),
+) -> Result<(Lease<'a>, LoadMeter), NodeError> {
+    let (started, decoded) = (Instant::now(), workshop.cache.decoded_bytes());
+    let load = |key: BrickKey| load_brick(key, store, workshop.raycaster, workshop.cache);
+    let load: &Load<'_> = &load;
+    let lease = workshop.residency.lease(wanted, load, cancelled)?;
+    let meter = if lease.loaded().is_empty() {
+        LoadMeter::default()
+    } else {
+        let manifest = store.store.manifest();
+        let grid = manifest.grid;
+        let owned = |key: &BrickKey| grid.owned_box(grid.brick_at(key.brick as usize)).voxel_count();
+        LoadMeter {
+            time: started.elapsed(),
+            decoded_bytes: workshop.cache.decoded_bytes().saturating_sub(decoded),
+            owned_bytes: lease.loaded().iter().map(owned).sum::<u64>() * manifest.stored_type.bytes() as u64,
+        }
+    };
+    Ok((lease, meter))
+}
+
+fn load_brick(
+    key: BrickKey,
+    store: &OpenStore,
+    raycaster: &dyn Raycaster,
+    cache: &ChunkCache,
+) -> Result<Arc<dyn ResidentBrick>, NodeError> {
+    debug_assert_eq!(key.ghost, GHOST_SAMPLED);
+    let grid = store.store.manifest().grid;
+    let index = grid.brick_at(key.brick as usize);
+    let voxels = store
+        .store
+        .read_brick(index, key.ghost, cache)
+        .map_err(|source| NodeError::Store { name: store.name.clone(), source })?;
+    Ok(raycaster.upload(grid.owned_box(index), &voxels)?)
+}

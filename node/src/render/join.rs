@@ -1,0 +1,135 @@
+//! The units of a piece joined to one picture, always by the one `over` in f32.
+
+use brickcast_volume::{PixelRect, Premul, over};
+
+use super::batch::Batches;
+use super::plan::{FramePlan, Join, Piece};
+use crate::error::NodeError;
+use crate::meter::FrameMeter;
+use crate::raycaster::JobImage;
+
+/// Pixels of a rectangle of the picture; everything outside is clear.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Layer {
+    pub rect: PixelRect,
+    /// Row-major within `rect`.
+    pub pixels: Vec<Premul>,
+}
+
+impl From<JobImage> for Layer {
+    fn from(image: JobImage) -> Self {
+        Self { rect: image.rect, pixels: image.pixels }
+    }
+}
+
+impl Layer {
+    /// The pixels of row `y` of the picture between columns `x0` and `x1`, which lie inside the rectangle.
+    pub(super) fn row(&self, y: u32, x0: u32, x1: u32) -> &[Premul] {
+        let from = (y - self.rect.lo.y) as usize * self.rect.size().x as usize + (x0 - self.rect.lo.x) as usize;
+        &self.pixels[from..from + (x1 - x0) as usize]
+    }
+}
+
+/// The piece's picture; `None` where it has nothing to show.
+pub(super) fn picture(
+    plan: &FramePlan,
+    piece: &Piece,
+    batches: &mut Batches<'_>,
+    meter: &mut FrameMeter,
+) -> Result<Option<Layer>, NodeError> {
+    match piece.join {
+        Join::InOrder => {
+            let mut picture: Option<Layer> = None;
+            for _ in 0..piece.units {
+                let Some(next) = batches.take(meter)?.map(Layer::from) else { break };
+                picture = Some(match picture {
+                    Some(front) => layer_over(front, next),
+                    None => next,
+                });
+            }
+            Ok(picture)
+        }
+        Join::Tree => {
+            // The fold asks for leaves in the very order in which the plan lists them, so that pictures are joined as
+            // soon as both sides are there, and few live at once.
+            let mut left = piece.units;
+            let mut failure = None;
+            let joined = plan.tree.fold(
+                piece.node,
+                plan.from,
+                &mut |node| {
+                    if left == 0 || failure.is_some() || batches.upcoming()?.leaf != Some(node) {
+                        return None;
+                    }
+                    left -= 1;
+                    batches
+                        .take(meter)
+                        .unwrap_or_else(|error| {
+                            failure = Some(error);
+                            None
+                        })
+                        .map(Layer::from)
+                },
+                &mut layer_over,
+            );
+            match failure {
+                Some(error) => Err(error),
+                None => Ok(joined),
+            }
+        }
+    }
+}
+
+/// `front over back` on the rectangle around both; outside its own rectangle each is clear, the identity of `over`.
+fn layer_over(front: Layer, back: Layer) -> Layer {
+    let rect = front.rect.union(&back.rect);
+    let mut pixels = Vec::with_capacity(rect.pixel_count());
+    for y in rect.lo.y..rect.hi.y {
+        let start = pixels.len();
+        pixels.resize(start + rect.size().x as usize, Premul::CLEAR);
+        let row = &mut pixels[start..];
+        for (layer, is_front) in [(&back, false), (&front, true)] {
+            let r = layer.rect;
+            if r.is_empty() || y < r.lo.y || y >= r.hi.y {
+                continue;
+            }
+            let at = (r.lo.x - rect.lo.x) as usize;
+            for (pixel, value) in row[at..].iter_mut().zip(layer.row(y, r.lo.x, r.hi.x)) {
+                *pixel = if is_front { over(*value, *pixel) } else { *value };
+            }
+        }
+    }
+    Layer { rect, pixels }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::UVec2;
+
+    fn layer(lo: [u32; 2], hi: [u32; 2], value: [f32; 4]) -> Layer {
+        let rect = PixelRect { lo: UVec2::from(lo), hi: UVec2::from(hi) };
+        Layer { rect, pixels: vec![Premul::from_array(value); rect.pixel_count()] }
+    }
+
+    #[test]
+    fn layers_of_different_rectangles_join_on_the_union_with_clear_around() {
+        let (f, b) = ([0.1, 0.2, 0.3, 0.4], [0.5, 0.5, 0.5, 0.9]);
+        let joined = layer_over(layer([2, 1], [5, 3], f), layer([4, 2], [7, 6], b));
+        assert_eq!(joined.rect, PixelRect { lo: UVec2::new(2, 1), hi: UVec2::new(7, 6) });
+        let at = |x: u32, y: u32| joined.row(y, x, x + 1)[0];
+        assert_eq!(at(2, 1), Premul::from_array(f));
+        assert_eq!(at(6, 5), Premul::from_array(b));
+        assert_eq!(at(4, 2), over(Premul::from_array(f), Premul::from_array(b)));
+        assert_eq!(at(2, 5), Premul::CLEAR);
+        assert_eq!(joined.pixels.len(), 25);
+    }
+
+    #[test]
+    fn an_empty_layer_is_the_identity() {
+        let a = layer([3, 3], [6, 5], [0.25, 0.0, 0.0, 0.5]);
+        let nothing = layer([0, 0], [0, 0], [0.0; 4]);
+        assert_eq!(layer_over(a.clone(), nothing.clone()), a);
+        assert_eq!(layer_over(nothing, a.clone()), a);
+    }
+}

@@ -1,0 +1,261 @@
+//! Which bricks an order needs, front to back, and how the work is cut.
+
+use std::collections::HashMap;
+
+use brickcast_proto::{LayerOrder, RenderOrder, TileRect};
+use brickcast_volume::brick::GHOST_SAMPLED;
+use brickcast_volume::merge::{Viewpoint, sort_front_to_back};
+use brickcast_volume::store::Store;
+use brickcast_volume::{BrickIndex, ChunkIndex, MergeTree, PixelRect, TreeNode, View};
+use glam::UVec2;
+
+use super::{MAX_BAND_PIXELS, Workshop};
+use crate::error::NodeError;
+use crate::raycaster::KernelScene;
+use crate::residency::{BrickKey, Wanted};
+
+/// A frame cut into pieces and units.
+#[derive(Debug)]
+pub(super) struct FramePlan {
+    pub tree: MergeTree,
+    pub from: Viewpoint,
+    pub scene: KernelScene,
+    pub bricks: Vec<PlannedBrick>,
+    /// In the order in which they are answered.
+    pub pieces: Vec<Piece>,
+    /// Of all pieces, in the order in which they are rendered.
+    pub units: Vec<Unit>,
+}
+
+/// A brick that may show something.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PlannedBrick {
+    pub wanted: Wanted,
+    pub index: BrickIndex,
+    /// Pixels that it can touch.
+    rect: PixelRect,
+}
+
+/// Whole tile rows of one layer.
+#[derive(Debug)]
+pub(super) struct Piece {
+    /// Position in the order's layers.
+    pub layer: usize,
+    pub node: TreeNode,
+    pub tiles: TileRect,
+    pub join: Join,
+    /// How many of the plan's units are this piece's.
+    pub units: usize,
+}
+
+/// How the units of a piece become its picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Join {
+    /// Units are in front-to-back order.
+    InOrder,
+    /// Every unit is a chunk; joined at the merge tree's nodes only.
+    Tree,
+}
+
+/// One accumulator.
+#[derive(Debug)]
+pub(super) struct Unit {
+    /// The chunk's leaf in exact mode.
+    pub leaf: Option<TreeNode>,
+    /// Positions in the plan's bricks, front to back.
+    pub bricks: Vec<usize>,
+    pub rect: PixelRect,
+}
+
+impl FramePlan {
+    pub(super) fn new(order: &RenderOrder, store: &Store, workshop: Workshop<'_>) -> Result<Self, NodeError> {
+        let manifest = store.manifest();
+        let scene = &order.scene;
+        let view = View::new(&manifest.geometry, &scene.camera, scene.size, scene.step)?;
+        let delta = scene.step * manifest.geometry.min_spacing();
+        let ratio = delta / scene.opacity_unit;
+        if !(1e-9..=1e6).contains(&ratio) {
+            return Err(NodeError::OpacityUnit { delta, unit: scene.opacity_unit, ratio });
+        }
+        let table = workshop.tables.get(&scene.transfer_function, manifest.range, ratio);
+        let tree = MergeTree::of(manifest.grid);
+        let mut plan = Self {
+            tree,
+            from: view.viewpoint(),
+            scene: KernelScene { view, table, early_termination: scene.early_termination, filter: scene.filter },
+            bricks: Vec::new(),
+            pieces: Vec::new(),
+            units: Vec::new(),
+        };
+        // Every layer is checked before any is planned: a bad order costs nothing.
+        let layers = order.layers.iter().map(|layer| check(&tree, layer)).collect::<Result<Vec<_>, _>>()?;
+        for (at, (layer, chunks)) in order.layers.iter().zip(layers).enumerate() {
+            plan.add_layer(at, layer, &chunks, order, store, workshop)?;
+        }
+        Ok(plan)
+    }
+
+    fn add_layer(
+        &mut self,
+        at: usize,
+        layer: &LayerOrder,
+        chunks: &[ChunkIndex],
+        order: &RenderOrder,
+        store: &Store,
+        workshop: Workshop<'_>,
+    ) -> Result<(), NodeError> {
+        let budget = workshop.residency.budget();
+        let window = layer.tiles.pixels(order.scene.size);
+        // Bricks by chunk, front to back within each.
+        let mut by_chunk: HashMap<TreeNode, Vec<usize>> = HashMap::new();
+        for chunk in chunks {
+            let bricks = self.visible(*chunk, &window, store, workshop)?;
+            if !bricks.is_empty() {
+                by_chunk.insert(self.tree.leaf(*chunk), bricks);
+            }
+        }
+        let mut leaves = Vec::new();
+        self.tree.fold(
+            layer.node,
+            self.from,
+            &mut |node| -> Option<()> {
+                leaves.extend(by_chunk.contains_key(&node).then_some(node));
+                None
+            },
+            &mut |(), ()| (),
+        );
+        if order.scene.exact {
+            for leaf in &leaves {
+                let bytes = self.bytes(&by_chunk[leaf]);
+                if bytes > budget {
+                    let chunk = self.tree.chunk_of(self.bricks[by_chunk[leaf][0]].index);
+                    return Err(NodeError::ChunkTooLarge { chunk, bytes, budget });
+                }
+            }
+        }
+        let all: Vec<usize> = self.front_to_back(by_chunk.values().flatten().copied().collect());
+        for tiles in layer.tiles.bands(MAX_BAND_PIXELS) {
+            let band = tiles.pixels(order.scene.size);
+            let before = self.units.len();
+            let join = if order.scene.exact {
+                for leaf in &leaves {
+                    self.add_unit(Some(*leaf), &by_chunk[leaf], &band);
+                }
+                Join::Tree
+            } else {
+                for bricks in self.within_budget(&all, &band, budget) {
+                    self.add_unit(None, &bricks, &band);
+                }
+                Join::InOrder
+            };
+            let units = self.units.len() - before;
+            self.pieces.push(Piece { layer: at, node: layer.node, tiles, join, units });
+        }
+        Ok(())
+    }
+
+    /// Adds the bricks of `chunk` that may show something within `window`; their positions, front to back.
+    fn visible(
+        &mut self,
+        chunk: ChunkIndex,
+        window: &PixelRect,
+        store: &Store,
+        workshop: Workshop<'_>,
+    ) -> Result<Vec<usize>, NodeError> {
+        let budget = workshop.residency.budget();
+        let grid = self.tree.grid();
+        let chunk_box = self.tree.voxel_box(self.tree.leaf(chunk));
+        if chunk_box.is_none_or(|voxels| self.scene.view.project(&voxels).intersect(window).is_empty()) {
+            return Ok(Vec::new());
+        }
+        let mut visible: Vec<BrickIndex> = Vec::new();
+        for brick in self.tree.bricks_of(chunk) {
+            let [min, max] = store.brick_ranges().0.get(grid.linear(brick)).copied().unwrap_or([0, u16::MAX]);
+            if !self.scene.table.is_empty_over(min, max) {
+                visible.push(brick);
+            }
+        }
+        sort_front_to_back(&mut visible, grid.brick_size(), self.from);
+        let mut positions = Vec::new();
+        for index in visible {
+            let owned = grid.owned_box(index);
+            let rect = self.scene.view.project(&owned).intersect(window);
+            if rect.is_empty() {
+                continue;
+            }
+            let bytes = workshop.raycaster.brick_bytes(owned.stored(GHOST_SAMPLED).voxel_count());
+            if bytes > budget {
+                return Err(NodeError::BrickTooLarge { brick: index, bytes, budget });
+            }
+            let brick = u32::try_from(grid.linear(index)).unwrap_or(u32::MAX);
+            let key = BrickKey { store: store.hash(), brick, ghost: GHOST_SAMPLED };
+            positions.push(self.bricks.len());
+            self.bricks.push(PlannedBrick { wanted: Wanted { key, bytes }, index, rect });
+        }
+        Ok(positions)
+    }
+
+    fn front_to_back(&self, positions: Vec<usize>) -> Vec<usize> {
+        let at: HashMap<BrickIndex, usize> = positions.iter().map(|&p| (self.bricks[p].index, p)).collect();
+        let mut indices: Vec<BrickIndex> = at.keys().copied().collect();
+        sort_front_to_back(&mut indices, self.tree.grid().brick_size(), self.from);
+        indices.iter().map(|index| at[index]).collect()
+    }
+
+    /// `bricks` that touch `band`, cut front to back into runs that fit the budget.
+    fn within_budget(&self, bricks: &[usize], band: &PixelRect, budget: u64) -> Vec<Vec<usize>> {
+        let mut runs: Vec<Vec<usize>> = Vec::new();
+        let mut bytes = 0_u64;
+        for &position in bricks.iter().filter(|&&p| !self.bricks[p].rect.intersect(band).is_empty()) {
+            let more = self.bricks[position].wanted.bytes;
+            match runs.last_mut() {
+                Some(run) if bytes.saturating_add(more) <= budget => run.push(position),
+                _ => {
+                    runs.push(vec![position]);
+                    bytes = 0;
+                }
+            }
+            bytes = bytes.saturating_add(more);
+        }
+        runs
+    }
+
+    fn add_unit(&mut self, leaf: Option<TreeNode>, bricks: &[usize], band: &PixelRect) {
+        let mut rect = PixelRect { lo: UVec2::ZERO, hi: UVec2::ZERO };
+        let mut touching = Vec::new();
+        for &position in bricks {
+            let part = self.bricks[position].rect.intersect(band);
+            if !part.is_empty() {
+                rect = rect.union(&part);
+                touching.push(position);
+            }
+        }
+        if !touching.is_empty() {
+            self.units.push(Unit { leaf, bricks: touching, rect });
+        }
+    }
+
+    pub(super) fn bytes(&self, bricks: &[usize]) -> u64 {
+        bricks.iter().map(|&p| self.bricks[p].wanted.bytes).fold(0, u64::saturating_add)
+    }
+}
+
+/// The layer's chunks, if it is one of this store's.
+fn check(tree: &MergeTree, layer: &LayerOrder) -> Result<Vec<ChunkIndex>, NodeError> {
+    let (lo, hi) = tree.chunk_box(layer.node).ok_or(NodeError::NoSuchLayer(layer.node))?;
+    layer
+        .chunks
+        .iter()
+        .map(|&linear| {
+            let chunk = tree
+                .chunk_at(linear)
+                .ok_or(NodeError::NoSuchChunk { chunk: linear, last: tree.chunk_count().saturating_sub(1) })?;
+            let c = glam::UVec3::from(chunk.0);
+            if c.cmpge(lo).all() && c.cmplt(hi).all() {
+                Ok(chunk)
+            } else {
+                Err(NodeError::ChunkElsewhere { chunk: linear, layer: layer.node })
+            }
+        })
+        .collect()
+}

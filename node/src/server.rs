@@ -1,0 +1,77 @@
+//! A node on a listener: render and cluster services, health, reflection, and a shutdown that ends.
+
+use std::future::Future;
+use std::sync::Arc;
+use std::time::Duration;
+
+use brickcast_proto::{DESCRIPTORS, transport};
+use tokio::net::TcpListener;
+use tonic_health::ServingStatus;
+
+use crate::node::Node;
+use crate::service::Service;
+
+/// How long frames under way may take to finish after the shutdown was asked for.
+pub const DRAIN_TIMEOUT: Duration = Duration::from_secs(7);
+/// How long their connections may take after that.
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
+/// Whose health is told; the empty name is the whole process.
+const HEALTH_NAMES: [&str; 3] = ["", "brickcast.v1.Render", "brickcast.v1.Cluster"];
+
+#[derive(Debug, thiserror::Error)]
+pub enum ServeError {
+    #[error("reflection: {0}")]
+    Reflection(#[from] tonic_reflection::server::Error),
+    #[error("the server failed: {0}")]
+    Transport(#[from] tonic::transport::Error),
+}
+
+/// Serves `node` on `listener` until `shutdown` resolves; then tells NOT_SERVING, refuses new orders, lets frames finish for
+/// at most [`DRAIN_TIMEOUT`], and returns.
+///
+/// # Errors
+/// A listener that fails.
+pub async fn serve(
+    node: Arc<Node>,
+    listener: TcpListener,
+    shutdown: impl Future<Output = ()>,
+) -> Result<(), ServeError> {
+    let (health, health_service) = tonic_health::server::health_reporter();
+    for name in HEALTH_NAMES {
+        health.set_service_status(name, ServingStatus::Serving).await;
+    }
+    let reflection = tonic_reflection::server::Builder::configure()
+        .register_encoded_file_descriptor_set(DESCRIPTORS)
+        .register_encoded_file_descriptor_set(tonic_health::pb::FILE_DESCRIPTOR_SET)
+        .build_v1()?;
+    let service = Service(node.clone());
+    let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
+    let server = transport::server()
+        .add_service(health_service)
+        .add_service(reflection)
+        .add_service(transport::render_server(service.clone()))
+        .add_service(transport::cluster_server(service))
+        .serve_with_incoming_shutdown(transport::incoming(listener), async {
+            // A dropped sender means the same.
+            let _ = stopped.await;
+        });
+    tokio::pin!(server);
+    tokio::select! {
+        ended = &mut server => return Ok(ended?),
+        () = shutdown => {}
+    }
+    node.drain();
+    for name in HEALTH_NAMES {
+        health.set_service_status(name, ServingStatus::NotServing).await;
+    }
+    let _ = stop.send(());
+    if let Ok(ended) = tokio::time::timeout(DRAIN_TIMEOUT, &mut server).await {
+        return Ok(ended?);
+    }
+    node.stop();
+    match tokio::time::timeout(CLOSE_TIMEOUT, server).await {
+        Ok(ended) => Ok(ended?),
+        // Idle peers that do not close: nothing is lost.
+        Err(_) => Ok(()),
+    }
+}

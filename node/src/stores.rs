@@ -1,0 +1,242 @@
+//! The stores below the data root, by hash and by name. Nothing outside the root is ever opened.
+
+use std::collections::HashMap;
+use std::path::{Component, Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use brickcast_proto::{StoreName, StoreQuery};
+use brickcast_volume::StoreHash;
+use brickcast_volume::store::{Manifest, Store};
+
+use crate::config::DataRoot;
+use crate::error::NodeError;
+
+/// Folders between the root and a store, at most.
+const MAX_DEPTH: u32 = 4;
+/// Folders looked into by one scan, at most: a data root that is someone's home must not stall the node.
+const MAX_FOLDERS: usize = 100_000;
+/// A miss scans again, but not more often than this.
+const SCAN_INTERVAL: Duration = Duration::from_secs(1);
+/// The file that makes a folder a finished store; the store's hash is of its bytes.
+const MANIFEST_FILE: &str = "brickcast.json";
+/// Names listed in an error, at most.
+const LISTED: usize = 20;
+
+/// A store that stays open.
+#[derive(Debug)]
+pub struct OpenStore {
+    pub name: String,
+    pub store: Store,
+}
+
+/// All stores of a node.
+#[derive(Debug)]
+pub struct Stores {
+    /// Canonical.
+    root: PathBuf,
+    /// `Some` where the node has a single store, of this name.
+    single: Option<String>,
+    index: Mutex<Index>,
+}
+
+#[derive(Debug, Default)]
+struct Index {
+    /// By name.
+    found: Vec<(StoreName, PathBuf)>,
+    open: HashMap<StoreHash, Arc<OpenStore>>,
+    scanned: Option<Instant>,
+}
+
+impl Stores {
+    /// # Errors
+    /// A data root that is not a folder.
+    pub fn new(data: &DataRoot) -> Result<Self, NodeError> {
+        let (DataRoot::Folder(path) | DataRoot::Single(path)) = data;
+        let fail = |source| NodeError::DataRoot { path: path.clone(), source };
+        let root = path.canonicalize().map_err(fail)?;
+        std::fs::read_dir(&root).map_err(fail)?;
+        let single = match data {
+            DataRoot::Folder(_) => None,
+            DataRoot::Single(_) => {
+                Some(root.file_name().map_or_else(|| "store".to_owned(), |n| n.to_string_lossy().into_owned()))
+            }
+        };
+        Ok(Self { root, single, index: Mutex::default() })
+    }
+
+    /// What is there, by name.
+    #[must_use]
+    pub fn list(&self) -> Vec<StoreName> {
+        let mut index = self.lock();
+        self.scan(&mut index);
+        index.found.iter().map(|(name, _)| name.clone()).collect()
+    }
+
+    /// # Errors
+    /// An unknown hash (listing what is there), a store that does not open.
+    pub fn by_hash(&self, hash: StoreHash) -> Result<Arc<OpenStore>, NodeError> {
+        let (name, path) = {
+            let mut index = self.lock();
+            if let Some(open) = index.open.get(&hash) {
+                return Ok(open.clone());
+            }
+            let find = |index: &Index| index.found.iter().find(|(name, _)| name.hash == hash).cloned();
+            let mut found = find(&index);
+            if found.is_none() {
+                self.scan(&mut index);
+                found = find(&index);
+            }
+            found.ok_or_else(|| NodeError::UnknownStore { hash, there: listing(&index) })?
+        };
+        let open = self.open(name.name, &path)?;
+        if open.store.hash() != hash {
+            return Err(NodeError::OtherContent { name: open.name.clone(), got: open.store.hash(), want: hash });
+        }
+        Ok(open)
+    }
+
+    /// # Errors
+    /// As [`Stores::by_hash`]; a name that leads outside the root; a name whose store has another hash than expected.
+    pub fn query(&self, query: &StoreQuery) -> Result<Arc<OpenStore>, NodeError> {
+        let (name, expected) = match query {
+            StoreQuery::Hash(hash) => return self.by_hash(*hash),
+            StoreQuery::Name { name, expected } => (name, expected),
+        };
+        let path = self.resolve(name)?;
+        let Some(hash) = manifest_hash(&path) else {
+            let mut index = self.lock();
+            self.scan(&mut index);
+            return Err(NodeError::UnknownName { name: name.clone(), there: listing(&index) });
+        };
+        if let Some(want) = *expected
+            && want != hash
+        {
+            return Err(NodeError::OtherContent { name: name.clone(), got: hash, want });
+        }
+        if let Some(open) = self.lock().open.get(&hash) {
+            return Ok(open.clone());
+        }
+        self.open(name.clone(), &path)
+    }
+
+    /// Closes a store that turned out to be broken: the next order looks at the disk again.
+    pub fn forget(&self, hash: StoreHash) {
+        let mut index = self.lock();
+        index.open.remove(&hash);
+        index.found.retain(|(name, _)| name.hash != hash);
+    }
+
+    fn open(&self, name: String, path: &Path) -> Result<Arc<OpenStore>, NodeError> {
+        let store = Store::open(path).map_err(|source| NodeError::Store { name: name.clone(), source })?;
+        let open = Arc::new(OpenStore { name, store });
+        Ok(self.lock().open.entry(open.store.hash()).or_insert(open).clone())
+    }
+
+    /// The folder that `name` means; canonical and inside the root.
+    fn resolve(&self, name: &str) -> Result<PathBuf, NodeError> {
+        let bad = |why| NodeError::BadName { name: brickcast_proto::convert::clip(name, 256), why };
+        let path = Path::new(name);
+        if name.is_empty() || name.contains('\0') {
+            return Err(bad("is empty or holds a NUL"));
+        }
+        if path.is_absolute() || name.starts_with('/') {
+            return Err(bad("is an absolute path"));
+        }
+        if !path.components().all(|c| matches!(c, Component::Normal(_))) {
+            return Err(bad("holds `.` or `..`"));
+        }
+        if let Some(single) = &self.single {
+            let unknown =
+                || NodeError::UnknownName { name: name.to_owned(), there: format!("there is only `{single}`") };
+            return if single == name { Ok(self.root.clone()) } else { Err(unknown()) };
+        }
+        let joined = self.root.join(path);
+        match joined.canonicalize() {
+            Ok(found) if found.starts_with(&self.root) => Ok(found),
+            Ok(_) => Err(bad("leads outside the data root")),
+            // Nothing there: the caller says so.
+            Err(_) => Ok(joined),
+        }
+    }
+
+    /// Looks at the disk, if that was not done a moment ago.
+    fn scan(&self, index: &mut Index) {
+        if index.scanned.is_some_and(|at| at.elapsed() < SCAN_INTERVAL) {
+            return;
+        }
+        let mut found = Vec::new();
+        if let Some(name) = &self.single {
+            if let Some(hash) = manifest_hash(&self.root) {
+                found.push((StoreName { name: name.clone(), hash }, self.root.clone()));
+            }
+        } else {
+            let mut folders = MAX_FOLDERS;
+            scan_folder(&self.root, &self.root, "", 0, &mut folders, &mut found);
+        }
+        found.sort_by(|a, b| a.0.name.cmp(&b.0.name));
+        index.found = found;
+        index.scanned = Some(Instant::now());
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Index> {
+        self.index.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Adds the stores at and below `folder`. Symlinks are followed where they stay inside the root.
+fn scan_folder(
+    root: &Path,
+    folder: &Path,
+    name: &str,
+    depth: u32,
+    folders: &mut usize,
+    found: &mut Vec<(StoreName, PathBuf)>,
+) {
+    if *folders == 0 || found.len() >= brickcast_proto::cluster::MAX_STORES {
+        return;
+    }
+    *folders -= 1;
+    if depth > 0
+        && let Some(hash) = manifest_hash(folder)
+    {
+        found.push((StoreName { name: name.to_owned(), hash }, folder.to_path_buf()));
+        return;
+    }
+    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    if depth == MAX_DEPTH {
+        return;
+    }
+    for entry in entries.flatten() {
+        let file_name = entry.file_name();
+        // Stores that are being written have hidden names; a name must travel as text.
+        let Some(text) = file_name.to_str().filter(|t| !t.starts_with('.')) else { continue };
+        let Ok(path) = entry.path().canonicalize() else { continue };
+        if path.is_dir() && path.starts_with(root) {
+            let name = if name.is_empty() { text.to_owned() } else { format!("{name}/{text}") };
+            scan_folder(root, &path, &name, depth + 1, folders, found);
+        }
+    }
+}
+
+/// The hash of the store in `folder`; `None` where there is none.
+fn manifest_hash(folder: &Path) -> Option<StoreHash> {
+    let path = folder.join(MANIFEST_FILE);
+    let length = std::fs::metadata(&path).ok().filter(std::fs::Metadata::is_file)?.len();
+    if length > Manifest::MAX_BYTES {
+        return None;
+    }
+    std::fs::read(path).ok().map(|bytes| StoreHash::of(&bytes))
+}
+
+fn listing(index: &Index) -> String {
+    if index.found.is_empty() {
+        return "there is no store below the node's --data at all".to_owned();
+    }
+    let mut names: Vec<String> =
+        index.found.iter().take(LISTED).map(|(s, _)| format!("`{}` ({})", s.name, s.hash)).collect();
+    if index.found.len() > LISTED {
+        names.push(format!("and {} more", index.found.len() - LISTED));
+    }
+    format!("there are {}", names.join(", "))
+}
