@@ -91,15 +91,31 @@ pub fn cut(codes: &[u16], dims: [usize; 3], owned: OwnedBox, ghost: u32) -> Bric
 /// Where the product refuses the volume or a brick.
 #[must_use]
 pub fn load<'a>(raycaster: &'a dyn Raycaster, scene: &Scene, brick_size: u32) -> Loaded<'a> {
+    let dims = scene.truth.volume.dims;
+    load_cut(raycaster, scene, brick_size, |owned| cut(&scene.codes, dims, owned, GHOST_SAMPLED))
+}
+
+/// As [`load`], each brick's voxels made by `cut`: the way in for bricks that are wrong on purpose.
+///
+/// # Panics
+/// As [`load`].
+#[must_use]
+pub fn load_cut<'a>(
+    raycaster: &'a dyn Raycaster,
+    scene: &Scene,
+    brick_size: u32,
+    cut: impl Fn(OwnedBox) -> BrickVoxels,
+) -> Loaded<'a> {
     let volume = &scene.truth.volume;
     let dims = volume.dims.map(|n| u32::try_from(n).unwrap());
     let geometry = Geometry::new(dims, volume.spacing.into(), volume.origin.into()).unwrap();
     let grid = BrickGrid::new(geometry.dims(), brick_size).unwrap();
     let upload = |brick: BrickIndex| {
         let owned = grid.owned_box(brick);
-        raycaster.upload(owned, &cut(&scene.codes, volume.dims, owned, GHOST_SAMPLED)).unwrap()
+        raycaster.upload(owned, &cut(owned)).unwrap()
     };
-    Loaded { raycaster, grid, geometry, bricks: grid.bricks().map(upload).collect(), filter: Filter::default() }
+    let bricks = grid.bricks().map(upload).collect();
+    Loaded { raycaster, grid, geometry, bricks, filter: Filter::default() }
 }
 
 impl Loaded<'_> {

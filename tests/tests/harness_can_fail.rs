@@ -1,8 +1,11 @@
 //! The comparison and the scenes must be able to fail: a harness that finds every picture good proves nothing.
 
 use brickcast_tests::compare::{self, NotComparable, Picture, Tolerance, compare, is_within};
+use brickcast_tests::product::{self, Backend};
 use brickcast_tests::referee::{self, Sabotage};
-use brickcast_tests::scenes;
+use brickcast_tests::scenes::{self, Scene};
+use brickcast_volume::OwnedBox;
+use brickcast_volume::store::BrickVoxels;
 
 const BOUND: Tolerance = Tolerance::GPU_AGAINST_TWIN;
 
@@ -189,5 +192,59 @@ fn every_sabotage_exceeds_the_tolerance() {
         }
         eprintln!("{mistake:?}: {} of {}: {}", found.len(), scenes.len(), found.join("; "));
         assert!(!found.is_empty(), "{mistake:?} passes every scene");
+    }
+}
+
+/// What the product makes of inputs with a mistake in them differs from the referee's picture of the right ones: the path from
+/// a scene through the product to the comparison can fail, too.
+#[test]
+fn the_product_fed_with_mistakes_turns_red() {
+    for backend in Backend::ALL {
+        let Some(raycaster) = product::raycaster(backend, "product with mistakes") else { continue };
+        let scene = scenes::oblique(0.5);
+        let truth = referee::render(&scene.truth).picture;
+        let right = product::load(raycaster, &scene, 8).render(&scene).0;
+        assert!(is_within(&truth, &right, &BOUND), "{backend:?} without a mistake");
+
+        let altered = |alter: &dyn Fn(&mut Scene)| {
+            let mut wrong = scene.clone();
+            alter(&mut wrong);
+            product::load(raycaster, &wrong, 8).render(&wrong).0
+        };
+        let without_ghosts = |owned: OwnedBox| {
+            let mut voxels = product::cut(&scene.codes, scene.truth.volume.dims, owned, 1);
+            let stored = voxels.stored;
+            let mut codes = Vec::new();
+            for z in stored.lo.z..stored.hi.z {
+                for y in stored.lo.y..stored.hi.y {
+                    for x in stored.lo.x..stored.hi.x {
+                        let inner = glam::IVec3::new(x, y, z).clamp(owned.lo.as_ivec3(), owned.hi.as_ivec3() - 1);
+                        let [i, j, k] = (inner - stored.lo).to_array().map(|v| v as usize);
+                        let [nx, ny, _] = stored.dims().to_array().map(|v| v as usize);
+                        codes.push(voxels.codes[(k * ny + j) * nx + i]);
+                    }
+                }
+            }
+            voxels.codes = codes;
+            voxels
+        };
+        let shifted = |owned: OwnedBox| {
+            let next = OwnedBox { lo: owned.lo + glam::UVec3::X, hi: owned.hi + glam::UVec3::X };
+            let codes = product::cut(&scene.codes, scene.truth.volume.dims, next, 1).codes;
+            BrickVoxels { stored: owned.stored(1), codes }
+        };
+        let wrong = [
+            ("no ghosts", product::load_cut(raycaster, &scene, 8, without_ghosts).render(&scene).0),
+            ("one voxel aside", product::load_cut(raycaster, &scene, 8, shifted).render(&scene).0),
+            ("half a voxel aside", altered(&|s| s.truth.volume.origin += s.truth.volume.spacing * 0.5)),
+            ("turned by 180 degrees", altered(&|s| s.truth.camera.view_up *= -1.0)),
+            ("a tenth more step", altered(&|s| s.truth.step *= 1.1)),
+            ("opacity unit of one", altered(&|s| s.truth.unit = 1.0)),
+            ("range off by a percent", altered(&|s| s.range.1 *= 1.01)),
+            ("early end", altered(&|s| s.truth.early_termination = 0.9)),
+        ];
+        for (what, picture) in wrong {
+            assert!(!is_within(&truth, &picture, &BOUND), "{backend:?}: {what} is not seen");
+        }
     }
 }
