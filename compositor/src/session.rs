@@ -355,9 +355,5 @@ async fn collect(
 }
 
 fn facts(description: &StoreDescription) -> StoreFacts {
-    StoreFacts {
-        hash: description.hash,
-        manifest: description.manifest.clone(),
-        ranges: description.ranges.clone(),
-    }
+    StoreFacts { hash: description.hash, manifest: description.manifest.clone(), ranges: description.ranges.clone() }
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
 use brickcast_volume::StoreHash;
+use brickcast_volume::brick::BrickGrid;
 use brickcast_volume::format::{self, RawHints};
 use brickcast_volume::store::{PrepareOptions, PrepareSummary, Store, prepare};
 
@@ -40,6 +41,7 @@ impl OnTheWayArgs {
     /// # Errors
     /// Nothing there, neither store nor input, an input that cannot be read.
     pub fn open(&self, path: &Path, nodes_know: bool) -> Result<Source, Failure> {
+        BrickGrid::new(glam::UVec3::ONE, self.brick).map_err(Failure::usage)?;
         if path.is_dir() {
             return Ok(Source::Store(Store::open(path)?));
         }

@@ -18,7 +18,6 @@ use crate::session::{Frame, Session};
 use crate::source::{Source, short};
 use crate::stats;
 
-
 /// # Errors
 /// Usage before anything opens; failures that name what was wrong; [`Failure::Incomplete`] where a frame was written that
 /// is not complete.

@@ -16,8 +16,9 @@ pub struct Pore {
     pub radii_voxel: DVec3,
 }
 
-/// Material around each pore: to the surface, and to the next pore, in voxels. More than the width over which a voxel can mix.
-const WALL_VOXELS: f64 = 2.5;
+/// Material around each pore: to the surface, and to the next pore, in voxels. More than the width over which a voxel can mix,
+/// where the part is large enough; small parts have thin walls.
+const WALLS_VOXELS: [f64; 3] = [2.5, 1.5, 1.0];
 /// After so many places that are taken or no material, a pore is said not to fit.
 const TRIES: u32 = 20_000;
 const SMALLEST_RADIUS: f64 = 0.5;
@@ -55,7 +56,19 @@ impl Pore {
 /// How many were placed, where not all find a place.
 pub(super) fn place(part: &Part, count: u32, seed: u64) -> Result<Vec<Pore>, u32> {
     let largest = (part.dims().min_element() / 60.0).clamp(3.0, 8.0);
-    let cell_size = 2.0 * largest + WALL_VOXELS;
+    let mut most = 0;
+    // Where they do not fit, smaller ones with thinner walls may.
+    for (wall, largest) in [largest, 1.5, SMALLEST_RADIUS].into_iter().enumerate().map(|(i, r)| (WALLS_VOXELS[i], r)) {
+        match place_within(part, count, seed, largest, wall) {
+            Ok(pores) => return Ok(pores),
+            Err(placed) => most = most.max(placed),
+        }
+    }
+    Err(most)
+}
+
+fn place_within(part: &Part, count: u32, seed: u64, largest: f64, wall: f64) -> Result<Vec<Pore>, u32> {
+    let cell_size = 2.0 * largest + wall;
     let cell_of = |p: DVec3| (p / cell_size).floor().as_ivec3();
     // Only looked up, never walked through: its order has no influence.
     let mut cells: HashMap<IVec3, Vec<Pore>> = HashMap::new();
@@ -75,8 +88,8 @@ pub(super) fn place(part: &Part, count: u32, seed: u64) -> Result<Vec<Pore>, u32
         let found = (0..TRIES).find_map(|_| {
             let center_voxel = DVec3::from(part.dims().to_array().map(|n| random.between(0.0, n)));
             let pore = Pore { center_voxel, radii_voxel };
-            let inside = -part.distance_voxels(center_voxel) >= radius + WALL_VOXELS;
-            (inside && !touches_another(&cells, cell_of(center_voxel), &pore)).then_some(pore)
+            let inside = -part.distance_voxels(center_voxel) >= radius + wall;
+            (inside && !touches_another(&cells, cell_of(center_voxel), &pore, wall)).then_some(pore)
         });
         let Some(pore) = found else { return Err(id) };
         cells.entry(cell_of(pore.center_voxel)).or_default().push(pore);
@@ -86,10 +99,10 @@ pub(super) fn place(part: &Part, count: u32, seed: u64) -> Result<Vec<Pore>, u32
 }
 
 /// A cell is as wide as two pores and a wall: nearer ones are in the cells around.
-fn touches_another(cells: &HashMap<IVec3, Vec<Pore>>, cell: IVec3, pore: &Pore) -> bool {
+fn touches_another(cells: &HashMap<IVec3, Vec<Pore>>, cell: IVec3, pore: &Pore, wall: f64) -> bool {
     let around = (-1..=1).flat_map(|z| (-1..=1).flat_map(move |y| (-1..=1).map(move |x| IVec3::new(x, y, z))));
     around.filter_map(|step| cells.get(&(cell + step))).flatten().any(|other| {
-        let apart = pore.radii_voxel.max_element() + other.radii_voxel.max_element() + WALL_VOXELS;
+        let apart = pore.radii_voxel.max_element() + other.radii_voxel.max_element() + wall;
         pore.center_voxel.distance(other.center_voxel) < apart
     })
 }
@@ -130,11 +143,11 @@ mod tests {
         assert_eq!(pores.len(), 60);
         for (i, pore) in pores.iter().enumerate() {
             let radius = pore.radii_voxel.max_element();
-            assert!(part.distance_voxels(pore.center_voxel) <= -radius - WALL_VOXELS);
+            assert!(part.distance_voxels(pore.center_voxel) <= -radius - WALLS_VOXELS[0]);
             assert!(pore.radii_voxel.min_element() >= SMALLEST_RADIUS);
             for other in &pores[..i] {
                 let walls = pore.center_voxel.distance(other.center_voxel) - radius - other.radii_voxel.max_element();
-                assert!(walls >= WALL_VOXELS);
+                assert!(walls >= WALLS_VOXELS[0]);
             }
         }
         assert!(pores[0].radii_voxel.max_element() > 2.5 && pores[59].radii_voxel.max_element() < 0.6);
