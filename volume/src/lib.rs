@@ -7,6 +7,7 @@ pub mod camera;
 pub mod format;
 pub mod ids;
 pub mod merge;
+pub mod phantom;
 pub mod premul;
 pub mod scene;
 pub mod space;

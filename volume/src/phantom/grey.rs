@@ -1,0 +1,117 @@
+//! The grey values: coverage by material, mild beam hardening, noise.
+
+use glam::DVec3;
+
+use super::part::Part;
+use super::pores::{Pore, mix};
+
+pub(super) const AIR: f64 = 2_000.0;
+const MATERIAL: f64 = 40_000.0;
+/// Standard deviations of the noise.
+const NOISE_AIR: f64 = 300.0;
+const NOISE_MATERIAL: f64 = 700.0;
+
+/// The voxels' values as a function of their place.
+#[derive(Debug)]
+pub(super) struct Grey<'a> {
+    part: Part,
+    /// Per plane, the pores that reach it.
+    pores_of_plane: Vec<Vec<&'a Pore>>,
+    noise_key: u64,
+}
+
+impl<'a> Grey<'a> {
+    pub(super) fn new(part: Part, pores: &'a [Pore], seed: u64) -> Self {
+        let depth = part.dims().z as usize;
+        let mut pores_of_plane = vec![Vec::new(); depth];
+        for pore in pores {
+            let (lo, hi) = reach(pore, 2, depth);
+            pores_of_plane[lo..hi].iter_mut().for_each(|plane| plane.push(pore));
+        }
+        Self { part, pores_of_plane, noise_key: mix(mix(seed) ^ 1) }
+    }
+
+    /// The row of voxels at `y` and `z`, x from 0.
+    pub(super) fn fill_row(&self, y: u32, z: u32, row: &mut [u16]) {
+        let at = |x: usize| DVec3::new(x as f64, f64::from(y), f64::from(z)) + 0.5;
+        let pores: Vec<&Pore> = self.pores_of_plane[z as usize]
+            .iter()
+            .copied()
+            .filter(|pore| {
+                let (lo, hi) = reach(pore, 1, self.part.dims().y as usize);
+                (lo..hi).contains(&(y as usize))
+            })
+            .collect();
+        let first = (u64::from(z) * self.part.dims().y as u64 + u64::from(y)) * row.len() as u64;
+        let mut x = 0;
+        while x < row.len() {
+            // The surface is 1-Lipschitz: so many voxels on, it cannot have come within half a voxel.
+            let distance = self.part.distance_voxels(at(x));
+            let same = ((distance.abs() - 0.5).max(1.0) as usize).min(row.len() - x);
+            let covered = (0.5 - distance).clamp(0.0, 1.0);
+            for (x, voxel) in row.iter_mut().enumerate().skip(x).take(same) {
+                let holes: f64 =
+                    if covered > 0.0 { pores.iter().map(|pore| pore.share_of_voxel(at(x))).sum() } else { 0.0 };
+                *voxel = self.value(at(x), covered - holes, first + x as u64);
+            }
+            x += same;
+        }
+    }
+
+    /// `covered`: share of the voxel that is material.
+    fn value(&self, p_voxel: DVec3, covered: f64, index: u64) -> u16 {
+        let covered = covered.clamp(0.0, 1.0);
+        let material = material_at(self.part.part_from_voxel(p_voxel));
+        let mean = AIR + (material - AIR) * covered;
+        let deviation = NOISE_AIR + (NOISE_MATERIAL - NOISE_AIR) * covered;
+        (mean + deviation * gaussian(mix(self.noise_key ^ index))).round().clamp(0.0, 65_535.0) as u16
+    }
+}
+
+/// Grey value of full material, part space. Cupping: rays through the middle have lost their soft part (beam hardening), so
+/// the middle looks lighter than it is.
+pub(super) fn material_at(p: DVec3) -> f64 {
+    let from_axis = (p.x * p.x + p.z * p.z).min(1.5);
+    MATERIAL * (0.97 + 0.06 * from_axis)
+}
+
+/// Voxels along an axis that a pore reaches, half-open.
+fn reach(pore: &Pore, axis: usize, size: usize) -> (usize, usize) {
+    let (center, radius) = (pore.center_voxel[axis], pore.radii_voxel[axis]);
+    (((center - radius).floor().max(0.0) as usize).min(size), ((center + radius).ceil().max(0.0) as usize).min(size))
+}
+
+/// Nearly normal, mean 0, deviation 1: the sum of four even 16-bit numbers, deviation `65536 / sqrt(3)`.
+fn gaussian(bits: u64) -> f64 {
+    let sum: u32 = (0..4).map(|i| (bits >> (16 * i)) as u32 & 0xffff).sum();
+    (f64::from(sum) - 2.0 * 65_535.0) * (3f64.sqrt() / 65_536.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_noise_has_its_mean_and_deviation() {
+        let values: Vec<f64> = (0..100_000u64).map(|i| gaussian(mix(i))).collect();
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64;
+        // Four deviations of the means of 100,000 numbers.
+        assert!(mean.abs() < 0.013 && (variance - 1.0).abs() < 0.02, "{mean} {variance}");
+    }
+
+    #[test]
+    fn leaping_over_a_row_changes_no_voxel() {
+        let part = Part::new([64, 40, 40]);
+        let grey = Grey::new(part, &[], 5);
+        let mut row = vec![0; 64];
+        for (y, z) in [(8, 20), (20, 20), (30, 11), (0, 0)] {
+            grey.fill_row(y, z, &mut row);
+            for (x, &value) in row.iter().enumerate() {
+                let p = DVec3::new(x as f64, f64::from(y), f64::from(z)) + 0.5;
+                let index = (u64::from(z) * 40 + u64::from(y)) * 64 + x as u64;
+                assert_eq!(value, grey.value(p, 0.5 - part.distance_voxels(p), index), "{x} {y} {z}");
+            }
+        }
+    }
+}
