@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::part::Part;
 use super::pores::{Pore, mix};
 
-const AIR: f64 = 2_000.0;
+pub(super) const AIR: f64 = 2_000.0;
 const MATERIAL: f64 = 40_000.0;
 /// Standard deviations of the noise.
 const NOISE_AIR: f64 = 300.0;
@@ -28,7 +28,7 @@ impl<'a> Grey<'a> {
             let (lo, hi) = reach(pore, 2, depth);
             pores_of_plane[lo..hi].iter_mut().for_each(|plane| plane.push(pore));
         }
-        Self { part, pores_of_plane, noise_key: mix(seed ^ 0x6e6f_6973_65) }
+        Self { part, pores_of_plane, noise_key: mix(mix(seed) ^ 1) }
     }
 
     /// The row of voxels at `y` and `z`, x from 0.
@@ -49,10 +49,10 @@ impl<'a> Grey<'a> {
             let distance = self.part.distance_voxels(at(x));
             let same = ((distance.abs() - 0.5).max(1.0) as usize).min(row.len() - x);
             let covered = (0.5 - distance).clamp(0.0, 1.0);
-            for x in x..x + same {
+            for (x, voxel) in row.iter_mut().enumerate().skip(x).take(same) {
                 let holes: f64 =
                     if covered > 0.0 { pores.iter().map(|pore| pore.share_of_voxel(at(x))).sum() } else { 0.0 };
-                row[x] = self.value(at(x), covered - holes, first + x as u64);
+                *voxel = self.value(at(x), covered - holes, first + x as u64);
             }
             x += same;
         }
@@ -61,14 +61,18 @@ impl<'a> Grey<'a> {
     /// `covered`: share of the voxel that is material.
     fn value(&self, p_voxel: DVec3, covered: f64, index: u64) -> u16 {
         let covered = covered.clamp(0.0, 1.0);
-        let p = self.part.part_from_voxel(p_voxel);
-        let from_axis = (p.x * p.x + p.z * p.z).min(1.5);
-        // Cupping: rays through the middle have lost their soft part, the middle looks lighter than it is.
-        let material = MATERIAL * (0.97 + 0.06 * from_axis);
+        let material = material_at(self.part.part_from_voxel(p_voxel));
         let mean = AIR + (material - AIR) * covered;
         let deviation = NOISE_AIR + (NOISE_MATERIAL - NOISE_AIR) * covered;
         (mean + deviation * gaussian(mix(self.noise_key ^ index))).round().clamp(0.0, 65_535.0) as u16
     }
+}
+
+/// Grey value of full material, part space. Cupping: rays through the middle have lost their soft part (beam hardening), so
+/// the middle looks lighter than it is.
+pub(super) fn material_at(p: DVec3) -> f64 {
+    let from_axis = (p.x * p.x + p.z * p.z).min(1.5);
+    MATERIAL * (0.97 + 0.06 * from_axis)
 }
 
 /// Voxels along an axis that a pore reaches, half-open.

@@ -6,6 +6,8 @@ mod finished;
 mod grey;
 mod part;
 mod pores;
+#[cfg(test)]
+mod tests;
 mod truth;
 
 use std::io::{self, Write as _};

@@ -75,7 +75,7 @@ fn drilled(p: DVec3) -> f64 {
     let diagonal = dvec2(p.x.abs(), p.z.abs()) - 0.60;
     let bore = r - 0.235;
     let counterbore = (r - 0.34).max(p.y + 0.64);
-    let chamfer = (r - 0.33 - (p.y - HUB_TOP)) * std::f64::consts::FRAC_1_SQRT_2;
+    let chamfer = (r - 0.30 - (p.y - HUB_TOP)) * std::f64::consts::FRAC_1_SQRT_2;
     let bolt_hole = (diagonal.length() - 0.085).min((diagonal.length() - 0.145).max(FLANGE_TOP - 0.06 - p.y));
     let side = (p.y - BOSS_Y).hypot(p.x);
     let side_bore = (side - 0.095).max(-p.z).min((side - 0.13).max(0.64 - p.z));
@@ -91,7 +91,7 @@ fn top_holes(p: DVec3, r: f64) -> f64 {
     let angle = p.z.atan2(p.x);
     let folded = angle - (angle / sixth).round() * sixth;
     let (sin, cos) = folded.sin_cos();
-    (dvec2(r * cos - 0.385, r * sin).length() - 0.032).max(0.42 - p.y)
+    (dvec2(r * cos - 0.365, r * sin).length() - 0.028).max(0.42 - p.y)
 }
 
 /// An internal thread in the bore's upper half: a helical ridge, 60 degrees between its flanks or near it.
