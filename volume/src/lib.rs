@@ -11,7 +11,6 @@ pub mod phantom;
 pub mod premul;
 pub mod scene;
 pub mod space;
-pub mod statistics;
 pub mod store;
 pub mod transfer_function;
 pub mod visibility;
