@@ -61,10 +61,12 @@ fn solid(p: DVec3) -> f64 {
 /// Gussets between hub and flange on the three sides without the boss.
 fn ribs(p: DVec3) -> f64 {
     let rib = |along: f64, across: f64| {
-        // Under the line from the hub's upper part to the flange's edge, inside the plate's outline, above its foot.
+        // Under the line from the hub's upper part to the flange's edge, inside the plate's outline, above its foot; within
+        // the hub it must not reach the face.
         let slope = dvec2(0.92, 0.39);
         let under = dvec2(along - 0.44, p.y - 0.50).dot(slope.normalize());
-        extruded(under.max(along - 0.76).max(-along).max(-0.6 - p.y), across.abs() - 0.055, 0.015)
+        let profile = under.max(along - 0.76).max(-along).max(-0.6 - p.y).max(p.y - 0.5);
+        extruded(profile, across.abs() - 0.055, 0.015)
     };
     rib(p.x, p.z).min(rib(-p.x, p.z)).min(rib(-p.z, p.x))
 }
@@ -75,12 +77,15 @@ fn drilled(p: DVec3) -> f64 {
     let diagonal = dvec2(p.x.abs(), p.z.abs()) - 0.60;
     let bore = r - 0.235;
     let counterbore = (r - 0.34).max(p.y + 0.64);
-    let chamfer = (r - 0.30 - (p.y - HUB_TOP)) * std::f64::consts::FRAC_1_SQRT_2;
+    // Wider than the thread, which would break through the chamfer's edge in places.
+    let relief = (r - 0.29).max(0.63 - p.y);
+    let chamfer = (r - 0.31 - (p.y - HUB_TOP)) * std::f64::consts::FRAC_1_SQRT_2;
     let bolt_hole = (diagonal.length() - 0.085).min((diagonal.length() - 0.145).max(FLANGE_TOP - 0.06 - p.y));
     let side = (p.y - BOSS_Y).hypot(p.x);
     let side_bore = (side - 0.095).max(-p.z).min((side - 0.13).max(0.64 - p.z));
     let groove = dvec2(r - HUB_RADIUS, p.y - 0.60).length() - 0.035;
-    let cuts = [bore, counterbore, chamfer.max(0.6 - p.y), thread(p, r), bolt_hole, side_bore, groove, top_holes(p, r)];
+    let holes = bolt_hole.min(side_bore).min(top_holes(p, r));
+    let cuts = [bore, counterbore, relief, chamfer.max(0.6 - p.y), thread(p, r), holes, groove];
     cuts.into_iter().fold(f64::MAX, f64::min)
 }
 
