@@ -2,6 +2,7 @@
 
 pub mod blend;
 pub mod cli;
+mod cli_values;
 pub mod command;
 pub mod embedded;
 pub mod failure;

@@ -1,5 +1,7 @@
 //! Uniforms must lie where the kernels read them: names and offsets, from naga's view of the WGSL.
 
+#![allow(clippy::unwrap_used)] // helpers of tests are tests
+
 use std::mem::{offset_of, size_of};
 
 use brickcast_shaders::{BrickUniform, FrameUniform, RaycastVariant, filter_probe_wgsl, raycast_wgsl};

@@ -1,5 +1,7 @@
 //! Bodies whose opacity is known in closed form: the referee itself, and the product's kernels, against the formula.
 
+#![allow(clippy::unwrap_used)] // helpers of tests are tests
+
 use brickcast_tests::compare::Picture;
 use brickcast_tests::product::{self, Backend};
 use brickcast_tests::referee::{self, Camera, Lens};

@@ -1,5 +1,7 @@
 //! The command line: what good input gives, and what bad input gets.
 
+#![allow(clippy::unwrap_used)] // helpers of tests are tests
+
 use std::path::Path;
 
 use brickcast_tests::process::{brickcast, brickcast_ok};

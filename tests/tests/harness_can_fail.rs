@@ -1,5 +1,7 @@
 //! The comparison and the scenes must be able to fail: a harness that finds every picture good proves nothing.
 
+#![allow(clippy::unwrap_used)] // helpers of tests are tests
+
 use brickcast_tests::compare::{self, NotComparable, Picture, Tolerance, compare, is_within};
 use brickcast_tests::product::{self, Backend};
 use brickcast_tests::referee::{self, Sabotage};

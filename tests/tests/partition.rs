@@ -1,5 +1,7 @@
 //! The same picture from any number of nodes: partitions in process, over real loopback gRPC.
 
+#![allow(clippy::unwrap_used)] // helpers of tests are tests
+
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 

@@ -1,5 +1,7 @@
 //! Nodes as separate processes, the command line in front of them.
 
+#![allow(clippy::unwrap_used)] // helpers of tests are tests
+
 use std::path::Path;
 
 use brickcast_tests::process::{NodeProcess, brickcast, brickcast_ok, shared_data};

@@ -1,5 +1,7 @@
 //! The product's kernels against the referee.
 
+#![allow(clippy::unwrap_used)] // helpers of tests are tests
+
 use brickcast_tests::compare::{Picture, Tolerance, assert_within, assert_within_where};
 use brickcast_tests::product::{self, Backend};
 use brickcast_tests::referee;

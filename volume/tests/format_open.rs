@@ -1,5 +1,7 @@
 //! The choice of a format, and raw files.
 
+#![allow(clippy::unwrap_used)] // helpers of tests are tests
+
 use std::path::Path;
 
 use brickcast_volume::format::{self, Endian, RawHints, VoxelType};

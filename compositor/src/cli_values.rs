@@ -1,0 +1,71 @@
+//! The values of flags: sizes, triples, ranges and times, as text.
+
+use std::time::Duration;
+
+/// `WxH`.
+pub(crate) fn picture_size(text: &str) -> Result<(u32, u32), String> {
+    let parse = || {
+        let (w, h) = text.split_once(['x', 'X'])?;
+        Some((w.trim().parse().ok()?, h.trim().parse().ok()?))
+    };
+    parse().ok_or_else(|| format!("`{text}` is not WIDTHxHEIGHT, e.g. 512x512"))
+}
+
+/// Three numbers, `X,Y,Z`.
+pub(crate) fn triple<T: std::str::FromStr>(text: &str) -> Result<[T; 3], String> {
+    let parts: Vec<&str> = text.split(',').collect();
+    let numbers: Vec<T> = parts.iter().filter_map(|p| p.trim().parse().ok()).collect();
+    let count = numbers.len();
+    match <[T; 3]>::try_from(numbers) {
+        Ok(numbers) if parts.len() == 3 => Ok(numbers),
+        _ => Err(format!(
+            "`{text}` is not three numbers X,Y,Z ({count} of {} parts are numbers of this kind)",
+            parts.len()
+        )),
+    }
+}
+
+/// Two finite numbers in ascending order, `LO,HI`.
+pub(crate) fn pair(text: &str) -> Result<[f64; 2], String> {
+    let parse = || {
+        let (lo, hi) = text.split_once(',')?;
+        Some([lo.trim().parse::<f64>().ok()?, hi.trim().parse::<f64>().ok()?])
+    };
+    match parse() {
+        Some([lo, hi]) if lo.is_finite() && hi.is_finite() && lo < hi => Ok([lo, hi]),
+        Some([lo, hi]) => Err(format!("{lo},{hi}: both must be finite and LO below HI")),
+        None => Err(format!("`{text}` is not LO,HI")),
+    }
+}
+
+pub(crate) fn deadline(text: &str) -> Result<Duration, String> {
+    let time = humantime::parse_duration(text)
+        .or_else(|_| text.parse::<f64>().map_err(|_| ()).and_then(|s| Duration::try_from_secs_f64(s).map_err(|_| ())))
+        .map_err(|()| format!("`{text}` is not a time such as 30s or 1500ms"))?;
+    if time.is_zero() || time > Duration::from_secs(86_400) {
+        return Err(format!("`{text}`: must be above 0 and at most one day"));
+    }
+    Ok(time)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn malformed_numbers_are_usage_errors() {
+        for bad in ["512", "x", "512x", "-1x5", "5x5x5"] {
+            assert!(picture_size(bad).is_err(), "{bad}");
+        }
+        for bad in ["1,2", "1,2,x", "1,2,3,4", "", "-1,2,3"] {
+            assert!(triple::<u32>(bad).is_err(), "{bad}");
+        }
+        for bad in ["1", "2,1", "nan,1", "1,inf", "1,1"] {
+            assert!(pair(bad).is_err(), "{bad}");
+        }
+        for bad in ["0s", "forever", "-1", "1000d"] {
+            assert!(deadline(bad).is_err(), "{bad}");
+        }
+        assert_eq!(deadline("1.5"), Ok(Duration::from_millis(1500)));
+    }
+}
