@@ -1,5 +1,8 @@
 //! Other people's Zarr implementations open our stores and read equal voxels: zarrs (Rust) and zarr-python.
 
+// clippy.toml allows it in tests, but does not count these helpers as such.
+#![allow(clippy::unwrap_used)]
+
 use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
