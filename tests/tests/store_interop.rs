@@ -16,6 +16,7 @@ use zarrs::filesystem::FilesystemStore;
 /// Odd on every axis, over a chunk's face on y and z and a shard's on x.
 const DIMS: [u32; 3] = [261, 45, 67];
 
+#[derive(Debug)]
 struct MemorySource {
     header: SourceHeader,
     bytes: Vec<u8>,

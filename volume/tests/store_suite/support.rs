@@ -6,6 +6,7 @@ use brickcast_volume::format::{FormatError, SourceHeader, VolumeSource, VoxelTyp
 use brickcast_volume::space::Geometry;
 use brickcast_volume::store::{PrepareOptions, PrepareSummary, StoreError, prepare};
 
+#[derive(Debug)]
 pub(crate) struct MemorySource {
     header: SourceHeader,
     bytes: Vec<u8>,
