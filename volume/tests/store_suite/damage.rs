@@ -1,0 +1,177 @@
+//! Stores that were changed, cut or mixed up: found, named, never a panic.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use brickcast_volume::format::VoxelType;
+use brickcast_volume::store::{ChunkCache, ChunkFault, IndexFault, PrepareOptions, ShardIndex, Store, StoreError};
+
+use crate::support::{files_of, noisy};
+
+/// A store of two shards, the first with absent inner chunks.
+fn store_in(dir: &Path) -> PathBuf {
+    let path = dir.join("s");
+    let options = PrepareOptions { brick_size: 32, ..PrepareOptions::default() };
+    noisy([270, 9, 40], VoxelType::U8).prepare(&path, &options).unwrap();
+    path
+}
+
+/// Opens the store and reads all of it, as bricks.
+fn read_all(path: &Path) -> Result<(), StoreError> {
+    let store = Store::open(path)?;
+    let cache = ChunkCache::new(1 << 20);
+    store.manifest().grid.bricks().try_for_each(|b| store.read_brick(b, 1, &cache).map(drop))
+}
+
+#[test]
+fn a_flipped_bit_anywhere_is_found() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = store_in(dir.path());
+    read_all(&path).unwrap();
+    for file in files_of(&path) {
+        let good = fs::read(&file).unwrap();
+        let is_shard = file.strip_prefix(&path).unwrap().starts_with("0/c");
+        // Every part of the file, at odd places.
+        let step = [1, 7, 211][usize::from(good.len() > 100) + usize::from(good.len() > 4000)];
+        for at in (0..good.len()).step_by(step) {
+            let mut bad = good.clone();
+            bad[at] ^= 1 << (at % 8);
+            fs::write(&file, &bad).unwrap();
+            if file.ends_with("brickcast.json") {
+                // The hash by which the store is known changes, so it is at most another store.
+                let reopened = Store::open(&path);
+                assert!(reopened.is_err() || reopened.unwrap().manifest_bytes() == bad);
+                continue;
+            }
+            let Err(error) = read_all(&path) else { panic!("{file:?} byte {at}: not found") };
+            match error {
+                StoreError::Chunk { start, end, fault: ChunkFault::Crc { .. }, .. } => {
+                    assert!(is_shard && (start..end).contains(&(at as u64)), "{file:?} byte {at}");
+                }
+                StoreError::ShardIndex { .. } => assert!(is_shard && at >= good.len() - 8196, "{file:?} byte {at}"),
+                _ => assert!(!is_shard, "{file:?} byte {at}: {error}"),
+            }
+        }
+        fs::write(&file, &good).unwrap();
+    }
+    read_all(&path).unwrap();
+}
+
+#[test]
+fn the_error_names_shard_chunk_and_bytes() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = store_in(dir.path());
+    let shard = path.join("0/c/0/0/1");
+    let mut bytes = fs::read(&shard).unwrap();
+    bytes[10] ^= 4;
+    fs::write(&shard, bytes).unwrap();
+    let text = read_all(&path).unwrap_err().to_string();
+    for part in ["shard 0/c/0/0/1", "inner chunk (8, 0, 0)", "bytes 0..", "crc32c", "prepare it again"] {
+        assert!(text.contains(part), "{text}");
+    }
+    let verify = Store::open(&path).unwrap().verify(&mut |_| {}).unwrap_err().to_string();
+    assert_eq!(verify, text);
+}
+
+#[test]
+fn cut_grown_missing_and_forged_shards_are_named() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = store_in(dir.path());
+    let second = path.join("0/c/0/0/1");
+    let good = fs::read(&second).unwrap();
+    let index = ShardIndex([1, 0, 0]);
+    for length in [0, 1, 8195, good.len() - 1] {
+        fs::write(&second, &good[..length]).unwrap();
+        let error = Store::open(&path).unwrap_err();
+        let (want, got) = (good.len() as u64, length as u64);
+        assert!(
+            matches!(&error, StoreError::ShardLength { shard, got: g, want: w, .. }
+            if *shard == index && (*g, *w) == (got, want)),
+            "{error}"
+        );
+    }
+    fs::write(&second, [&good[..], &[0]].concat()).unwrap();
+    assert!(matches!(Store::open(&path), Err(StoreError::ShardLength { .. })));
+    fs::remove_file(&second).unwrap();
+    assert!(matches!(Store::open(&path), Err(StoreError::ShardMissing { shard, .. }) if shard == index));
+    fs::create_dir(&second).unwrap();
+    assert!(matches!(Store::open(&path), Err(StoreError::ShardMissing { .. })));
+    fs::remove_dir(&second).unwrap();
+
+    // An index whose own checksum is right, but that leads to other chunks.
+    let mut forged = good.clone();
+    let start = forged.len() - 8196;
+    forged[start..].rotate_left(16);
+    let end = forged.len();
+    let crc = crc32c::crc32c(&forged[start..end - 4]).to_le_bytes();
+    forged[end - 4..].copy_from_slice(&crc);
+    fs::write(&second, &forged).unwrap();
+    let error = read_all(&path).unwrap_err();
+    assert!(
+        matches!(&error, StoreError::ShardIndex { shard, fault: IndexFault::Hash { .. }, .. } if *shard == index),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_shard_that_vanishes_after_opening_is_an_error_not_a_panic() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = store_in(dir.path());
+    let store = Store::open(&path).unwrap();
+    fs::write(path.join("0/c/0/0/1"), b"cut").unwrap();
+    let cache = ChunkCache::new(1 << 20);
+    let brick = store.manifest().grid.brick_at(8);
+    assert!(matches!(store.read_brick(brick, 0, &cache), Err(StoreError::ShardLength { .. })));
+}
+
+#[test]
+fn what_is_no_finished_store_is_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    assert!(matches!(Store::open(&dir.path().join("absent")), Err(StoreError::NotAStore { .. })));
+    assert!(matches!(Store::open(dir.path()), Err(StoreError::NotAStore { .. })));
+    let file = dir.path().join("file");
+    fs::write(&file, b"").unwrap();
+    assert!(matches!(Store::open(&file), Err(StoreError::NotAStore { .. })));
+    let path = store_in(dir.path());
+    let manifest = fs::read_to_string(path.join("brickcast.json")).unwrap();
+    let changed = [
+        ("\"version\": 1", "\"version\": 2", "this brickcast knows 1"),
+        ("brickcast-store", "someone-elses", "is not a brickcast store's"),
+        ("\"brick_size\": 32", "\"brick_size\": 33", "power of two"),
+        ("\"uint8\"", "\"uint9\"", "uint9"),
+        ("\"lossless\": true", "\"lossless\": true, \"extra\": 1", "extra"),
+    ];
+    for (from, to, says) in changed {
+        assert!(manifest.contains(from));
+        fs::write(path.join("brickcast.json"), manifest.replace(from, to)).unwrap();
+        let text = Store::open(&path).unwrap_err().to_string();
+        assert!(text.contains(says), "{text}");
+    }
+    fs::write(path.join("brickcast.json"), &manifest).unwrap();
+    for name in ["zarr.json", "0/zarr.json", "bricks.bin", "shards.bin"] {
+        let good = fs::read(path.join(name)).unwrap();
+        fs::remove_file(path.join(name)).unwrap();
+        let text = Store::open(&path).unwrap_err().to_string();
+        assert!(text.contains(name), "{text}");
+        fs::write(path.join(name), &good[1..]).unwrap();
+        let text = Store::open(&path).unwrap_err().to_string();
+        assert!(text.contains(name), "{text}");
+        fs::write(path.join(name), good).unwrap();
+    }
+    read_all(&path).unwrap();
+}
+
+#[test]
+fn reads_outside_the_grid_and_beyond_the_ghost_limit_are_errors() {
+    let dir = tempfile::tempdir().unwrap();
+    let store = Store::open(&store_in(dir.path())).unwrap();
+    let cache = ChunkCache::new(1 << 20);
+    let inside = store.manifest().grid.brick_at(0);
+    for brick in [[9, 0, 0], [0, 1, 0], [0, 0, 2], [u32::MAX; 3]] {
+        let brick = brickcast_volume::ids::BrickIndex(brick);
+        assert!(matches!(store.read_brick(brick, 1, &cache), Err(StoreError::BrickOutside { .. })));
+        assert_eq!(store.value_range(brick), None);
+    }
+    assert!(matches!(store.read_brick(inside, u32::MAX, &cache), Err(StoreError::Ghost { .. })));
+    assert!(store.read_brick(inside, 64, &cache).is_ok());
+}

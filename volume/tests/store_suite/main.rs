@@ -1,0 +1,10 @@
+//! The brick store from outside: what goes in comes out, damage is named, bytes from the wire do no harm.
+
+// clippy.toml allows it in tests, but does not count these helpers as such.
+#![allow(clippy::unwrap_used)]
+
+mod damage;
+mod mutations;
+mod outcome;
+mod round_trip;
+mod support;

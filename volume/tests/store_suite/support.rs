@@ -1,0 +1,138 @@
+//! Volumes in memory, and stores made of them.
+
+use std::path::{Path, PathBuf};
+
+use brickcast_volume::format::{FormatError, SourceHeader, VolumeSource, VoxelType};
+use brickcast_volume::space::Geometry;
+use brickcast_volume::store::{PrepareOptions, PrepareSummary, StoreError, prepare};
+
+#[derive(Debug)]
+pub(crate) struct MemorySource {
+    header: SourceHeader,
+    bytes: Vec<u8>,
+    next: usize,
+    /// Planes of more come short: a reader at fault.
+    pub(crate) good_planes: usize,
+}
+
+impl VolumeSource for MemorySource {
+    fn header(&self) -> &SourceHeader {
+        &self.header
+    }
+
+    fn rewind(&mut self) -> Result<(), FormatError> {
+        self.next = 0;
+        Ok(())
+    }
+
+    fn read_planes(&mut self, count: u32, planes: &mut Vec<u8>) -> Result<(), FormatError> {
+        let d = self.header.geometry.dims();
+        let plane = (d.x * d.y) as usize * self.header.voxel_type.bytes();
+        let end = (self.next + count as usize).min(d.z as usize);
+        planes.clear();
+        planes.extend_from_slice(&self.bytes[self.next * plane..end * plane]);
+        if end > self.good_planes {
+            planes.pop();
+        }
+        self.next = end;
+        Ok(())
+    }
+}
+
+/// A volume whose voxels are known as numbers too.
+pub(crate) struct Volume {
+    pub(crate) dims: [u32; 3],
+    pub(crate) voxel_type: VoxelType,
+    pub(crate) values: Vec<f64>,
+}
+
+impl Volume {
+    /// `value` of x, y, z, then cast (saturating) to the type.
+    pub(crate) fn new(dims: [u32; 3], voxel_type: VoxelType, value: impl Fn([u32; 3]) -> f64) -> Self {
+        let [nx, ny, nz] = dims;
+        let mut values = Vec::with_capacity((nx * ny * nz) as usize);
+        for z in 0..nz {
+            for y in 0..ny {
+                values.extend((0..nx).map(|x| cast(voxel_type, value([x, y, z])).0));
+            }
+        }
+        Self { dims, voxel_type, values }
+    }
+
+    pub(crate) fn at(&self, p: [u32; 3]) -> f64 {
+        self.values[(p[0] + self.dims[0] * (p[1] + self.dims[1] * p[2])) as usize]
+    }
+
+    pub(crate) fn source(&self) -> MemorySource {
+        let geometry = Geometry::new(self.dims, [0.5, 1.0, 2.0], [-3.0, 4.0, 5.5]).unwrap();
+        let header = SourceHeader {
+            geometry,
+            voxel_type: self.voxel_type,
+            format: "memory",
+            space_unit: Some("mm".to_owned()),
+            notes: Vec::new(),
+        };
+        let bytes = self.values.iter().flat_map(|v| cast(self.voxel_type, *v).1).collect();
+        MemorySource { header, bytes, next: 0, good_planes: usize::MAX }
+    }
+
+    pub(crate) fn prepare(&self, out: &Path, options: &PrepareOptions) -> Result<PrepareSummary, StoreError> {
+        prepare(&mut self.source(), out, options, &mut |_| {})
+    }
+}
+
+/// The value that the type makes of `v`, and its little-endian bytes.
+fn cast(voxel_type: VoxelType, v: f64) -> (f64, Vec<u8>) {
+    macro_rules! as_type {
+        ($t:ty) => {
+            ((v as $t) as f64, (v as $t).to_le_bytes().to_vec())
+        };
+    }
+    match voxel_type {
+        VoxelType::U8 => as_type!(u8),
+        VoxelType::I8 => as_type!(i8),
+        VoxelType::U16 => as_type!(u16),
+        VoxelType::I16 => as_type!(i16),
+        VoxelType::U32 => as_type!(u32),
+        VoxelType::I32 => as_type!(i32),
+        VoxelType::F32 => as_type!(f32),
+    }
+}
+
+/// Noise over the whole range of 16 bits, zeros in a corner, so that some inner chunks are absent.
+pub(crate) fn noise([x, y, z]: [u32; 3]) -> u32 {
+    if x < 33 && y < 33 && z < 33 {
+        return 0;
+    }
+    let mut h = x.wrapping_mul(0x9E37_79B1) ^ y.wrapping_mul(0x85EB_CA77) ^ z.wrapping_mul(0xC2B2_AE3D);
+    h ^= h >> 15;
+    h = h.wrapping_mul(0x2C1B_3C6D);
+    (h ^ (h >> 13)) & 0xFFFF
+}
+
+/// Noise that fills the type.
+pub(crate) fn noisy(dims: [u32; 3], voxel_type: VoxelType) -> Volume {
+    Volume::new(dims, voxel_type, |p| {
+        let n = f64::from(noise(p));
+        match voxel_type {
+            VoxelType::U8 => (n / 256.0).floor(),
+            VoxelType::I8 => (n / 256.0).floor() - 128.0,
+            VoxelType::U16 => n,
+            VoxelType::I16 => n - 32768.0,
+            VoxelType::U32 => n * 65_537.0,
+            VoxelType::I32 => (n - 32768.0) * 65_536.0,
+            VoxelType::F32 => n * 1.7e-3 - 20.0,
+        }
+    })
+}
+
+pub(crate) fn files_of(root: &Path) -> Vec<PathBuf> {
+    let (mut files, mut open) = (Vec::new(), vec![root.to_path_buf()]);
+    while let Some(dir) = open.pop() {
+        for entry in std::fs::read_dir(dir).unwrap().map(|e| e.unwrap().path()) {
+            if entry.is_dir() { open.push(entry) } else { files.push(entry) }
+        }
+    }
+    files.sort();
+    files
+}
