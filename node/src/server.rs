@@ -75,3 +75,6 @@ pub async fn serve(
         Err(_) => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,246 @@
+//! A node over real loopback gRPC.
+
+use std::sync::atomic::Ordering;
+
+use brickcast_proto::{
+    FramePart, NodeDescription, NodeState, Part, PrepareReceipt, Receipt, RenderOrder, StoreDescription, wire,
+};
+use brickcast_volume::{MergeTree, Orbit, StoreHash};
+use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
+use tonic::transport::Channel;
+use tonic::{Code, Status};
+
+use super::*;
+use crate::config::{DataRoot, NodeConfig};
+use crate::node::MAX_WAITING;
+use crate::testing::{FakeRaycaster, make_store, ramp, scene, whole_order};
+
+struct Served {
+    _folder: tempfile::TempDir,
+    hash: StoreHash,
+    raycaster: Arc<FakeRaycaster>,
+    channel: Channel,
+    stop: Option<oneshot::Sender<()>>,
+    task: JoinHandle<Result<(), ServeError>>,
+}
+
+impl Served {
+    async fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let hash = make_store(&folder.path().join("ramp"), ramp);
+        let raycaster = Arc::new(FakeRaycaster::new());
+        let config = NodeConfig::new(DataRoot::Folder(folder.path().to_path_buf()), 1 << 24);
+        let node = Arc::new(Node::new(config, raycaster.clone()).unwrap());
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap().to_string();
+        let (stop, stopped) = oneshot::channel();
+        let task = tokio::spawn(serve(node, listener, async {
+            let _ = stopped.await;
+        }));
+        let channel = transport::endpoint(&address).unwrap().connect().await.unwrap();
+        Self { _folder: folder, hash, raycaster, channel, stop: Some(stop), task }
+    }
+
+    fn order(&self, width: u32, height: u32) -> RenderOrder {
+        let grid = brickcast_volume::BrickGrid::new(crate::testing::DIMS.into(), 8).unwrap();
+        whole_order(&MergeTree::of(grid), self.hash, scene(width, height, Orbit::default()))
+    }
+
+    async fn start(&self, order: wire::RenderOrder) -> Result<tonic::Streaming<wire::FramePart>, Status> {
+        Ok(transport::render_client(self.channel.clone()).render_frame(order).await?.into_inner())
+    }
+
+    /// All parts of a frame; the receipt is last.
+    async fn render(&self, order: &RenderOrder) -> Result<(Vec<FramePart>, Receipt), Status> {
+        finish(self.start(order.into()).await?).await
+    }
+
+    fn cluster(&self) -> wire::cluster_client::ClusterClient<Channel> {
+        transport::cluster_client(self.channel.clone())
+    }
+
+    async fn describe(&self) -> NodeDescription {
+        self.cluster().describe(wire::DescribeRequest {}).await.unwrap().into_inner().try_into().unwrap()
+    }
+}
+
+async fn finish(mut stream: tonic::Streaming<wire::FramePart>) -> Result<(Vec<FramePart>, Receipt), Status> {
+    let mut parts = Vec::new();
+    while let Some(part) = stream.message().await? {
+        parts.push(FramePart::try_from(part).unwrap());
+    }
+    match parts.pop() {
+        Some(FramePart { part: Part::Receipt(receipt), .. }) => Ok((parts, receipt)),
+        other => panic!("the last part must be the receipt, not {other:?}"),
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_frame_comes_in_parts_and_ends_with_its_receipt() {
+    let served = Served::new().await;
+    let order = served.order(200, 140);
+    let (parts, receipt) = served.render(&order).await.unwrap();
+    assert!(parts.iter().all(|p| p.frame == order.frame && p.epoch == order.epoch));
+    let tiles = parts.iter().filter(|p| matches!(p.part, Part::Tile(_))).count();
+    assert_eq!(receipt.tiles as usize, tiles);
+    assert_eq!(receipt.tiles + receipt.empty_tiles, order.layers[0].tiles.count());
+    assert!(receipt.samples > 0 && receipt.owned_bytes > 0 && receipt.load_ms > 0.0, "{receipt:?}");
+    // The second time, everything is resident.
+    let (_, again) = served.render(&order).await.unwrap();
+    assert_eq!((again.load_ms, again.decoded_bytes, again.bricks), (0.0, 0, receipt.bricks));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn stores_are_described_prepared_and_refused_by_name() {
+    let served = Served::new().await;
+    let by_name = |name: &str, expected: &str| wire::OpenStoreRequest {
+        store: Some(wire::open_store_request::Store::Name(name.to_owned())),
+        expected_hash: expected.to_owned(),
+    };
+    let mut cluster = served.cluster();
+    let store = cluster.open_store(by_name("ramp", "")).await.unwrap().into_inner();
+    let store = StoreDescription::try_from(store).unwrap();
+    assert_eq!((store.hash, store.ranges.0.len()), (served.hash, 6 * 5 * 7));
+    for (name, expected, code) in [
+        ("../ramp", "", Code::InvalidArgument),
+        ("rump", "", Code::NotFound),
+        ("ramp", "00000000000000000000000000000001", Code::FailedPrecondition),
+    ] {
+        let status = cluster.open_store(by_name(name, expected)).await.unwrap_err();
+        assert_eq!(status.code(), code, "{status:?}");
+        assert!(status.message().contains(name), "{status:?}");
+    }
+    let request = |bricks: Vec<u32>| wire::PrepareRequest {
+        store_hash: served.hash.to_string(),
+        bricks,
+        filter: wire::Filter::Exact.into(),
+    };
+    let receipt: PrepareReceipt =
+        cluster.prepare(request((0..210).collect())).await.unwrap().into_inner().try_into().unwrap();
+    assert!(receipt.fits && receipt.bricks == 210, "{receipt:?}");
+    assert_eq!(receipt.owned_bytes, 40 * 33 * 50);
+    assert_eq!(served.raycaster.uploads.load(Ordering::SeqCst), 210);
+    assert_eq!(cluster.prepare(request(vec![210])).await.unwrap_err().code(), Code::InvalidArgument);
+    let node = served.describe().await;
+    assert_eq!((node.resident_bricks, node.memory_used), (210, receipt.resident_bytes));
+    assert_eq!((node.state, node.protocol), (NodeState::Serving, brickcast_proto::PROTOCOL_VERSION));
+    assert_eq!(node.stores[0].name, "ramp");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_panic_while_rendering_is_an_internal_error_not_a_dead_node() {
+    let served = Served::new().await;
+    served.raycaster.panic_in_call.store(0, Ordering::SeqCst);
+    let order = served.order(64, 64);
+    let status = served.render(&order).await.unwrap_err();
+    assert_eq!(status.code(), Code::Internal);
+    assert!(status.message().contains("told to panic"), "{status:?}");
+    served.render(&order).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_unknown_store_is_named_with_what_is_there() {
+    let served = Served::new().await;
+    let mut order = served.order(64, 64);
+    order.store = StoreHash(12);
+    let status = served.render(&order).await.unwrap_err();
+    assert_eq!(status.code(), Code::NotFound);
+    assert!(status.message().contains("`ramp`") && status.message().contains(&order.store.to_string()), "{status:?}");
+}
+
+/// Law 6, the network's half: whatever bytes come as an order, the node answers and goes on.
+#[tokio::test(flavor = "multi_thread")]
+async fn mutated_orders_keep_the_node_alive() {
+    use prost::Message as _;
+    let served = Served::new().await;
+    let good = wire::RenderOrder::from(&served.order(130, 70)).encode_to_vec();
+    let mut state = 0x9E37_79B9_7F4A_7C15_u64;
+    let mut random = |n: usize| {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state % n as u64) as usize
+    };
+    let (mut sent, mut refused) = (0, 0);
+    while sent < 600 {
+        let mut bytes = good.clone();
+        for _ in 0..=random(4) {
+            let at = random(bytes.len());
+            match random(3) {
+                0 => bytes[at] ^= 1 << random(8),
+                1 => bytes[at] = random(256) as u8,
+                _ => drop(bytes.drain(at..(at + random(9)).min(bytes.len()))),
+            }
+        }
+        let Ok(order) = wire::RenderOrder::decode(&bytes[..]) else { continue };
+        // Legal but large pictures would only make the test slow.
+        if order.scene.as_ref().is_some_and(|s| u64::from(s.width) * u64::from(s.height) > 1 << 18) {
+            continue;
+        }
+        sent += 1;
+        let outcome = tokio::time::timeout(Duration::from_secs(20), async {
+            let mut stream = served.start(order).await?;
+            while stream.message().await?.is_some() {}
+            Ok::<(), Status>(())
+        });
+        if let Err(status) = outcome.await.expect("an order must not hang") {
+            assert!(!matches!(status.code(), Code::Internal | Code::Unknown | Code::Unavailable), "{status:?}");
+            refused += 1;
+        }
+    }
+    assert!(refused > 100, "{refused} of {sent}: the mutations must hurt");
+    served.render(&served.order(130, 70)).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn too_many_waiting_orders_are_turned_away_and_a_lost_client_gives_its_place_back() {
+    let served = Served::new().await;
+    // A frame that nobody reads: its parts fill the channel and the windows, and the turn stays taken.
+    let mut order = served.order(4096, 4096);
+    order.scene.camera = scene(1, 1, Orbit { zoom: 4.0, ..Orbit::default() }).camera;
+    let hog = served.start((&order).into()).await.unwrap();
+    let mut waiting = Vec::new();
+    let small = served.order(64, 64);
+    for _ in 0..MAX_WAITING {
+        waiting.push(served.start((&small).into()).await.unwrap());
+    }
+    let status = served.start((&small).into()).await.unwrap_err();
+    assert_eq!(status.code(), Code::ResourceExhausted, "{status:?}");
+    drop(hog);
+    for stream in waiting {
+        tokio::time::timeout(Duration::from_secs(20), finish(stream)).await.unwrap().unwrap();
+    }
+    served.render(&small).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn health_and_reflection_answer_and_shutdown_finishes_frames() {
+    let mut served = Served::new().await;
+    let mut health = tonic_health::pb::health_client::HealthClient::new(served.channel.clone());
+    for service in HEALTH_NAMES {
+        let request = tonic_health::pb::HealthCheckRequest { service: service.to_owned() };
+        let answer = health.check(request).await.unwrap().into_inner();
+        assert_eq!(answer.status(), tonic_health::pb::health_check_response::ServingStatus::Serving, "{service}");
+    }
+    let mut reflection =
+        tonic_reflection::pb::v1::server_reflection_client::ServerReflectionClient::new(served.channel.clone());
+    let request = tonic_reflection::pb::v1::ServerReflectionRequest {
+        host: String::new(),
+        message_request: Some(
+            tonic_reflection::pb::v1::server_reflection_request::MessageRequest::FileContainingSymbol(
+                "brickcast.v1.Render".to_owned(),
+            ),
+        ),
+    };
+    let mut answers = reflection.server_reflection_info(tokio_stream::once(request)).await.unwrap().into_inner();
+    let answer = answers.message().await.unwrap().unwrap().message_response.unwrap();
+    use tonic_reflection::pb::v1::server_reflection_response::MessageResponse;
+    assert!(matches!(answer, MessageResponse::FileDescriptorResponse(_)), "{answer:?}");
+    drop(answers);
+
+    let stream = served.start((&served.order(1024, 1024)).into()).await.unwrap();
+    served.stop.take().unwrap().send(()).unwrap();
+    finish(stream).await.unwrap();
+    tokio::time::timeout(DRAIN_TIMEOUT + CLOSE_TIMEOUT, served.task).await.unwrap().unwrap().unwrap();
+}
