@@ -87,6 +87,13 @@ impl Node {
         self.stopped.store(true, Ordering::Relaxed);
     }
 
+    /// Resolves when no frame is under way or waiting, and nothing is loaded ahead.
+    pub async fn idle(&self) {
+        // Closed semaphores (there are none) would count as idle.
+        let _places = self.places.acquire_many(MAX_WAITING as u32 + 1).await;
+        let _turn = self.turn.acquire().await;
+    }
+
     fn stopped(&self) -> bool {
         self.stopped.load(Ordering::Relaxed)
     }

@@ -47,7 +47,7 @@ impl VolumeSource for MemoryVolume {
 
 pub(crate) const DIMS: [u32; 3] = [40, 33, 50];
 
-/// A store of [`DIMS`] voxels in bricks of 8: 6 x 5 x 7 bricks, chunks of single bricks.
+/// A store of [`DIMS`] voxels in bricks of 8: 5 x 5 x 7 bricks, chunks of single bricks.
 pub(crate) fn make_store(path: &Path, value: fn(u32, u32, u32) -> u8) -> StoreHash {
     let geometry = Geometry::new(DIMS, [1.0, 1.0, 1.5], [0.0; 3]).unwrap();
     let header =

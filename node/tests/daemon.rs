@@ -1,4 +1,5 @@
 //! `brickcast-node` as a process: what it prints, how it ends.
+#![allow(clippy::unwrap_used)]
 
 use std::io::{BufRead as _, BufReader, Read as _};
 use std::net::TcpStream;
@@ -54,6 +55,8 @@ fn sigterm_ends_the_node_with_0_within_ten_seconds_even_with_idle_connections() 
     let address = address(&mut child);
     assert!(!address.ends_with(":0"), "the real port: {address}");
     let idle = TcpStream::connect(&address).unwrap();
+    // Time to be accepted.
+    std::thread::sleep(Duration::from_millis(200));
     let asked = Instant::now();
     assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
     let status = loop {

@@ -1,6 +1,8 @@
 //! Law 6, the messages' half: nothing that a peer sends can make the other side panic or allocate without bound. Valid
 //! messages survive the wire unchanged; damaged ones are refused or become other valid values.
 
+#![allow(clippy::unwrap_used)]
+
 use brickcast_proto::{
     FramePart, LayerOrder, NodeDescription, NodeState, Part, PrepareReceipt, PrepareRequest, Receipt, RenderOrder,
     StoreDescription, StoreName, StoreQuery, TilePart, TileRect, WireError, decode_tile, encode_tile, wire,

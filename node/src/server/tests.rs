@@ -101,7 +101,7 @@ async fn stores_are_described_prepared_and_refused_by_name() {
     let mut cluster = served.cluster();
     let store = cluster.open_store(by_name("ramp", "")).await.unwrap().into_inner();
     let store = StoreDescription::try_from(store).unwrap();
-    assert_eq!((store.hash, store.ranges.0.len()), (served.hash, 6 * 5 * 7));
+    assert_eq!((store.hash, store.ranges.0.len()), (served.hash, 5 * 5 * 7));
     for (name, expected, code) in [
         ("../ramp", "", Code::InvalidArgument),
         ("rump", "", Code::NotFound),
@@ -117,13 +117,13 @@ async fn stores_are_described_prepared_and_refused_by_name() {
         filter: wire::Filter::Exact.into(),
     };
     let receipt: PrepareReceipt =
-        cluster.prepare(request((0..210).collect())).await.unwrap().into_inner().try_into().unwrap();
-    assert!(receipt.fits && receipt.bricks == 210, "{receipt:?}");
+        cluster.prepare(request((0..175).collect())).await.unwrap().into_inner().try_into().unwrap();
+    assert!(receipt.fits && receipt.bricks == 175, "{receipt:?}");
     assert_eq!(receipt.owned_bytes, 40 * 33 * 50);
-    assert_eq!(served.raycaster.uploads.load(Ordering::SeqCst), 210);
-    assert_eq!(cluster.prepare(request(vec![210])).await.unwrap_err().code(), Code::InvalidArgument);
+    assert_eq!(served.raycaster.uploads.load(Ordering::SeqCst), 175);
+    assert_eq!(cluster.prepare(request(vec![175])).await.unwrap_err().code(), Code::InvalidArgument);
     let node = served.describe().await;
-    assert_eq!((node.resident_bricks, node.memory_used), (210, receipt.resident_bytes));
+    assert_eq!((node.resident_bricks, node.memory_used), (175, receipt.resident_bytes));
     assert_eq!((node.state, node.protocol), (NodeState::Serving, brickcast_proto::PROTOCOL_VERSION));
     assert_eq!(node.stores[0].name, "ramp");
 }
@@ -196,7 +196,7 @@ async fn mutated_orders_keep_the_node_alive() {
 #[tokio::test(flavor = "multi_thread")]
 async fn too_many_waiting_orders_are_turned_away_and_a_lost_client_gives_its_place_back() {
     let served = Served::new().await;
-    // A frame that nobody reads: its parts fill the channel and the windows, and the turn stays taken.
+    // A large frame that nobody reads holds the turn.
     let mut order = served.order(4096, 4096);
     order.scene.camera = scene(1, 1, Orbit { zoom: 4.0, ..Orbit::default() }).camera;
     let hog = served.start((&order).into()).await.unwrap();
