@@ -17,6 +17,7 @@ use brickcast_volume::{
 use crate::raycaster::{BackendInfo, Job, JobImage, KernelScene, RaycastError, Raycaster, ResidentBrick};
 
 /// u8 voxels `value(x, y, z)`.
+#[derive(Debug)]
 struct MemoryVolume {
     header: SourceHeader,
     value: fn(u32, u32, u32) -> u8,
