@@ -12,6 +12,8 @@ pub mod residency;
 pub mod server;
 mod service;
 pub mod stores;
+#[cfg(test)]
+mod testing;
 
 pub use config::{DataRoot, NodeConfig};
 pub use error::NodeError;

@@ -31,8 +31,9 @@ pub const MAX_WAITING: usize = 16;
 const PARTS_IN_FLIGHT: usize = 64;
 /// A client that takes no part for this long is given up, so that it cannot hold the node.
 const STALL_TIMEOUT: Duration = Duration::from_secs(30);
-/// Decoded chunks of the store kept for neighbours, bytes, at most.
-const MAX_CACHE: u64 = 256 << 20;
+/// Decoded chunks of the store kept for neighbours, bytes, on top of the budget for bricks: a quarter of it within these. The
+/// smaller a budget, the oftener bricks are read again, so the cache does not vanish with it.
+const CACHE_BYTES: std::ops::RangeInclusive<u64> = 32 << 20..=256 << 20;
 /// Bricks loaded ahead before a waiting frame gets its turn.
 const PREPARE_BATCH: usize = 64;
 
@@ -61,7 +62,7 @@ impl Node {
     /// A data root that is not there.
     pub fn new(config: NodeConfig, raycaster: Arc<dyn Raycaster>) -> Result<Self, NodeError> {
         let stores = Stores::new(&config.data)?;
-        let cache = ChunkCache::new(MAX_CACHE.min(config.memory_budget / 4));
+        let cache = ChunkCache::new((config.memory_budget / 4).clamp(*CACHE_BYTES.start(), *CACHE_BYTES.end()));
         Ok(Self {
             residency: Residency::new(config.memory_budget),
             config,
@@ -85,6 +86,13 @@ impl Node {
     pub fn stop(&self) {
         self.drain();
         self.stopped.store(true, Ordering::Relaxed);
+    }
+
+    /// Resolves when no frame is under way or waiting, and nothing is loaded ahead.
+    pub async fn idle(&self) {
+        // Closed semaphores (there are none) would count as idle.
+        let _places = self.places.acquire_many(MAX_WAITING as u32 + 1).await;
+        let _turn = self.turn.acquire().await;
     }
 
     fn stopped(&self) -> bool {

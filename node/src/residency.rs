@@ -318,3 +318,6 @@ impl Drop for Lease<'_> {
         self.residency.changed.notify_all();
     }
 }
+
+#[cfg(test)]
+mod tests;

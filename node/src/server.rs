@@ -12,9 +12,9 @@ use crate::node::Node;
 use crate::service::Service;
 
 /// How long frames under way may take to finish after the shutdown was asked for.
-pub const DRAIN_TIMEOUT: Duration = Duration::from_secs(7);
-/// How long their connections may take after that.
-const CLOSE_TIMEOUT: Duration = Duration::from_secs(1);
+pub const DRAIN_TIMEOUT: Duration = Duration::from_secs(6);
+/// How long connections may take after that to send what is under way; idle ones are then cut.
+const CLOSE_TIMEOUT: Duration = Duration::from_secs(2);
 /// Whose health is told; the empty name is the whole process.
 const HEALTH_NAMES: [&str; 3] = ["", "brickcast.v1.Render", "brickcast.v1.Cluster"];
 
@@ -65,8 +65,10 @@ pub async fn serve(
         health.set_service_status(name, ServingStatus::NotServing).await;
     }
     let _ = stop.send(());
-    if let Ok(ended) = tokio::time::timeout(DRAIN_TIMEOUT, &mut server).await {
-        return Ok(ended?);
+    tokio::select! {
+        ended = &mut server => return Ok(ended?),
+        () = node.idle() => {}
+        () = tokio::time::sleep(DRAIN_TIMEOUT) => {}
     }
     node.stop();
     match tokio::time::timeout(CLOSE_TIMEOUT, server).await {
@@ -75,3 +77,6 @@ pub async fn serve(
         Err(_) => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -61,3 +61,91 @@ impl wire::cluster_server::Cluster for Service {
         Ok(Response::new(self.0.prepare(request).await.map_err(fail)?.into()))
     }
 }
+
+/// The other end of the line, for tests: the same types inside, and forged orders as bytes.
+#[cfg(test)]
+pub(crate) mod client {
+    #![allow(clippy::unwrap_used)] // helpers of tests are tests
+
+    use brickcast_proto::{FramePart, NodeDescription, Part, PrepareReceipt, Receipt, StoreDescription, transport};
+    use prost::Message as _;
+    use tonic::transport::Channel;
+
+    use super::*;
+
+    #[derive(Debug, Clone)]
+    pub(crate) struct Client(pub(crate) Channel);
+
+    /// A decoded order that no conversion has looked at.
+    #[derive(Debug)]
+    pub(crate) struct RawOrder(wire::RenderOrder);
+
+    impl RawOrder {
+        /// `None` where the bytes are not even a message.
+        pub(crate) fn decode(bytes: &[u8]) -> Option<Self> {
+            wire::RenderOrder::decode(bytes).ok().map(Self)
+        }
+
+        pub(crate) fn pixels(&self) -> u64 {
+            self.0.scene.as_ref().map_or(0, |s| u64::from(s.width) * u64::from(s.height))
+        }
+    }
+
+    impl From<&RenderOrder> for RawOrder {
+        fn from(order: &RenderOrder) -> Self {
+            Self(order.into())
+        }
+    }
+
+    /// The parts of a frame as they come.
+    #[derive(Debug)]
+    pub(crate) struct Frame(tonic::Streaming<wire::FramePart>);
+
+    impl Frame {
+        /// All parts; the receipt is last.
+        pub(crate) async fn finish(mut self) -> Result<(Vec<FramePart>, Receipt), Status> {
+            let mut parts = Vec::new();
+            while let Some(part) = self.0.message().await? {
+                parts.push(FramePart::try_from(part).unwrap());
+            }
+            match parts.pop() {
+                Some(FramePart { part: Part::Receipt(receipt), .. }) => Ok((parts, receipt)),
+                other => panic!("the last part must be the receipt, not {other:?}"),
+            }
+        }
+
+        /// Reads to the end, whatever comes.
+        pub(crate) async fn drain(mut self) -> Result<(), Status> {
+            while self.0.message().await?.is_some() {}
+            Ok(())
+        }
+    }
+
+    /// The bytes of an order as they travel.
+    pub(crate) fn encode(order: &RenderOrder) -> Vec<u8> {
+        wire::RenderOrder::from(order).encode_to_vec()
+    }
+
+    impl Client {
+        pub(crate) async fn start(&self, order: RawOrder) -> Result<Frame, Status> {
+            Ok(Frame(transport::render_client(self.0.clone()).render_frame(order.0).await?.into_inner()))
+        }
+
+        pub(crate) async fn describe(&self) -> NodeDescription {
+            let mut cluster = transport::cluster_client(self.0.clone());
+            cluster.describe(wire::DescribeRequest {}).await.unwrap().into_inner().try_into().unwrap()
+        }
+
+        pub(crate) async fn open_store(&self, query: StoreQuery) -> Result<StoreDescription, Status> {
+            let mut cluster = transport::cluster_client(self.0.clone());
+            let answer = cluster.open_store(wire::OpenStoreRequest::from(query)).await?;
+            Ok(answer.into_inner().try_into().unwrap())
+        }
+
+        pub(crate) async fn prepare(&self, request: PrepareRequest) -> Result<PrepareReceipt, Status> {
+            let mut cluster = transport::cluster_client(self.0.clone());
+            let answer = cluster.prepare(wire::PrepareRequest::from(request)).await?;
+            Ok(answer.into_inner().try_into().unwrap())
+        }
+    }
+}

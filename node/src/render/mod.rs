@@ -8,6 +8,8 @@ mod batch;
 mod join;
 mod plan;
 mod tables;
+#[cfg(test)]
+mod tests;
 
 use brickcast_proto::{Part, RenderOrder};
 use brickcast_volume::store::ChunkCache;

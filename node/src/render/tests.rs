@@ -1,0 +1,244 @@
+//! Frames through [`render_frame`] with a raycaster whose picture is known, and with the CPU kernel.
+
+use std::collections::HashMap;
+
+use brickcast_proto::{Part, RenderOrder, TileRect, decode_tile};
+use brickcast_volume::store::{ChunkCache, Store};
+use brickcast_volume::{MergeTree, Orbit, Premul, TreeNode, View, over};
+
+use super::*;
+use crate::cpu::CpuRaycaster;
+use crate::testing::{FakeRaycaster, make_store, ramp, scene, whole_order};
+
+struct Bench {
+    _folder: tempfile::TempDir,
+    store: OpenStore,
+    cache: ChunkCache,
+    tables: TableCache,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("ramp");
+        make_store(&path, ramp);
+        let store = OpenStore { name: "ramp".to_owned(), store: Store::open(&path).unwrap() };
+        Self { _folder: folder, store, cache: ChunkCache::new(1 << 24), tables: TableCache::default() }
+    }
+
+    fn tree(&self) -> MergeTree {
+        MergeTree::of(self.store.store.manifest().grid)
+    }
+
+    fn order(&self, width: u32, height: u32, exact: bool) -> RenderOrder {
+        let orbit = Orbit { azimuth: 30.0, elevation: 20.0, zoom: 1.3, ..Orbit::default() };
+        let mut order = whole_order(&self.tree(), self.store.store.hash(), scene(width, height, orbit));
+        order.scene.exact = exact;
+        order
+    }
+
+    fn render(&self, order: &RenderOrder, raycaster: &dyn Raycaster, budget: u64) -> Result<Frame, NodeError> {
+        let residency = Residency::new(budget);
+        let workshop = Workshop { raycaster, residency: &residency, cache: &self.cache, tables: &self.tables };
+        let mut frame = Frame::default();
+        let mut meter = FrameMeter::new(std::time::Instant::now(), order.layers.len());
+        render_frame(order, &self.store, workshop, &mut meter, &|| false, &mut |part| {
+            frame.add(order, part);
+            Ok(())
+        })?;
+        frame.bricks = meter.receipt().bricks;
+        Ok(frame)
+    }
+}
+
+#[derive(Default)]
+struct Frame {
+    /// Answers per ordered (layer, tile).
+    answers: HashMap<(TreeNode, [u32; 2]), u32>,
+    pictures: HashMap<TreeNode, Vec<Premul>>,
+    bricks: u32,
+}
+
+impl Frame {
+    fn add(&mut self, order: &RenderOrder, part: Part) {
+        let size = order.scene.size;
+        match part {
+            Part::Tile(tile) => {
+                *self.answers.entry((tile.node, tile.tile)).or_default() += 1;
+                let rect = TileRect::tile_pixels(tile.tile, size);
+                let pixels = decode_tile(&tile.pixels, rect.size()).unwrap();
+                let picture = self.pictures.entry(tile.node).or_insert_with(|| vec![Premul::CLEAR; size.pixel_count()]);
+                for (i, pixel) in pixels.into_iter().enumerate() {
+                    let (x, y) = (i % rect.size().x as usize, i / rect.size().x as usize);
+                    picture[(rect.lo.y as usize + y) * size.width() as usize + rect.lo.x as usize + x] = pixel;
+                }
+            }
+            Part::Empty { node, tiles } => {
+                let layer = order.layers.iter().find(|l| l.node == node).unwrap();
+                for linear in tiles {
+                    *self.answers.entry((node, layer.tiles.tile_at(linear).unwrap())).or_default() += 1;
+                }
+            }
+            Part::Receipt(_) => panic!("the receipt is the node's"),
+        }
+    }
+
+    /// Layers folded as a compositor does.
+    fn merged(&self, bench: &Bench, order: &RenderOrder) -> Vec<Premul> {
+        let scene = &order.scene;
+        let geometry = bench.store.store.manifest().geometry;
+        let from = View::new(&geometry, &scene.camera, scene.size, scene.step).unwrap().viewpoint();
+        bench
+            .tree()
+            .fold(TreeNode(1), from, &mut |n| self.pictures.get(&n).cloned(), &mut |f, b| {
+                f.into_iter().zip(b).map(|(f, b)| over(f, b)).collect()
+            })
+            .unwrap_or_else(|| vec![Premul::CLEAR; scene.size.pixel_count()])
+    }
+}
+
+/// The largest difference of any channel.
+fn difference(a: &[Premul], b: &[Premul]) -> f32 {
+    let channels = |p: &[Premul]| -> Vec<f32> { p.iter().flat_map(|p| p.to_array()).collect() };
+    channels(a).iter().zip(channels(b)).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+/// Layers of an assignment of chunks to `nodes`, the layers of one node in an order of their own.
+fn split(bench: &Bench, order: &RenderOrder, nodes: u32) -> Vec<RenderOrder> {
+    let tree = bench.tree();
+    let owner = |chunk| (tree.chunk_linear(chunk).wrapping_mul(2_654_435_761) >> 13) % nodes;
+    (0..nodes)
+        .map(|node| {
+            let layers = tree.layers(&|_| true, &|c| owner(c) == node);
+            let layers = layers.into_iter().map(|(n, chunks)| brickcast_proto::LayerOrder {
+                node: n,
+                chunks: chunks.into_iter().map(|c| tree.chunk_linear(c)).collect(),
+                tiles: order.layers[0].tiles,
+            });
+            RenderOrder { layers: layers.collect(), ..order.clone() }
+        })
+        .collect()
+}
+
+#[test]
+fn every_layer_ordered_answers_exactly_once_empty_included() {
+    let bench = Bench::new();
+    let raycaster = FakeRaycaster::new();
+    let (mut with_pixels, mut without) = (0, 0);
+    for (width, height) in [(1, 1), (17, 5), (211, 97), (130, 200)] {
+        for exact in [false, true] {
+            let whole = bench.order(width, height, exact);
+            for (i, mut order) in [vec![whole.clone()], split(&bench, &whole, 3)].concat().into_iter().enumerate() {
+                // Tile rectangles of every shape, beside the volume too.
+                for (l, layer) in order.layers.iter_mut().enumerate() {
+                    let all = TileRect::of_picture(order.scene.size);
+                    let corner = |a: usize| (l as u32 * 7 + i as u32) % all.hi[a];
+                    layer.tiles.lo = [corner(0), corner(1)];
+                }
+                let frame = bench.render(&order, &raycaster, 1 << 20).unwrap();
+                let owed: HashMap<_, u32> =
+                    order.layers.iter().flat_map(|l| l.tiles.tiles().map(|t| ((l.node, t), 1))).collect();
+                assert_eq!(frame.answers, owed, "{width}x{height} exact {exact} order {i}");
+                let drawn = frame.pictures.len();
+                with_pixels += drawn;
+                without += order.layers.len() - drawn;
+            }
+        }
+    }
+    assert!(with_pixels > 0 && without > 0, "{with_pixels} and {without}: both kinds must have been seen");
+}
+
+#[test]
+fn nothing_to_show_answers_every_tile_as_empty() {
+    let bench = Bench::new();
+    let mut order = bench.order(211, 97, true);
+    let opacities = vec![brickcast_volume::transfer_function::OpacityPoint { x: 0.0, opacity: 0.0 }];
+    let colors = order.scene.transfer_function.colors().to_vec();
+    order.scene.transfer_function =
+        brickcast_volume::transfer_function::TransferFunction::new(colors, opacities).unwrap();
+    let raycaster = FakeRaycaster::new();
+    let frame = bench.render(&order, &raycaster, 1 << 20).unwrap();
+    assert!(frame.pictures.is_empty());
+    assert_eq!(frame.answers.len(), order.layers[0].tiles.count() as usize);
+    assert_eq!(raycaster.uploads.load(std::sync::atomic::Ordering::SeqCst), 0, "empty bricks are not even loaded");
+}
+
+#[test]
+fn a_budget_smaller_than_the_frame_streams_the_same_picture() {
+    let bench = Bench::new();
+    let brick = 10 * 10 * 10 * 2;
+    for exact in [false, true] {
+        let order = bench.order(120, 80, exact);
+        let (roomy, tight) = (FakeRaycaster::new(), FakeRaycaster::new());
+        let want = bench.render(&order, &roomy, 1 << 30).unwrap();
+        let got = bench.render(&order, &tight, brick * 5).unwrap();
+        let a = want.merged(&bench, &order);
+        assert!(a.iter().any(|p| p.a > 0.3));
+        let bound = if exact { 0.0 } else { 1e-5 };
+        assert!(difference(&a, &got.merged(&bench, &order)) <= bound, "exact {exact}");
+        let most = tight.most_alive.load(std::sync::atomic::Ordering::SeqCst);
+        assert!(most <= brick * 5, "{most} bytes lived at once");
+        assert!(tight.calls.load(std::sync::atomic::Ordering::SeqCst) > 1);
+        assert_eq!(want.bricks, got.bricks);
+    }
+}
+
+#[test]
+fn a_budget_smaller_than_a_brick_is_an_error_with_both_numbers() {
+    let bench = Bench::new();
+    let error = bench.render(&bench.order(64, 64, false), &FakeRaycaster::new(), 100).err().unwrap();
+    assert!(matches!(error, NodeError::BrickTooLarge { bytes: 2000, budget: 100, .. }), "{error}");
+    assert!(error.to_string().contains("--memory-budget") && error.to_string().contains("100 B"), "{error}");
+}
+
+/// The CPU kernel, exact mode: the same bits whoever renders what, and however small the budget.
+#[test]
+fn exact_pictures_have_the_same_bits_for_every_assignment_and_budget() {
+    let bench = Bench::new();
+    let raycaster = CpuRaycaster::new();
+    let order = bench.order(97, 61, true);
+    let want = bench.render(&order, &raycaster, 1 << 30).unwrap().merged(&bench, &order);
+    assert!(want.iter().any(|p| p.a > 0.3));
+    for (nodes, budget) in [(1, 4 * raycaster.brick_bytes(1000)), (2, 1 << 30), (5, 1 << 30)] {
+        let mut frame = Frame::default();
+        for part in split(&bench, &order, nodes) {
+            frame.pictures.extend(bench.render(&part, &raycaster, budget).unwrap().pictures);
+        }
+        assert_eq!(difference(&frame.merged(&bench, &order), &want), 0.0, "{nodes} nodes, {budget} bytes");
+    }
+    let mut fast = order;
+    fast.scene.exact = false;
+    let default = bench.render(&fast, &raycaster, 1 << 30).unwrap().merged(&bench, &fast);
+    assert!(difference(&default, &want) <= 1.0 / 255.0);
+}
+
+#[test]
+fn orders_that_do_not_fit_the_store_are_refused() {
+    let bench = Bench::new();
+    let good = bench.order(64, 64, false);
+    let refused = |change: fn(&mut RenderOrder)| {
+        let mut order = good.clone();
+        change(&mut order);
+        let error = bench.render(&order, &FakeRaycaster::new(), 1 << 30).err().unwrap();
+        assert_eq!(error.fault(), brickcast_proto::Fault::Invalid, "{error}");
+        error.to_string()
+    };
+    assert!(refused(|o| o.layers[0].node = TreeNode(u64::MAX)).contains("merge tree"));
+    assert!(refused(|o| o.layers[0].chunks.push(100_000)).contains("100000"));
+    assert!(refused(|o| o.layers[0].node = TreeNode(2)).contains("does not lie under"));
+    assert!(refused(|o| o.scene.opacity_unit = 1e-300).contains("opacity units"));
+}
+
+#[test]
+fn a_cancelled_frame_stops_at_its_next_batch() {
+    let bench = Bench::new();
+    let (raycaster, residency) = (FakeRaycaster::new(), Residency::new(5 * 2000));
+    let workshop =
+        Workshop { raycaster: &raycaster, residency: &residency, cache: &bench.cache, tables: &bench.tables };
+    let order = bench.order(120, 80, true);
+    let mut meter = FrameMeter::new(std::time::Instant::now(), 1);
+    let calls = || raycaster.calls.load(std::sync::atomic::Ordering::SeqCst);
+    let result = render_frame(&order, &bench.store, workshop, &mut meter, &|| calls() >= 2, &mut |_| Ok(()));
+    assert!(matches!(result, Err(NodeError::Cancelled)));
+    assert_eq!(calls(), 2);
+}

@@ -1,0 +1,218 @@
+//! A node over real loopback gRPC.
+
+use std::sync::atomic::Ordering;
+
+use brickcast_proto::{FramePart, NodeState, Part, PrepareRequest, Receipt, RenderOrder, StoreQuery};
+use brickcast_volume::scene::Filter;
+use brickcast_volume::{MergeTree, Orbit, StoreHash};
+use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
+use tonic::transport::Channel;
+use tonic::{Code, Status};
+
+use super::*;
+use crate::config::{DataRoot, NodeConfig};
+use crate::node::MAX_WAITING;
+use crate::service::client::{Client, Frame, RawOrder, encode};
+use crate::testing::{FakeRaycaster, make_store, ramp, scene, whole_order};
+
+struct Served {
+    _folder: tempfile::TempDir,
+    hash: StoreHash,
+    raycaster: Arc<FakeRaycaster>,
+    channel: Channel,
+    stop: Option<oneshot::Sender<()>>,
+    task: JoinHandle<Result<(), ServeError>>,
+}
+
+impl Served {
+    async fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let hash = make_store(&folder.path().join("ramp"), ramp);
+        let raycaster = Arc::new(FakeRaycaster::new());
+        let config = NodeConfig::new(DataRoot::Folder(folder.path().to_path_buf()), 1 << 24);
+        let node = Arc::new(Node::new(config, raycaster.clone()).unwrap());
+        let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = listener.local_addr().unwrap().to_string();
+        let (stop, stopped) = oneshot::channel();
+        let task = tokio::spawn(serve(node, listener, async {
+            let _ = stopped.await;
+        }));
+        let channel = transport::endpoint(&address).unwrap().connect().await.unwrap();
+        Self { _folder: folder, hash, raycaster, channel, stop: Some(stop), task }
+    }
+
+    fn order(&self, width: u32, height: u32) -> RenderOrder {
+        let grid = brickcast_volume::BrickGrid::new(crate::testing::DIMS.into(), 8).unwrap();
+        whole_order(&MergeTree::of(grid), self.hash, scene(width, height, Orbit::default()))
+    }
+
+    fn client(&self) -> Client {
+        Client(self.channel.clone())
+    }
+
+    async fn start(&self, order: &RenderOrder) -> Result<Frame, Status> {
+        self.client().start(order.into()).await
+    }
+
+    /// All parts of a frame; the receipt is last.
+    async fn render(&self, order: &RenderOrder) -> Result<(Vec<FramePart>, Receipt), Status> {
+        self.start(order).await?.finish().await
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_frame_comes_in_parts_and_ends_with_its_receipt() {
+    let served = Served::new().await;
+    let order = served.order(200, 140);
+    let (parts, receipt) = served.render(&order).await.unwrap();
+    assert!(parts.iter().all(|p| p.frame == order.frame && p.epoch == order.epoch));
+    let tiles = parts.iter().filter(|p| matches!(p.part, Part::Tile(_))).count();
+    assert_eq!(receipt.tiles as usize, tiles);
+    assert_eq!(receipt.tiles + receipt.empty_tiles, order.layers[0].tiles.count());
+    assert!(receipt.samples > 0 && receipt.owned_bytes > 0 && receipt.load_ms > 0.0, "{receipt:?}");
+    // The second time, everything is resident.
+    let (_, again) = served.render(&order).await.unwrap();
+    assert_eq!((again.load_ms, again.decoded_bytes, again.bricks), (0.0, 0, receipt.bricks));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn stores_are_described_prepared_and_refused_by_name() {
+    let served = Served::new().await;
+    let by_name = |name: &str, expected| StoreQuery::Name { name: name.to_owned(), expected };
+    let client = served.client();
+    let store = client.open_store(by_name("ramp", None)).await.unwrap();
+    assert_eq!((store.hash, store.ranges.0.len()), (served.hash, 5 * 5 * 7));
+    for (name, expected, code) in [
+        ("../ramp", None, Code::InvalidArgument),
+        ("rump", None, Code::NotFound),
+        ("ramp", Some(StoreHash(1)), Code::FailedPrecondition),
+    ] {
+        let status = client.open_store(by_name(name, expected)).await.unwrap_err();
+        assert_eq!(status.code(), code, "{status:?}");
+        assert!(status.message().contains(name), "{status:?}");
+    }
+    let request = |bricks: Vec<u32>| PrepareRequest { store: served.hash, bricks, filter: Filter::Exact };
+    let receipt = client.prepare(request((0..175).collect())).await.unwrap();
+    assert!(receipt.fits && receipt.bricks == 175, "{receipt:?}");
+    assert_eq!(receipt.owned_bytes, 40 * 33 * 50);
+    assert_eq!(served.raycaster.uploads.load(Ordering::SeqCst), 175);
+    assert_eq!(client.prepare(request(vec![175])).await.unwrap_err().code(), Code::InvalidArgument);
+    let node = client.describe().await;
+    assert_eq!((node.resident_bricks, node.memory_used), (175, receipt.resident_bytes));
+    assert_eq!((node.state, node.protocol), (NodeState::Serving, brickcast_proto::PROTOCOL_VERSION));
+    assert_eq!(node.stores[0].name, "ramp");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_panic_while_rendering_is_an_internal_error_not_a_dead_node() {
+    let served = Served::new().await;
+    served.raycaster.panic_in_call.store(0, Ordering::SeqCst);
+    let order = served.order(64, 64);
+    let status = served.render(&order).await.unwrap_err();
+    assert_eq!(status.code(), Code::Internal);
+    assert!(status.message().contains("told to panic"), "{status:?}");
+    served.render(&order).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_unknown_store_is_named_with_what_is_there() {
+    let served = Served::new().await;
+    let mut order = served.order(64, 64);
+    order.store = StoreHash(12);
+    let status = served.render(&order).await.unwrap_err();
+    assert_eq!(status.code(), Code::NotFound);
+    assert!(status.message().contains("`ramp`") && status.message().contains(&order.store.to_string()), "{status:?}");
+}
+
+/// Law 6, the network's half: whatever bytes come as an order, the node answers and goes on.
+#[tokio::test(flavor = "multi_thread")]
+async fn mutated_orders_keep_the_node_alive() {
+    let served = Served::new().await;
+    let good = encode(&served.order(130, 70));
+    let mut state = 0x9E37_79B9_7F4A_7C15_u64;
+    let mut random = |n: usize| {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state % n as u64) as usize
+    };
+    let (mut sent, mut refused) = (0, 0);
+    while sent < 600 {
+        let mut bytes = good.clone();
+        for _ in 0..=random(4) {
+            let at = random(bytes.len());
+            match random(3) {
+                0 => bytes[at] ^= 1 << random(8),
+                1 => bytes[at] = random(256) as u8,
+                _ => drop(bytes.drain(at..(at + random(9)).min(bytes.len()))),
+            }
+        }
+        let Some(order) = RawOrder::decode(&bytes) else { continue };
+        // Legal but large pictures would only make the test slow.
+        if order.pixels() > 1 << 18 {
+            continue;
+        }
+        sent += 1;
+        let outcome =
+            tokio::time::timeout(Duration::from_secs(20), async { served.client().start(order).await?.drain().await });
+        if let Err(status) = outcome.await.expect("an order must not hang") {
+            assert!(!matches!(status.code(), Code::Internal | Code::Unknown | Code::Unavailable), "{status:?}");
+            refused += 1;
+        }
+    }
+    assert!(refused > 100, "{refused} of {sent}: the mutations must hurt");
+    served.render(&served.order(130, 70)).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn too_many_waiting_orders_are_turned_away_and_a_lost_client_gives_its_place_back() {
+    let served = Served::new().await;
+    // A large frame that nobody reads holds the turn.
+    let mut order = served.order(4096, 4096);
+    order.scene.camera = scene(1, 1, Orbit { zoom: 4.0, ..Orbit::default() }).camera;
+    let hog = served.start(&order).await.unwrap();
+    let mut waiting = Vec::new();
+    let small = served.order(64, 64);
+    for _ in 0..MAX_WAITING {
+        waiting.push(served.start(&small).await.unwrap());
+    }
+    let status = served.start(&small).await.unwrap_err();
+    assert_eq!(status.code(), Code::ResourceExhausted, "{status:?}");
+    drop(hog);
+    for stream in waiting {
+        tokio::time::timeout(Duration::from_secs(20), stream.finish()).await.unwrap().unwrap();
+    }
+    served.render(&small).await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn health_and_reflection_answer_and_shutdown_finishes_frames() {
+    let mut served = Served::new().await;
+    let mut health = tonic_health::pb::health_client::HealthClient::new(served.channel.clone());
+    for service in HEALTH_NAMES {
+        let request = tonic_health::pb::HealthCheckRequest { service: service.to_owned() };
+        let answer = health.check(request).await.unwrap().into_inner();
+        assert_eq!(answer.status(), tonic_health::pb::health_check_response::ServingStatus::Serving, "{service}");
+    }
+    let mut reflection =
+        tonic_reflection::pb::v1::server_reflection_client::ServerReflectionClient::new(served.channel.clone());
+    let request = tonic_reflection::pb::v1::ServerReflectionRequest {
+        host: String::new(),
+        message_request: Some(
+            tonic_reflection::pb::v1::server_reflection_request::MessageRequest::FileContainingSymbol(
+                "brickcast.v1.Render".to_owned(),
+            ),
+        ),
+    };
+    let mut answers = reflection.server_reflection_info(tokio_stream::once(request)).await.unwrap().into_inner();
+    let answer = answers.message().await.unwrap().unwrap().message_response.unwrap();
+    use tonic_reflection::pb::v1::server_reflection_response::MessageResponse;
+    assert!(matches!(answer, MessageResponse::FileDescriptorResponse(_)), "{answer:?}");
+    drop(answers);
+
+    let stream = served.start(&served.order(1024, 1024)).await.unwrap();
+    served.stop.take().unwrap().send(()).unwrap();
+    stream.finish().await.unwrap();
+    tokio::time::timeout(DRAIN_TIMEOUT + CLOSE_TIMEOUT, served.task).await.unwrap().unwrap().unwrap();
+}

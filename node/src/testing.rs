@@ -1,0 +1,187 @@
+//! What the unit tests of this crate share: a volume in memory, stores, scenes, and a raycaster whose picture is known.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+
+use brickcast_proto::{LayerOrder, RenderOrder, TileRect};
+use brickcast_volume::brick::OwnedBox;
+use brickcast_volume::format::{FormatError, SourceHeader, VolumeSource, VoxelType};
+use brickcast_volume::scene::{Filter, Scene, Transport};
+use brickcast_volume::store::{BrickVoxels, PrepareOptions, prepare};
+use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
+use brickcast_volume::{
+    Camera, Epoch, FrameId, Geometry, MergeTree, Orbit, PictureSize, Premul, StoreHash, TreeNode, over,
+};
+
+use crate::raycaster::{BackendInfo, Job, JobImage, KernelScene, RaycastError, Raycaster, ResidentBrick};
+
+/// u8 voxels `value(x, y, z)`.
+#[derive(Debug)]
+struct MemoryVolume {
+    header: SourceHeader,
+    value: fn(u32, u32, u32) -> u8,
+    next: u32,
+}
+
+impl VolumeSource for MemoryVolume {
+    fn header(&self) -> &SourceHeader {
+        &self.header
+    }
+
+    fn rewind(&mut self) -> Result<(), FormatError> {
+        self.next = 0;
+        Ok(())
+    }
+
+    fn read_planes(&mut self, count: u32, planes: &mut Vec<u8>) -> Result<(), FormatError> {
+        let d = self.header.geometry.dims();
+        let end = (self.next + count).min(d.z);
+        planes.clear();
+        for z in self.next..end {
+            planes.extend((0..d.y).flat_map(|y| (0..d.x).map(move |x| (x, y))).map(|(x, y)| (self.value)(x, y, z)));
+        }
+        self.next = end;
+        Ok(())
+    }
+}
+
+pub(crate) const DIMS: [u32; 3] = [40, 33, 50];
+
+/// A store of [`DIMS`] voxels in bricks of 8: 5 x 5 x 7 bricks, chunks of single bricks.
+pub(crate) fn make_store(path: &Path, value: fn(u32, u32, u32) -> u8) -> StoreHash {
+    let geometry = Geometry::new(DIMS, [1.0, 1.0, 1.5], [0.0; 3]).unwrap();
+    let header =
+        SourceHeader { geometry, voxel_type: VoxelType::U8, format: "test", space_unit: None, notes: Vec::new() };
+    let options = PrepareOptions { brick_size: 8, range: Some((0.0, 255.0)), ..PrepareOptions::default() };
+    prepare(&mut MemoryVolume { header, value, next: 0 }, path, &options, &mut |_| {}).unwrap().hash
+}
+
+pub(crate) fn ramp(x: u32, y: u32, z: u32) -> u8 {
+    (x * 3 + y * 2 + z) as u8
+}
+
+pub(crate) fn scene(width: u32, height: u32, orbit: Orbit) -> Scene {
+    let geometry = Geometry::new(DIMS, [1.0, 1.0, 1.5], [0.0; 3]).unwrap();
+    let colors = vec![ColorPoint { x: 0.0, rgb: [0.1, 0.2, 0.9] }, ColorPoint { x: 255.0, rgb: [1.0, 0.8, 0.1] }];
+    let opacities = vec![OpacityPoint { x: 60.0, opacity: 0.0 }, OpacityPoint { x: 255.0, opacity: 0.4 }];
+    let scene = Scene {
+        camera: Camera::orbit(&geometry, orbit).unwrap(),
+        size: PictureSize::new(width, height).unwrap(),
+        step: 0.5,
+        transfer_function: TransferFunction::new(colors, opacities).unwrap(),
+        opacity_unit: 4.0,
+        early_termination: 0.999,
+        filter: Filter::Exact,
+        exact: false,
+    };
+    scene.validate().unwrap()
+}
+
+/// All chunks of the tree in one layer, all tiles.
+pub(crate) fn whole_order(tree: &MergeTree, store: StoreHash, scene: Scene) -> RenderOrder {
+    let tiles = TileRect::of_picture(scene.size);
+    let chunks = (0..tree.chunk_count() as u32).collect();
+    let layers = vec![LayerOrder { node: TreeNode(1), chunks, tiles }];
+    RenderOrder { frame: FrameId(7), epoch: Epoch(3), store, scene, transport: Transport::F32, layers }
+}
+
+#[derive(Debug)]
+struct FakeBrick {
+    owned: OwnedBox,
+    bytes: u64,
+    alive: Arc<AtomicU64>,
+}
+
+impl ResidentBrick for FakeBrick {
+    fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    fn as_any(&self) -> &dyn std::any::Any {
+        self
+    }
+}
+
+impl Drop for FakeBrick {
+    fn drop(&mut self) {
+        self.alive.fetch_sub(self.bytes, Ordering::SeqCst);
+    }
+}
+
+/// Every brick is a plate of its own colour over the pixels that it projects to.
+#[derive(Debug)]
+pub(crate) struct FakeRaycaster {
+    info: BackendInfo,
+    /// Bytes of bricks that live now, and the most that ever did.
+    pub(crate) alive: Arc<AtomicU64>,
+    pub(crate) most_alive: AtomicU64,
+    pub(crate) uploads: AtomicUsize,
+    pub(crate) calls: AtomicUsize,
+    /// Panics in the call of this number.
+    pub(crate) panic_in_call: AtomicUsize,
+}
+
+impl FakeRaycaster {
+    pub(crate) fn new() -> Self {
+        let info = BackendInfo { backend: "cpu", adapter: "fake".to_owned(), notes: Vec::new(), threads: 1 };
+        Self {
+            info,
+            alive: Arc::default(),
+            most_alive: AtomicU64::default(),
+            uploads: AtomicUsize::default(),
+            calls: AtomicUsize::default(),
+            panic_in_call: AtomicUsize::new(usize::MAX),
+        }
+    }
+
+    fn plate(owned: &OwnedBox) -> Premul {
+        let seed = owned.lo.x * 73 + owned.lo.y * 179 + owned.lo.z * 283;
+        let alpha = 0.1 + (seed % 17) as f32 / 40.0;
+        let shade = |n: u32| (seed % n) as f32 / n as f32 * alpha;
+        Premul { r: shade(7), g: shade(11), b: shade(13), a: alpha }
+    }
+}
+
+impl Raycaster for FakeRaycaster {
+    fn info(&self) -> &BackendInfo {
+        &self.info
+    }
+
+    fn brick_bytes(&self, stored_voxels: u64) -> u64 {
+        stored_voxels * 2
+    }
+
+    fn upload(&self, owned: OwnedBox, voxels: &BrickVoxels) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
+        let bytes = self.brick_bytes(voxels.stored.voxel_count());
+        self.uploads.fetch_add(1, Ordering::SeqCst);
+        let now = self.alive.fetch_add(bytes, Ordering::SeqCst) + bytes;
+        self.most_alive.fetch_max(now, Ordering::SeqCst);
+        Ok(Arc::new(FakeBrick { owned, bytes, alive: self.alive.clone() }))
+    }
+
+    fn warm_up(&self, _filter: Filter) -> Result<(), RaycastError> {
+        Ok(())
+    }
+
+    fn render(&self, scene: &KernelScene, jobs: &[Job]) -> Result<Vec<JobImage>, RaycastError> {
+        let call = self.calls.fetch_add(1, Ordering::SeqCst);
+        assert!(call != self.panic_in_call.load(Ordering::SeqCst), "the fake was told to panic");
+        let render = |job: &Job| {
+            let width = job.rect.size().x as usize;
+            let mut pixels = vec![Premul::CLEAR; job.rect.pixel_count()];
+            for brick in &job.bricks {
+                let owned = brick.as_any().downcast_ref::<FakeBrick>().unwrap().owned;
+                let rect = scene.view.project(&owned).intersect(&job.rect);
+                for y in rect.lo.y..rect.hi.y {
+                    for x in rect.lo.x..rect.hi.x {
+                        let at = (y - job.rect.lo.y) as usize * width + (x - job.rect.lo.x) as usize;
+                        pixels[at] = over(pixels[at], Self::plate(&owned));
+                    }
+                }
+            }
+            JobImage { rect: job.rect, pixels, samples: vec![10; job.bricks.len()] }
+        };
+        Ok(jobs.iter().map(render).collect())
+    }
+}

@@ -1,0 +1,313 @@
+//! Law 6, the messages' half: nothing that a peer sends can make the other side panic or allocate without bound. Valid
+//! messages survive the wire unchanged; damaged ones are refused or become other valid values.
+
+#![allow(clippy::unwrap_used)]
+
+use brickcast_proto::{
+    FramePart, LayerOrder, NodeDescription, NodeState, Part, PrepareReceipt, PrepareRequest, Receipt, RenderOrder,
+    StoreDescription, StoreName, StoreQuery, TilePart, TileRect, WireError, decode_tile, encode_tile, wire,
+};
+use brickcast_volume::scene::{Filter, Scene, Transport};
+use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
+use brickcast_volume::{Camera, Epoch, FrameId, Geometry, Orbit, PictureSize, Premul, StoreHash, TreeNode};
+use glam::{DVec3, UVec2};
+use prost::Message;
+
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 % n.max(1) as u64) as usize
+    }
+
+    fn unit(&mut self) -> f64 {
+        self.below(1 << 30) as f64 / f64::from(1 << 30)
+    }
+
+    /// A flip, an overwrite, a cut, a repetition or a splice with `other`; or several.
+    fn damage(&mut self, bytes: &mut Vec<u8>, other: &[u8]) {
+        for _ in 0..=self.below(3) {
+            let at = self.below(bytes.len());
+            let end = (at + 1 + self.below(12)).min(bytes.len());
+            match self.below(6) {
+                0 if !bytes.is_empty() => bytes[at] ^= 1 << self.below(8),
+                1 if !bytes.is_empty() => bytes[at] = [0, 1, 0x7f, 0x80, 0xff][self.below(5)],
+                2 => bytes.truncate(at),
+                3 if at < end => drop(bytes.drain(at..end)),
+                4 => {
+                    let part = bytes[at.min(bytes.len())..end].to_vec();
+                    bytes.splice(at..at, part);
+                }
+                _ => {
+                    let from = self.below(other.len());
+                    let to = (from + self.below(24)).min(other.len());
+                    bytes.splice(at..at, other[from..to].iter().copied());
+                }
+            }
+        }
+    }
+}
+
+fn scene(random: &mut Random) -> Scene {
+    let geometry = Geometry::new([64, 50, 30], [1.0, 2.0, 3.0], [5.0, 6.0, 7.0]).unwrap();
+    let orbit = Orbit { azimuth: random.unit() * 360.0, elevation: random.unit() * 80.0, ..Orbit::default() };
+    let mut camera = Camera::orbit(&geometry, orbit).unwrap();
+    if random.below(2) == 0 {
+        let projection = brickcast_volume::Projection::Parallel { parallel_scale: 1.0 + random.unit() };
+        camera = Camera::new(camera.position(), camera.focal_point(), DVec3::Y, projection).unwrap();
+    }
+    let points = 1 + random.below(5);
+    let colors = (0..points).map(|i| ColorPoint { x: i as f64, rgb: [random.unit(), random.unit(), random.unit()] });
+    let colors = colors.collect();
+    let opacities = (0..points).map(|i| OpacityPoint { x: i as f64 * 0.5, opacity: random.unit() }).collect();
+    let scene = Scene {
+        camera,
+        size: PictureSize::new(1 + random.below(1000) as u32, 1 + random.below(1000) as u32).unwrap(),
+        step: 0.25 + random.unit(),
+        transfer_function: TransferFunction::new(colors, opacities).unwrap(),
+        opacity_unit: 0.1 + random.unit(),
+        early_termination: 0.999,
+        filter: [Filter::Hardware, Filter::Exact][random.below(2)],
+        exact: random.below(2) == 0,
+    };
+    scene.validate().unwrap()
+}
+
+fn order(random: &mut Random) -> RenderOrder {
+    let scene = scene(random);
+    let tiles = TileRect::of_picture(scene.size);
+    let layer = |i: u32| LayerOrder {
+        node: TreeNode(8 + u64::from(i)),
+        chunks: (0..3).map(|c| i * 3 + c).collect(),
+        tiles: TileRect { lo: [0, 0], hi: [tiles.hi[0], 1 + i % tiles.hi[1]] },
+    };
+    let transport = if scene.exact { Transport::F32 } else { [Transport::F16, Transport::U8][random.below(2)] };
+    RenderOrder {
+        frame: FrameId(random.below(1000) as u64),
+        epoch: Epoch(random.below(1000) as u64),
+        store: StoreHash::of(&[random.below(256) as u8]),
+        layers: (0..1 + random.below(8) as u32).map(layer).collect(),
+        scene,
+        transport,
+    }
+}
+
+fn part(random: &mut Random) -> FramePart {
+    let part = match random.below(4) {
+        0 => Part::Empty { node: TreeNode(5), tiles: vec![0, 3, 77] },
+        1 => Part::Receipt(Receipt { render_ms: random.unit(), samples: 12, tiles: 4, ..Receipt::default() }),
+        _ => {
+            let pixel = |_| Premul::from_array(std::array::from_fn(|_| if random.below(3) == 0 { 0.0 } else { 0.5 }));
+            let pixels: Vec<Premul> = (0..200).map(pixel).collect();
+            let format = [Transport::F16, Transport::F32, Transport::U8][random.below(3)];
+            Part::Tile(TilePart { node: TreeNode(9), tile: [3, 1], pixels: encode_tile(&pixels, format).unwrap() })
+        }
+    };
+    FramePart { frame: FrameId(3), epoch: Epoch(4), part }
+}
+
+fn node() -> NodeDescription {
+    NodeDescription {
+        node_id: "a-b-0".to_owned(),
+        version: "0.1.0".to_owned(),
+        protocol: 1,
+        backend: "gpu".to_owned(),
+        adapter: "an adapter".to_owned(),
+        memory_budget: 1 << 32,
+        memory_used: 5,
+        resident_bricks: 6,
+        state: NodeState::Draining,
+        stores: vec![StoreName { name: "a/b".to_owned(), hash: StoreHash(7) }],
+        notes: vec!["fell back".to_owned()],
+        threads: 8,
+        max_resident_set: 9,
+    }
+}
+
+fn prepare(random: &mut Random) -> PrepareRequest {
+    let bricks = (0..random.below(40) as u32).map(|b| b * 3).collect();
+    PrepareRequest { store: StoreHash(3), bricks, filter: Filter::Exact }
+}
+
+/// Through prost's bytes and back.
+fn wired<W: Message + Default>(message: &W) -> W {
+    W::decode(&message.encode_to_vec()[..]).unwrap()
+}
+
+#[test]
+fn valid_messages_survive_the_wire() {
+    let mut random = Random(11);
+    for _ in 0..300 {
+        let o = order(&mut random);
+        assert_eq!(RenderOrder::try_from(wired(&wire::RenderOrder::from(&o))), Ok(o));
+        let p = part(&mut random);
+        assert_eq!(FramePart::try_from(wired(&wire::FramePart::from(p.clone()))), Ok(p));
+        let r = prepare(&mut random);
+        assert_eq!(PrepareRequest::try_from(wired(&wire::PrepareRequest::from(r.clone()))), Ok(r));
+    }
+    assert_eq!(NodeDescription::try_from(wired(&wire::NodeDescription::from(node()))), Ok(node()));
+    let receipt = PrepareReceipt { load_ms: 1.5, bricks: 2, decoded_bytes: 3, fits: true, ..PrepareReceipt::default() };
+    assert_eq!(PrepareReceipt::try_from(wired(&wire::PrepareReceipt::from(receipt))), Ok(receipt));
+    for expected in [None, Some(StoreHash(4))] {
+        let query = StoreQuery::Name { name: "a/b".to_owned(), expected };
+        assert_eq!(StoreQuery::try_from(wired(&wire::OpenStoreRequest::from(query.clone()))), Ok(query));
+    }
+    let query = StoreQuery::Hash(StoreHash(4));
+    assert_eq!(StoreQuery::try_from(wired(&wire::OpenStoreRequest::from(query.clone()))), Ok(query));
+}
+
+/// Peak resident set, KiB; `None` where the system does not tell.
+fn peak_kib() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse().ok()
+}
+
+#[test]
+fn fifty_thousand_damaged_messages_neither_panic_nor_cost_memory() {
+    let mut random = Random(0x1234_5678_9ABC_DEF1);
+    let before = peak_kib();
+    let (mut decoded, mut accepted, mut refused) = (0_u32, 0_u32, 0_u32);
+    let mut other = wire::RenderOrder::from(&order(&mut random)).encode_to_vec();
+    for round in 0..50_000 {
+        let mut bytes = match round % 8 {
+            0..=2 => wire::RenderOrder::from(&order(&mut random)).encode_to_vec(),
+            3..=5 => wire::FramePart::from(part(&mut random)).encode_to_vec(),
+            6 => wire::NodeDescription::from(node()).encode_to_vec(),
+            _ => wire::PrepareRequest::from(prepare(&mut random)).encode_to_vec(),
+        };
+        let whole = bytes.clone();
+        random.damage(&mut bytes, &other);
+        other = whole;
+        // Every type sees every message, its own kind or not.
+        let mut count = |outcome: Option<bool>| match outcome {
+            Some(true) => (decoded, accepted) = (decoded + 1, accepted + 1),
+            Some(false) => (decoded, refused) = (decoded + 1, refused + 1),
+            None => {}
+        };
+        count(wire::RenderOrder::decode(&bytes[..]).ok().map(|m| check_order(m, bytes.len())));
+        count(wire::FramePart::decode(&bytes[..]).ok().map(|m| check_part(m, bytes.len())));
+        count(wire::NodeDescription::decode(&bytes[..]).ok().map(|m| NodeDescription::try_from(m).is_ok()));
+        count(wire::PrepareRequest::decode(&bytes[..]).ok().map(|m| PrepareRequest::try_from(m).is_ok()));
+        count(wire::PrepareReceipt::decode(&bytes[..]).ok().map(|m| PrepareReceipt::try_from(m).is_ok()));
+        count(wire::OpenStoreRequest::decode(&bytes[..]).ok().map(|m| StoreQuery::try_from(m).is_ok()));
+        count(wire::StoreDescription::decode(&bytes[..]).ok().map(|m| StoreDescription::try_from(m).is_ok()));
+    }
+    assert!(
+        decoded > 10_000 && accepted > 3000 && refused > 5000,
+        "{decoded} decoded, {accepted} ok, {refused} refused"
+    );
+    if let (Some(before), Some(after)) = (before, peak_kib()) {
+        assert!(after - before < 64 * 1024, "{} KiB more at the peak", after - before);
+    }
+}
+
+/// What came through must keep the invariants that the rest of the program builds on.
+fn check_order(message: wire::RenderOrder, bytes: usize) -> bool {
+    let Ok(order) = RenderOrder::try_from(message) else { return false };
+    assert!(!order.layers.is_empty() && order.layers.len() <= bytes);
+    assert!(order.layers.iter().map(|l| l.chunks.len()).sum::<usize>() <= bytes);
+    for layer in &order.layers {
+        assert!(layer.node.0 > 0 && !layer.chunks.is_empty());
+        assert!(!layer.tiles.is_empty() && layer.tiles.fits(order.scene.size));
+    }
+    assert!(order.scene.clone().validate().is_ok());
+    assert!(!order.scene.exact || order.transport == Transport::F32);
+    assert_eq!(RenderOrder::try_from(wire::RenderOrder::from(&order)).as_ref(), Ok(&order));
+    true
+}
+
+fn check_part(message: wire::FramePart, bytes: usize) -> bool {
+    let Ok(part) = FramePart::try_from(message) else { return false };
+    match &part.part {
+        Part::Tile(tile) => {
+            assert!(tile.pixels.payload_bytes() <= bytes && tile.pixels.kept() <= 64 * 64);
+            for size in [UVec2::splat(64), UVec2::new(17, 5), UVec2::ONE] {
+                if let Ok(pixels) = decode_tile(&tile.pixels, size) {
+                    assert_eq!(pixels.len(), (size.x * size.y) as usize);
+                    assert!(pixels.iter().all(|p| p.to_array().iter().all(|v| v.is_finite())));
+                }
+            }
+        }
+        Part::Empty { tiles, .. } => assert!(!tiles.is_empty() && tiles.windows(2).all(|w| w[0] < w[1])),
+        Part::Receipt(receipt) => assert!(receipt.render_ms.is_finite() && receipt.load_ms >= 0.0),
+    }
+    true
+}
+
+/// Each invariant on its own: a valid order, one field spoiled, and the words of the refusal.
+#[test]
+fn every_broken_invariant_of_an_order_is_refused_in_words() {
+    let mut random = Random(5);
+    let good = loop {
+        let o = order(&mut random);
+        if o.layers.len() >= 3 && !o.scene.exact {
+            break wire::RenderOrder::from(&o);
+        }
+    };
+    let refused = |spoil: &dyn Fn(&mut wire::RenderOrder)| -> String {
+        let mut bad = good.clone();
+        spoil(&mut bad);
+        RenderOrder::try_from(bad).unwrap_err().to_string()
+    };
+    type Spoil = Box<dyn Fn(&mut wire::RenderOrder)>;
+    let scene = |f: fn(&mut wire::Scene)| -> Spoil { Box::new(move |o| f(o.scene.as_mut().unwrap())) };
+    let cases: Vec<(&str, Spoil)> = vec![
+        ("scene is missing", Box::new(|o| o.scene = None)),
+        ("store hash", Box::new(|o| o.store_hash = "12".to_owned())),
+        ("pixel format = 9", Box::new(|o| o.transport = 9)),
+        ("pixel format = 0", Box::new(|o| o.transport = 0)),
+        ("layer", Box::new(|o| o.layers.clear())),
+        ("layers: 5000", Box::new(|o| o.layers = vec![o.layers[0].clone(); 5000])),
+        ("chunks: ", Box::new(|o| o.layers[0].chunks = vec![1; 70_000])),
+        ("ordered twice", Box::new(|o| o.layers[1].tree_node = o.layers[0].tree_node)),
+        ("lies inside layer 4", Box::new(|o| o.layers[2].tree_node = 4)),
+        ("no node of a merge tree", Box::new(|o| o.layers[0].tree_node = 0)),
+        ("names no chunk", Box::new(|o| o.layers[0].chunks.clear())),
+        ("chunk 3 is named twice", Box::new(|o| o.layers[0].chunks.push(3))),
+        ("beyond the picture", Box::new(|o| o.layers[0].tile_x1 += 1)),
+        ("are empty", Box::new(|o| o.layers[0].tile_y1 = o.layers[0].tile_y0)),
+        ("are empty", Box::new(|o| o.layers[0].tile_x0 = u32::MAX)),
+        ("exact mode needs f32", scene(|s| s.exact = true)),
+        ("picture of 0x", scene(|s| s.width = 0)),
+        ("picture of 20000x", scene(|s| s.width = 20_000)),
+        ("step NaN", scene(|s| s.step = f64::NAN)),
+        ("opacity unit inf", scene(|s| s.opacity_unit = f64::INFINITY)),
+        ("early termination 1.5", scene(|s| s.early_termination = 1.5)),
+        ("filter = 7", scene(|s| s.filter = 7)),
+        ("camera is missing", scene(|s| s.camera = None)),
+        ("projection is missing", scene(|s| s.camera.as_mut().unwrap().projection = None)),
+        ("view_up is missing", scene(|s| s.camera.as_mut().unwrap().view_up = None)),
+        ("must be finite", scene(|s| s.camera.as_mut().unwrap().position.as_mut().unwrap().x = f64::NAN)),
+        ("transfer function is missing", scene(|s| s.transfer_function = None)),
+        ("colors has 0 points", scene(|s| s.transfer_function.as_mut().unwrap().colors.clear())),
+        ("x = NaN", scene(|s| s.transfer_function.as_mut().unwrap().opacities[0].x = f64::NAN)),
+        ("between 0 and 1", scene(|s| s.transfer_function.as_mut().unwrap().opacities[0].opacity = 2.0)),
+    ];
+    for (words, spoil) in cases {
+        let error = refused(&*spoil);
+        assert!(error.contains(words), "`{words}` is not in `{error}`");
+    }
+}
+
+#[test]
+fn descriptions_with_wrong_hashes_or_texts_are_refused() {
+    let message = wire::StoreDescription {
+        hash: StoreHash(1).to_string(),
+        name: "n".to_owned(),
+        manifest: b"{}".to_vec().into(),
+        brick_ranges: vec![0; 4].into(),
+    };
+    assert!(matches!(StoreDescription::try_from(message.clone()), Err(WireError::ManifestHash { .. })));
+    let resealed = wire::StoreDescription { hash: StoreHash::of(b"{}").to_string(), ..message };
+    assert!(matches!(StoreDescription::try_from(resealed), Err(WireError::Store(_))));
+    let long = wire::NodeDescription { adapter: "x".repeat(5000), ..node().into() };
+    assert!(matches!(NodeDescription::try_from(long), Err(WireError::Text { what: "adapter", .. })));
+    let many = wire::NodeDescription { notes: vec![String::new(); 65], ..node().into() };
+    assert!(matches!(NodeDescription::try_from(many), Err(WireError::TooMany { .. })));
+    let odd = wire::NodeDescription { state: "asleep".to_owned(), ..node().into() };
+    assert!(NodeDescription::try_from(odd).unwrap_err().to_string().contains("asleep"));
+}
