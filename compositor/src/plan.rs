@@ -4,6 +4,7 @@
 
 use brickcast_proto::{LayerOrder, TileRect};
 use brickcast_volume::merge::MergeTree;
+use brickcast_volume::scene::Scene;
 use brickcast_volume::store::{BrickRanges, Manifest};
 use brickcast_volume::transfer_function::TransferTable;
 use brickcast_volume::{BrickIndex, ChunkIndex, PixelRect, View};
@@ -35,6 +36,16 @@ pub struct Shown {
 }
 
 impl Shown {
+    /// The bricks that a scene's transfer function shows, by the very table that the kernels read.
+    #[must_use]
+    pub fn in_scene(store: &StoreFacts, scene: &Scene) -> Self {
+        let delta = scene.step * store.manifest.geometry.min_spacing();
+        Self::of(
+            store,
+            &TransferTable::build(&scene.transfer_function, store.manifest.range, delta / scene.opacity_unit),
+        )
+    }
+
     #[must_use]
     pub fn of(store: &StoreFacts, table: &TransferTable) -> Self {
         let tree = store.tree();

@@ -1,12 +1,13 @@
 //! A session with some nodes on one store: load, then frame after frame.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use brickcast_proto::{
     FramePart, NodeDescription, Part, PrepareRequest, Receipt, RenderOrder, StoreDescription, TileRect, decode_tile,
 };
 use brickcast_volume::scene::{Scene, Transport};
-use brickcast_volume::transfer_function::TransferTable;
+use brickcast_volume::transfer_function::TransferFunction;
 use brickcast_volume::visibility::ViewError;
 use brickcast_volume::{Epoch, FrameId, StoreHash, TreeNode, View};
 use futures_util::{StreamExt as _, future::try_join_all, pin_mut};
@@ -76,6 +77,17 @@ pub struct Session {
     next_frame: u64,
     epoch: Epoch,
     fixed: Option<Assignment>,
+    planned: Option<Planned>,
+}
+
+/// What is the same for every view of a sequence: kept until the transfer function, step or unit changes.
+#[derive(Debug, Clone)]
+struct Planned {
+    transfer_function: TransferFunction,
+    step: f64,
+    opacity_unit: f64,
+    shown: Arc<Shown>,
+    assignment: Arc<Assignment>,
 }
 
 enum Event {
@@ -138,7 +150,7 @@ impl Session {
             }
         }
         let store = facts(&stores[0]);
-        Ok(Self { nodes, descriptions: described, store, next_frame: 1, epoch: Epoch(1), fixed: None })
+        Ok(Self { nodes, descriptions: described, store, next_frame: 1, epoch: Epoch(1), fixed: None, planned: None })
     }
 
     #[must_use]
@@ -154,28 +166,39 @@ impl Session {
     /// Renders by this table of chunks from now on, instead of contiguous runs.
     pub fn assign(&mut self, assignment: Assignment) {
         self.fixed = Some(assignment);
+        self.planned = None;
         self.epoch = Epoch(self.epoch.0 + 1);
     }
 
-    fn shown(&self, scene: &Scene) -> Shown {
-        let delta = scene.step * self.store.manifest.geometry.min_spacing();
-        let table =
-            TransferTable::build(&scene.transfer_function, self.store.manifest.range, delta / scene.opacity_unit);
-        Shown::of(&self.store, &table)
-    }
-
-    fn assignment(&self, shown: &Shown) -> Assignment {
-        self.fixed.clone().unwrap_or_else(|| Assignment::contiguous(shown, self.nodes.len()))
+    fn plan(&mut self, scene: &Scene) -> (Arc<Shown>, Arc<Assignment>) {
+        let same = |p: &&Planned| {
+            p.transfer_function == scene.transfer_function
+                && p.step == scene.step
+                && p.opacity_unit == scene.opacity_unit
+        };
+        if let Some(p) = self.planned.as_ref().filter(same) {
+            return (p.shown.clone(), p.assignment.clone());
+        }
+        let shown = Arc::new(Shown::in_scene(&self.store, scene));
+        let contiguous = || Assignment::contiguous(&shown, self.nodes.len());
+        let assignment = Arc::new(self.fixed.clone().unwrap_or_else(contiguous));
+        self.planned = Some(Planned {
+            transfer_function: scene.transfer_function.clone(),
+            step: scene.step,
+            opacity_unit: scene.opacity_unit,
+            shown: shown.clone(),
+            assignment: assignment.clone(),
+        });
+        (shown, assignment)
     }
 
     /// Makes every node load the bricks that it will render of `scene`, from any view, and warm its pipelines.
     ///
     /// # Errors
     /// A lost node, a brick that cannot be read.
-    pub async fn load(&self, scene: &Scene) -> Result<LoadStats, SessionError> {
+    pub async fn load(&mut self, scene: &Scene) -> Result<LoadStats, SessionError> {
         let started = Instant::now();
-        let shown = self.shown(scene);
-        let assignment = self.assignment(&shown);
+        let (shown, assignment) = self.plan(scene);
         let receipts = try_join_all(self.nodes.iter().cloned().enumerate().map(|(i, mut node)| {
             let request = PrepareRequest {
                 store: self.store.hash,
@@ -206,8 +229,8 @@ impl Session {
         deadline: Duration,
     ) -> Result<Frame, SessionError> {
         let view = View::new(&self.store.manifest.geometry, &scene.camera, scene.size, scene.step)?;
-        let shown = self.shown(scene);
-        let orders = self.assignment(&shown).orders(&shown, &view);
+        let (shown, assignment) = self.plan(scene);
+        let orders = assignment.orders(&shown, &view);
         let at = (FrameId(self.next_frame), self.epoch);
         self.next_frame += 1;
 

@@ -3,7 +3,6 @@
 use brickcast_volume::View;
 use brickcast_volume::brick::GHOST_SAMPLED;
 use brickcast_volume::store::Store;
-use brickcast_volume::transfer_function::TransferTable;
 use comfy_table::Table;
 
 use super::{bytes, print};
@@ -32,9 +31,7 @@ pub async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -> Resul
     let choice = args.scene.scene(&store.manifest)?;
     let scene = &choice.scene;
     let geometry = &store.manifest.geometry;
-    let delta = scene.step * geometry.min_spacing();
-    let table = TransferTable::build(&scene.transfer_function, store.manifest.range, delta / scene.opacity_unit);
-    let shown = Shown::of(&store, &table);
+    let shown = Shown::in_scene(&store, scene);
     let assignment = Assignment::contiguous(&shown, count);
     let view = View::new(geometry, &scene.camera, scene.size, scene.step)?;
     let orders = assignment.orders(&shown, &view);
