@@ -139,7 +139,7 @@ fn oversized_bricks_are_refused() {
     assert!(matches!(error, RaycastError::BrickTooLarge { dims: [131_074, 3, 3], .. }), "{error}");
 }
 
-/// A wait has an end, and the raycaster lives on.
+/// A wait has an end: here at once, in the start-up test.
 #[test]
 fn waits_time_out() {
     let options = GpuOptions { timeout: Duration::ZERO, ..GpuOptions::from_env() };

@@ -1,5 +1,7 @@
 //! GPU and CPU raycaster against each other, against formulas, and against every way to cut the volume.
 
+#![allow(clippy::unwrap_used)]
+
 mod calls;
 mod partition;
 mod physics;

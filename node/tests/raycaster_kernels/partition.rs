@@ -12,17 +12,18 @@ const DIMS: [u32; 3] = [40, 30, 20];
 fn check(raycaster: &dyn Raycaster, filters: &[Filter]) {
     let volumes = [Volume::ramps(DIMS, [1.0; 3], [0.0; 3]), Volume::ramps(DIMS, [1.0, 2.0, 3.0], [5.0, -3.0, 2.0])];
     for volume in &volumes {
+        let resident = [64, 8, 16, 32].map(|size| (size, volume.upload(raycaster, size)));
         for viewpoint in &VIEWPOINTS {
             for (size, step) in [([47, 31], 0.5), ([17, 5], 1.0), ([17, 5], 0.25)] {
                 let view = viewpoint.view(&volume.geometry, size, step);
                 for &filter in filters {
                     // Early termination off: all samples count.
                     let scene = scene(view, 1.0, filter);
-                    let whole = render_one(raycaster, &scene, volume.job(raycaster, &view, 64));
+                    let whole = render_one(raycaster, &scene, resident[0].1.job(&view));
                     assert_eq!(whole.samples.len(), 1);
                     assert!(whole.samples[0] > 0 && most_opaque(&whole.pixels) > 0.3, "{}", viewpoint.name);
-                    for brick_size in [8, 16, 32] {
-                        let cut = render_one(raycaster, &scene, volume.job(raycaster, &view, brick_size));
+                    for (brick_size, bricks) in &resident[1..] {
+                        let cut = render_one(raycaster, &scene, bricks.job(&view));
                         let what = format!("{}, {size:?}, step {step}, {filter:?}, {brick_size}", viewpoint.name);
                         assert!(cut.samples.len() > 1);
                         assert_eq!(cut.samples.iter().sum::<u64>(), whole.samples[0], "{what}");
