@@ -146,6 +146,9 @@ fn waits_time_out() {
     match GpuRaycaster::new(options) {
         Err(GpuError::NoAdapter) => eprintln!("skipped: waits_time_out: no GPU driver"),
         Err(GpuError::StartUp { source: RaycastError::Timeout { .. }, .. }) => {}
+        Ok(gpu) if gpu.info().notes.iter().any(|note| note.contains("cannot filter")) => {
+            eprintln!("skipped: waits_time_out: this adapter has no filter to test at start-up");
+        }
         other => panic!("{other:?}"),
     }
 }
