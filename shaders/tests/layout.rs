@@ -13,7 +13,7 @@ type Members = Vec<(String, u32)>;
 fn wgsl_struct(module: &naga::Module, name: &str) -> (Members, u32) {
     let ty = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some(name)).map(|(_, ty)| &ty.inner);
     let Some(TypeInner::Struct { members, span }) = ty else { panic!("no struct {name}") };
-    (members.iter().map(|m| (m.name.clone().unwrap(), m.offset)).collect(), *span)
+    (members.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset)).collect(), *span)
 }
 
 macro_rules! rust_struct {

@@ -5,18 +5,31 @@
 @group(1) @binding(1) var<storage, read_write> accumulator: array<vec4<f32>>;
 @group(1) @binding(2) var<storage, read_write> counters: array<atomic<u32>>;
 
-@compute @workgroup_size(16, 16)
-fn raycast(@builtin(global_invocation_id) id: vec3<u32>) {
-    if any(id.xy >= brick.rect_size) {
+// Neighbouring lanes are neighbouring pixels: 4 x 2 for every 8 lanes, 8 x 8 for every 64, 16 x 16 for the workgroup.
+// Rays that end together then run together.
+fn pixel_of_lane(lane: vec2<u32>) -> vec2<u32> {
+    let x = (lane.x & 3u) | ((lane.x >> 1u) & 4u);
+    let y = ((lane.x >> 2u) & 1u) | ((lane.x >> 3u) & 6u);
+    return vec2(x, y) + 8u * vec2(lane.y & 1u, lane.y >> 1u);
+}
+
+@compute @workgroup_size(64, 4)
+fn raycast(
+    @builtin(workgroup_id) workgroup: vec3<u32>,
+    @builtin(local_invocation_id) lane: vec3<u32>,
+) {
+    // Within the rectangle.
+    let place = workgroup.xy * 16u + pixel_of_lane(lane.xy);
+    if any(place >= brick.rect_size) {
         return;
     }
-    let pixel = vec2<i32>(brick.rect_lo + id.xy);
+    let pixel = vec2<i32>(brick.rect_lo + place);
     let ray = pixel_ray(frame, pixel.x, pixel.y);
     let owned = owned_segment(frame, brick, ray);
     if owned.k * frame.step >= owned.t_out {
         return;
     }
-    let slot = brick.accumulator_base + id.y * brick.accumulator_stride + id.x;
+    let slot = brick.accumulator_base + place.y * brick.accumulator_stride + place.x;
     var sum = accumulator[slot];
     if sum.a >= frame.stop_alpha {
         return;

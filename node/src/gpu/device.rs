@@ -20,7 +20,10 @@ pub(super) struct Gpu {
     pub(super) name: String,
     /// The processor plays GPU (lavapipe, WARP).
     pub(super) is_software: bool,
-    pub(super) has_norm16: bool,
+    /// Voxels can be R16Unorm, and a linear filter can read them and the table.
+    pub(super) can_filter: bool,
+    /// The transfer function is filtered as Rgba32Float, else as Rgba16Float.
+    pub(super) is_float_table_faster: bool,
     timeout: Duration,
     fault: Arc<Mutex<Option<RaycastError>>>,
 }
@@ -33,9 +36,15 @@ impl Gpu {
         let adapter = choose(options.adapter.as_deref())?;
         let info = adapter.get_info();
         let name = describe(&adapter);
-        let has_norm16 = adapter.features().contains(wgpu::Features::TEXTURE_FORMAT_16BIT_NORM);
-        let required_features =
-            if has_norm16 { wgpu::Features::TEXTURE_FORMAT_16BIT_NORM } else { wgpu::Features::empty() };
+        let is_software = info.device_type == DeviceType::Cpu;
+        let offered = adapter.features();
+        // OpenGL ES has no textures of one dimension.
+        let can_filter = offered.contains(wgpu::Features::TEXTURE_FORMAT_16BIT_NORM) && info.backend != Backend::Gl;
+        let is_float_table_faster =
+            is_software && !options.without_float_table && offered.contains(wgpu::Features::FLOAT32_FILTERABLE);
+        let mut required_features = wgpu::Features::empty();
+        required_features.set(wgpu::Features::TEXTURE_FORMAT_16BIT_NORM, can_filter);
+        required_features.set(wgpu::Features::FLOAT32_FILTERABLE, is_float_table_faster);
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("brickcast"),
             required_features,
@@ -60,8 +69,9 @@ impl Gpu {
             device,
             queue,
             name,
-            is_software: info.device_type == DeviceType::Cpu,
-            has_norm16,
+            is_software,
+            can_filter,
+            is_float_table_faster,
             timeout: options.timeout,
             fault,
         })
@@ -112,12 +122,18 @@ impl Gpu {
             Ok(Err(wgpu::PollError::Timeout)) => {
                 Err(RaycastError::Timeout { what, seconds: self.timeout.as_secs().max(1) })
             }
-            Ok(Err(error)) => Err(RaycastError::Gpu { what, reason: error.to_string() }),
-            Err(_) => {
-                let lost = RaycastError::DeviceLost { reason: format!("wgpu gave up while waiting for {what}") };
-                let mut fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
-                Err(fault.get_or_insert(lost).clone())
-            }
+            // A lost device accepts no submission, and wgpu says so only here.
+            Ok(Err(wgpu::PollError::WrongSubmissionIndex(..))) => Err(self.lost("it accepts no work".to_owned())),
+            Err(_) => Err(self.lost(format!("wgpu gave up while waiting for {what}"))),
+        }
+    }
+
+    /// Notes that the device is lost; what was known of it before comes first.
+    fn lost(&self, reason: String) -> RaycastError {
+        let mut fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*fault {
+            Some(known @ RaycastError::DeviceLost { .. }) => known.clone(),
+            _ => fault.insert(RaycastError::DeviceLost { reason }).clone(),
         }
     }
 

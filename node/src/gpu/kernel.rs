@@ -100,7 +100,7 @@ impl Kernels {
         &self.kernel(variant).pipeline
     }
 
-    /// Group 0: the frame's uniform and its transfer function, half floats for the filter and full ones for loads.
+    /// Group 0: the frame's uniform and its transfer function.
     pub(super) fn bind_frame(
         &self,
         gpu: &Gpu,
@@ -109,7 +109,8 @@ impl Kernels {
         table: &TransferTable,
     ) -> wgpu::BindGroup {
         let filtered = variant == RaycastVariant::Hardware && self.hardware.is_some();
-        let (format, bytes) = if filtered {
+        // GPUs filter half floats at full speed and full ones at a half or a quarter; software is faster without decoding.
+        let (format, bytes) = if filtered && !gpu.is_float_table_faster {
             let halves: Vec<[f16; 4]> = table.entries.iter().map(|e| e.map(f16::from_f32)).collect();
             (TextureFormat::Rgba16Float, bytemuck::cast_slice(&halves).to_vec())
         } else {
@@ -121,7 +122,7 @@ impl Kernels {
             size,
             mip_level_count: 1,
             sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
+            dimension: if filtered { wgpu::TextureDimension::D1 } else { wgpu::TextureDimension::D2 },
             format,
             usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
             view_formats: &[],
@@ -170,9 +171,11 @@ impl Kernel {
         volume_layout: &wgpu::BindGroupLayout,
     ) -> Self {
         let filtered = variant == RaycastVariant::Hardware;
+        // Loads take two dimensions: OpenGL has no other.
+        let table = if filtered { wgpu::TextureViewDimension::D1 } else { wgpu::TextureViewDimension::D2 };
         let entries = [
             entry(0, uniform(FRAME_BYTES, false)),
-            entry(1, texture(wgpu::TextureViewDimension::D2, filtered)),
+            entry(1, texture(table, filtered)),
             entry(2, BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
         ];
         let frame_layout = layout(gpu, "frame", if filtered { &entries } else { &entries[..2] });

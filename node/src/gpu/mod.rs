@@ -32,6 +32,8 @@ pub struct GpuOptions {
     pub adapter: Option<String>,
     /// Store voxels as R32Float even where R16Unorm is there (for tests of the fallback).
     pub without_norm16: bool,
+    /// Filter the transfer function as half floats even where full ones are faster (for tests of what real GPUs do).
+    pub without_float_table: bool,
     /// The longest wait for a piece of work that takes seconds on the slowest adapter.
     pub timeout: Duration,
     /// Most bytes of accumulators on the GPU at a time (as many again for reading back); clamped to the adapter's limits.
@@ -40,7 +42,13 @@ pub struct GpuOptions {
 
 impl Default for GpuOptions {
     fn default() -> Self {
-        Self { adapter: None, without_norm16: false, timeout: Duration::from_secs(60), accumulator_bytes: 128 << 20 }
+        Self {
+            adapter: None,
+            without_norm16: false,
+            without_float_table: false,
+            timeout: Duration::from_secs(60),
+            accumulator_bytes: 128 << 20,
+        }
     }
 }
 
@@ -93,7 +101,7 @@ impl GpuRaycaster {
         let gpu = Arc::new(Gpu::open(&options)?);
         let failed = |source| GpuError::StartUp { adapter: gpu.name.clone(), source };
         let mut notes = Vec::new();
-        let norm16 = gpu.has_norm16 && !options.without_norm16;
+        let norm16 = gpu.can_filter && !options.without_norm16;
         if gpu.is_software {
             notes.push(format!("{} is a software driver: the GPU kernel runs on the processor", gpu.name));
         }
@@ -105,7 +113,7 @@ impl GpuRaycaster {
             }
         } else {
             notes.push(
-                "the adapter has no 16-bit normalised textures: voxels take 4 bytes, and the exact filter (eight loads) is \
+                "the adapter cannot filter 16-bit voxels: they take 4 bytes, and the exact filter (eight loads) is \
                  used"
                     .to_owned(),
             );
@@ -155,7 +163,8 @@ impl Raycaster for GpuRaycaster {
     }
 
     fn render(&self, scene: &KernelScene, jobs: &[Job]) -> Result<Vec<JobImage>, RaycastError> {
-        check_jobs(scene, jobs, self.gpu.limits.max_texture_dimension_2d)?;
+        let limits = &self.gpu.limits;
+        check_jobs(scene, jobs, limits.max_texture_dimension_1d.min(limits.max_texture_dimension_2d))?;
         let call = Call {
             gpu: &self.gpu,
             kernels: &self.kernels,
@@ -179,4 +188,38 @@ fn smallest_scene(filter: Filter) -> Result<(KernelScene, OwnedBox), String> {
     let table = Arc::new(TransferTable::build(&function, (0.0, 1.0), 0.5));
     let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::ONE };
     Ok((KernelScene { view, table, early_termination: 1.0, filter }, owned))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whatever is called on a lost device is an error that says so, again and again, and never a panic.
+    #[test]
+    fn a_lost_device_is_an_error() {
+        let gpu = match GpuRaycaster::new(GpuOptions::from_env()) {
+            Ok(gpu) => gpu,
+            Err(error) => {
+                assert!(std::env::var_os("BRICKCAST_REQUIRE_ALL").is_none(), "{error}");
+                eprintln!("skipped: a_lost_device_is_an_error: {error}");
+                return;
+            }
+        };
+        let (scene, owned) = smallest_scene(Filter::Hardware).unwrap();
+        let stored = owned.stored(1);
+        let voxels = BrickVoxels { stored, codes: vec![1; 27] };
+        let bricks = vec![gpu.upload(owned, &voxels).unwrap()];
+        let job = Job { bricks, rect: scene.view.size().full_rect() };
+        assert!(gpu.render(&scene, std::slice::from_ref(&job)).is_ok());
+        gpu.gpu.device.destroy();
+        for _ in 0..2 {
+            for error in [
+                gpu.upload(owned, &voxels).map(drop).unwrap_err(),
+                gpu.render(&scene, std::slice::from_ref(&job)).map(drop).unwrap_err(),
+                gpu.warm_up(Filter::Exact).unwrap_err(),
+            ] {
+                assert!(matches!(error, RaycastError::DeviceLost { .. }) && !error.is_retryable(), "{error}");
+            }
+        }
+    }
 }

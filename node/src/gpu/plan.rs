@@ -9,8 +9,8 @@ use glam::UVec2;
 pub(super) const PIXEL_BYTES: u64 = 16;
 /// A row of the widest picture must fit.
 pub(super) const MIN_ACCUMULATOR_BYTES: u64 = brickcast_volume::visibility::MAX_SIDE as u64 * PIXEL_BYTES;
-/// The most samples of a dispatch: about 0.03 s on a GPU, some seconds in software, and a 32-bit counter holds them.
-pub(super) const DISPATCH_SAMPLES: f64 = 268_435_456.0;
+/// The most samples of a dispatch: about 0.01 s on a GPU, some seconds in software, and a 32-bit counter holds them.
+pub(super) const DISPATCH_SAMPLES: f64 = 67_108_864.0;
 
 /// Rows of a job's rectangle that are rendered and read back together.
 #[derive(Debug, Clone, PartialEq)]
@@ -156,14 +156,19 @@ mod tests {
         let pieces = dispatches(&view, &band, 3, &owned, boxes);
         assert!(pieces.len() > 10);
         let covered = view.project(&owned).intersect(&band.rect);
-        let mut y = covered.lo.y;
+        let mut pixels = 0;
+        let mut corner = covered.lo;
         for piece in pieces {
             let u = piece.uniform;
             assert!(piece.samples <= DISPATCH_SAMPLES && piece.brick == 3);
-            assert_eq!((u.rect_lo, u.rect_size[0]), ([covered.lo.x, y], covered.size().x));
-            assert_eq!(u.accumulator_base, 77 + (y - 1000) * 8192 + covered.lo.x);
-            y += u.rect_size[1];
+            assert_eq!(u.rect_lo, corner.to_array());
+            assert_eq!(u.accumulator_base, 77 + (corner.y - 1000) * 8192 + corner.x);
+            pixels += u.rect_size[0] as usize * u.rect_size[1] as usize;
+            corner.x += u.rect_size[0];
+            if corner.x == covered.hi.x {
+                corner = UVec2::new(covered.lo.x, corner.y + u.rect_size[1]);
+            }
         }
-        assert_eq!(y, covered.hi.y);
+        assert_eq!((pixels, corner.y), (covered.pixel_count(), covered.hi.y));
     }
 }

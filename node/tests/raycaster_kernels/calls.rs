@@ -139,13 +139,16 @@ fn oversized_bricks_are_refused() {
     assert!(matches!(error, RaycastError::BrickTooLarge { dims: [131_074, 3, 3], .. }), "{error}");
 }
 
-/// A wait has an end, and the raycaster lives on.
+/// A wait has an end: here at once, in the start-up test.
 #[test]
 fn waits_time_out() {
     let options = GpuOptions { timeout: Duration::ZERO, ..GpuOptions::from_env() };
     match GpuRaycaster::new(options) {
         Err(GpuError::NoAdapter) => eprintln!("skipped: waits_time_out: no GPU driver"),
         Err(GpuError::StartUp { source: RaycastError::Timeout { .. }, .. }) => {}
+        Ok(gpu) if gpu.info().notes.iter().any(|note| note.contains("cannot filter")) => {
+            eprintln!("skipped: waits_time_out: this adapter has no filter to test at start-up");
+        }
         other => panic!("{other:?}"),
     }
 }

@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use brickcast_node::cpu::CpuRaycaster;
 use brickcast_node::gpu::{GpuOptions, GpuRaycaster};
-use brickcast_node::raycaster::{Job, JobImage, KernelScene, Raycaster};
+use brickcast_node::raycaster::{Job, JobImage, KernelScene, Raycaster, ResidentBrick};
 use brickcast_volume::merge::sort_front_to_back;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::store::BrickVoxels;
@@ -44,15 +44,34 @@ impl Volume {
         BrickVoxels { stored, codes }
     }
 
+    /// The whole volume in bricks of `brick_size`.
+    pub(crate) fn upload(&self, raycaster: &dyn Raycaster, brick_size: u32) -> Resident {
+        let grid = BrickGrid::new(self.geometry.dims(), brick_size).unwrap();
+        let upload = |b| {
+            let owned = grid.owned_box(b);
+            raycaster.upload(owned, &self.cut(owned.stored(1))).unwrap()
+        };
+        Resident { grid, bricks: grid.bricks().map(upload).collect() }
+    }
+
     /// The whole volume as one job, in bricks of `brick_size`, front to back.
     pub(crate) fn job(&self, raycaster: &dyn Raycaster, view: &View, brick_size: u32) -> Job {
-        let grid = BrickGrid::new(self.geometry.dims(), brick_size).unwrap();
-        let mut order: Vec<_> = grid.bricks().collect();
-        sort_front_to_back(&mut order, brick_size, view.viewpoint());
-        let bricks = order
-            .into_iter()
-            .map(|b| raycaster.upload(grid.owned_box(b), &self.cut(grid.owned_box(b).stored(1))).unwrap())
-            .collect();
+        self.upload(raycaster, brick_size).job(view)
+    }
+}
+
+/// A volume's bricks on a backend, in the grid's order.
+pub(crate) struct Resident {
+    grid: BrickGrid,
+    bricks: Vec<Arc<dyn ResidentBrick>>,
+}
+
+impl Resident {
+    /// All of them front to back into the whole picture.
+    pub(crate) fn job(&self, view: &View) -> Job {
+        let mut order: Vec<_> = self.grid.bricks().collect();
+        sort_front_to_back(&mut order, self.grid.brick_size(), view.viewpoint());
+        let bricks = order.into_iter().map(|b| self.bricks[self.grid.linear(b)].clone()).collect();
         Job { bricks, rect: view.size().full_rect() }
     }
 }

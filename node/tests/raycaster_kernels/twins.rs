@@ -17,18 +17,18 @@ fn compare(gpu: &dyn Raycaster, filters: &[Filter], sizes: &[[u32; 2]], steps: &
     let cpu = cpu();
     let (mut pixels, mut beyond) = (0, 0);
     for (v, volume) in volumes().iter().enumerate() {
+        let (on_cpu, on_gpu) = (volume.upload(&cpu, 16), volume.upload(gpu, 16));
         for viewpoint in &VIEWPOINTS {
             for (&size, &step) in sizes.iter().flat_map(|size| steps.iter().map(move |step| (size, step))) {
                 let view = viewpoint.view(&volume.geometry, size, step);
                 let twin_scene = scene(view, 0.999, Filter::Exact);
-                let twin = render_one(&cpu, &twin_scene, volume.job(&cpu, &view, 16));
+                let twin = render_one(&cpu, &twin_scene, on_cpu.job(&view));
                 let what = format!("volume {v}, {}, {size:?}, step {step}", viewpoint.name);
                 if size[0] * size[1] > 1000 {
                     assert!(most_opaque(&twin.pixels) > 0.3, "{what}: nothing to see");
                 }
-                let job = volume.job(gpu, &view, 16);
                 for &filter in filters {
-                    let image = render_one(gpu, &scene(view, 0.999, filter), job.clone());
+                    let image = render_one(gpu, &scene(view, 0.999, filter), on_gpu.job(&view));
                     let d = difference(&image.pixels, &twin.pixels);
                     assert!(d.mean < 0.05 / 255.0, "{what}, {filter:?}: {d:?}");
                     pixels += image.pixels.len();
@@ -68,6 +68,17 @@ fn voxels_as_floats_give_the_same_picture() {
     assert!(gpu.info().notes.iter().any(|n| n.contains("16-bit")), "{:?}", gpu.info());
     assert_eq!(gpu.brick_bytes(1000), 4000);
     assert_rare(compare(&gpu, &[Filter::Hardware], &[[61, 47]], &[0.5]));
+}
+
+/// Real GPUs filter the transfer function as half floats.
+#[test]
+fn half_float_tables_give_the_same_picture() {
+    let options = GpuOptions { without_float_table: true, ..GpuOptions::from_env() };
+    let Some(gpu) = open_gpu(options) else {
+        eprintln!("skipped: half_float_tables_give_the_same_picture: no GPU driver");
+        return;
+    };
+    assert_rare(compare(&gpu, &[Filter::Hardware], &[[61, 47]], &[0.5, 1.0]));
 }
 
 /// Half a voxel off in one path must not pass as agreement.

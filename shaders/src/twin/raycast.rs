@@ -145,6 +145,13 @@ fn between(a: f32, b: f32, t: f32) -> f32 {
     a + (b - a) * t
 }
 
+/// Into 0..=last; in this form one instruction a side, which `f32::clamp` is not.
+#[inline(always)]
+fn clamped(x: f32, last: f32) -> f32 {
+    let x = if x > 0.0 { x } else { 0.0 };
+    if x < last { x } else { last }
+}
+
 /// Takes the brick's samples along `ray` into `sum`; returns it and how many they were. `codes` are the stored box's, x
 /// fastest, at least one voxel wider than the owned box on every side; `table` has at least two entries (without them the
 /// brick is empty).
@@ -173,8 +180,8 @@ pub fn raycast_ray(
             break;
         }
         let code = volume.read([ox + t * dx, oy + t * dy, oz + t * dz]);
-        let entry = ((code - first) * scale).max(0.0).min(last);
-        let i = (entry as usize).min(last_entry - 1);
+        let entry = clamped((code - first) * scale, last);
+        let i = (entry as i32 as usize).min(last_entry - 1);
         let [a, b] = [table[i], table[i + 1]];
         let w = entry - i as f32;
         let alpha = between(a[3], b[3], w);

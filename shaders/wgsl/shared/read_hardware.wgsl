@@ -1,6 +1,7 @@
 // Volume and transfer function through the adapter's linear filters. The ghost layer keeps every support inside the
 // texture.
-@group(0) @binding(1) var table: texture_2d<f32>;
+// One dimension: two reads an entry where a flat picture takes four.
+@group(0) @binding(1) var table: texture_1d<f32>;
 @group(0) @binding(2) var linear_clamped: sampler;
 @group(2) @binding(0) var volume: texture_3d<f32>;
 
@@ -15,7 +16,7 @@ fn new_reader(brick: BrickUniform) -> Reader {
     return Reader(
         vec3<f32>(brick.stored_lo),
         1.0 / vec3<f32>(brick.stored_dims),
-        1.0 / f32(textureDimensions(table).x),
+        1.0 / f32(textureDimensions(table)),
     );
 }
 
@@ -27,5 +28,5 @@ fn read_volume(reader: Reader, p_voxel: vec3<f32>) -> f32 {
 // Straight colour and opacity of one step.
 fn classify(reader: Reader, frame: FrameUniform, code: f32) -> vec4<f32> {
     let entry = (code - frame.table_first) * frame.table_scale;
-    return textureSampleLevel(table, linear_clamped, vec2((entry + 0.5) * reader.entry_inverse, 0.5), 0.0);
+    return textureSampleLevel(table, linear_clamped, (entry + 0.5) * reader.entry_inverse, 0.0);
 }
