@@ -1,0 +1,7 @@
+//! GPU and CPU raycaster against each other, against formulas, and against every way to cut the volume.
+
+mod calls;
+mod partition;
+mod physics;
+mod scene;
+mod twins;
