@@ -2,7 +2,7 @@
 
 use anyhow::{Context, anyhow};
 use brickcast_volume::camera::{Camera, Orbit, Projection};
-use brickcast_volume::scene::{Filter, Scene, Transport};
+use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
 use brickcast_volume::store::Manifest;
 use brickcast_volume::transfer_function::{
     Colormap, Preset, PresetOptions, TransferFunction, default_opacities, describe_default,
@@ -73,6 +73,9 @@ impl SceneArgs {
                 FilterArg::Exact => Filter::Exact,
             },
             exact: self.exact,
+            acceleration: Acceleration::default(),
+            region_view: RegionView::All,
+            region_transfer_function: None,
         };
         let scene = scene.validate().map_err(Failure::usage)?;
         View::new(&store.geometry, &scene.camera, scene.size, scene.step).map_err(Failure::usage)?;

@@ -7,6 +7,7 @@ pub mod gpu;
 pub mod meter;
 pub mod node;
 pub mod raycaster;
+pub mod recipe;
 pub mod render;
 pub mod residency;
 pub mod server;

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use brickcast_proto::{LayerOrder, RenderOrder, TileRect};
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::format::{FormatError, SourceHeader, VolumeSource, VoxelType};
-use brickcast_volume::scene::{Filter, Scene, Transport};
+use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
 use brickcast_volume::store::{BrickVoxels, PrepareOptions, prepare};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use brickcast_volume::{
@@ -74,6 +74,9 @@ pub(crate) fn scene(width: u32, height: u32, orbit: Orbit) -> Scene {
         early_termination: 0.999,
         filter: Filter::Exact,
         exact: false,
+        acceleration: Acceleration::default(),
+        region_view: RegionView::All,
+        region_transfer_function: None,
     };
     scene.validate().unwrap()
 }

@@ -7,7 +7,7 @@ use brickcast_proto::{
     FramePart, LayerOrder, NodeDescription, NodeState, Part, PrepareReceipt, PrepareRequest, Receipt, RenderOrder,
     StoreDescription, StoreName, StoreQuery, TilePart, TileRect, WireError, decode_tile, encode_tile, wire,
 };
-use brickcast_volume::scene::{Filter, Scene, Transport};
+use brickcast_volume::scene::{Acceleration, Filter, Leap, MacrocellEdge, RegionView, Scene, Transport};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use brickcast_volume::{Camera, Epoch, FrameId, Geometry, Orbit, PictureSize, Premul, StoreHash, TreeNode};
 use glam::{DVec3, UVec2};
@@ -63,15 +63,25 @@ fn scene(random: &mut Random) -> Scene {
     let colors = (0..points).map(|i| ColorPoint { x: i as f64, rgb: [random.unit(), random.unit(), random.unit()] });
     let colors = colors.collect();
     let opacities = (0..points).map(|i| OpacityPoint { x: i as f64 * 0.5, opacity: random.unit() }).collect();
+    let function = TransferFunction::new(colors, opacities).unwrap();
+    let leaps = [Leap::Off, Leap::Regions, Leap::Macrocells(random.unit() as f32)];
     let scene = Scene {
         camera,
         size: PictureSize::new(1 + random.below(1000) as u32, 1 + random.below(1000) as u32).unwrap(),
         step: 0.25 + random.unit(),
-        transfer_function: TransferFunction::new(colors, opacities).unwrap(),
+        region_transfer_function: (random.below(2) == 0).then(|| function.clone()),
+        transfer_function: function,
         opacity_unit: 0.1 + random.unit(),
         early_termination: 0.999,
         filter: [Filter::Hardware, Filter::Exact][random.below(2)],
         exact: random.below(2) == 0,
+        acceleration: Acceleration {
+            skip_empty: random.below(2) == 0,
+            leap: leaps[random.below(3)],
+            macrocell: [MacrocellEdge::Four, MacrocellEdge::Eight][random.below(2)],
+            leap_tolerance: (random.below(2) == 0).then(|| random.unit() as f32),
+        },
+        region_view: [RegionView::All, RegionView::Regions, RegionView::Residual][random.below(3)],
     };
     scene.validate().unwrap()
 }
@@ -277,6 +287,10 @@ fn every_broken_invariant_of_an_order_is_refused_in_words() {
         ("step NaN", scene(|s| s.step = f64::NAN)),
         ("opacity unit inf", scene(|s| s.opacity_unit = f64::INFINITY)),
         ("early termination 1.5", scene(|s| s.early_termination = 1.5)),
+        ("region view = 9", scene(|s| s.region_view = 9)),
+        ("macrocell edge = 5", scene(|s| s.acceleration.as_mut().unwrap().macrocell = 5)),
+        ("leap tolerance NaN", scene(|s| s.acceleration.as_mut().unwrap().leap_tolerance = Some(f32::NAN))),
+        ("macrocell range of -1", scene(|s| s.acceleration.as_mut().unwrap().leap = Some(macrocells(-1.0)))),
         ("filter = 7", scene(|s| s.filter = 7)),
         ("camera is missing", scene(|s| s.camera = None)),
         ("projection is missing", scene(|s| s.camera.as_mut().unwrap().projection = None)),
@@ -310,4 +324,8 @@ fn descriptions_with_wrong_hashes_or_texts_are_refused() {
     assert!(matches!(NodeDescription::try_from(many), Err(WireError::TooMany { .. })));
     let odd = wire::NodeDescription { state: "asleep".to_owned(), ..node().into() };
     assert!(NodeDescription::try_from(odd).unwrap_err().to_string().contains("asleep"));
+}
+
+fn macrocells(range: f32) -> wire::acceleration::Leap {
+    wire::acceleration::Leap::Macrocells(range)
 }

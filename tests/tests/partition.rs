@@ -11,7 +11,7 @@ use brickcast::plan::Assignment;
 use brickcast::session::{Frame, Session, StoreChoice};
 use brickcast_volume::camera::{Camera, Orbit, Projection};
 use brickcast_volume::format::{self, RawHints};
-use brickcast_volume::scene::{Filter, Scene, Transport};
+use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
 use brickcast_volume::store::{PrepareOptions, Store, prepare};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use brickcast_volume::{MergeTree, PictureSize};
@@ -69,6 +69,9 @@ fn scene(store: &Store, camera: Camera, size: (u32, u32), exact: bool) -> Scene 
         early_termination: 0.999,
         filter: Filter::Hardware,
         exact,
+        acceleration: Acceleration::default(),
+        region_view: RegionView::All,
+        region_transfer_function: None,
     }
 }
 

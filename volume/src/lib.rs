@@ -9,6 +9,7 @@ pub mod ids;
 pub mod merge;
 pub mod phantom;
 pub mod premul;
+pub mod regions;
 pub mod scene;
 pub mod space;
 pub mod store;

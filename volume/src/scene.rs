@@ -23,6 +23,59 @@ pub enum Transport {
     U8,
 }
 
+/// What rays leap through, several sample positions at once.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Leap {
+    #[default]
+    Off,
+    /// Regions of the store (Frey & Ertl 2009): the picture is the plain raycast of V'.
+    Regions,
+    /// Macrocells whose values span at most this share of the store's range: the rival to regions, which needs no
+    /// segmentation.
+    Macrocells(f32),
+}
+
+/// Voxels per edge of a macrocell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum MacrocellEdge {
+    #[default]
+    Four,
+    /// As in Krueger & Westermann 2003.
+    Eight,
+}
+
+impl MacrocellEdge {
+    #[must_use]
+    pub const fn voxels(self) -> u32 {
+        match self {
+            Self::Four => 4,
+            Self::Eight => 8,
+        }
+    }
+}
+
+/// How rays are shortened, early termination apart. Only leaping changes what a picture means, within its bound.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Acceleration {
+    /// Skip macrocells without opacity (Krueger & Westermann 2003).
+    pub skip_empty: bool,
+    pub leap: Leap,
+    pub macrocell: MacrocellEdge,
+    /// Bricks whose error bound under the current transfer function exceeds this do not leap; premultiplied, 0..=1.
+    pub leap_tolerance: Option<f32>,
+}
+
+/// Which voxels a picture shows; a sample belongs to its nearest voxel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum RegionView {
+    #[default]
+    All,
+    /// Only voxels of a region.
+    Regions,
+    /// Only voxels of no region: the defect view (Frey & Ertl 2009, Figure 6).
+    Residual,
+}
+
 /// Camera, picture, transfer function and quality; valid by construction (see [`Scene::new`]).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
@@ -38,6 +91,10 @@ pub struct Scene {
     pub filter: Filter,
     /// One accumulator per chunk, joined at the merge tree's nodes in f32: the same bits for every assignment.
     pub exact: bool,
+    pub acceleration: Acceleration,
+    pub region_view: RegionView,
+    /// For samples whose nearest voxel is in a region; none: `transfer_function` serves all.
+    pub region_transfer_function: Option<TransferFunction>,
 }
 
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -48,11 +105,16 @@ pub enum SceneError {
     OpacityUnit(f64),
     #[error("step {0}: must lie between 0.01 and 16 voxels")]
     Step(f64),
+    #[error("a macrocell range of {0}: must lie in [0, 1], a share of the store's range")]
+    MacrocellRange(f32),
+    #[error("leap tolerance {0}: must lie in [0, 1]")]
+    LeapTolerance(f32),
 }
 
 impl Scene {
     /// # Errors
-    /// Early termination outside (0, 1], an opacity unit that is not positive, a step outside 0.01..=16.
+    /// Early termination outside (0, 1], an opacity unit that is not positive, a step outside 0.01..=16, shares outside
+    /// 0..=1.
     pub fn validate(self) -> Result<Self, SceneError> {
         if !(self.early_termination > 0.0 && self.early_termination <= 1.0) {
             return Err(SceneError::EarlyTermination(self.early_termination));
@@ -63,6 +125,14 @@ impl Scene {
         if !(0.01..=16.0).contains(&self.step) {
             return Err(SceneError::Step(self.step));
         }
-        Ok(self)
+        if let Leap::Macrocells(range) = self.acceleration.leap
+            && !(0.0..=1.0).contains(&range)
+        {
+            return Err(SceneError::MacrocellRange(range));
+        }
+        match self.acceleration.leap_tolerance {
+            Some(tolerance) if !(0.0..=1.0).contains(&tolerance) => Err(SceneError::LeapTolerance(tolerance)),
+            _ => Ok(self),
+        }
     }
 }

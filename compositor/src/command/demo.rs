@@ -6,7 +6,7 @@ use anyhow::Context as _;
 use brickcast_volume::PictureSize;
 use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::phantom::{PhantomOptions, write_phantom};
-use brickcast_volume::scene::{Filter, Scene, Transport};
+use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
 use brickcast_volume::store::{PrepareOptions, Store};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 
@@ -113,6 +113,9 @@ fn scene(store: &Store, size: PictureSize) -> Result<Scene, Failure> {
         early_termination: 0.999,
         filter: Filter::Hardware,
         exact: false,
+        acceleration: Acceleration::default(),
+        region_view: RegionView::All,
+        region_transfer_function: None,
     }
     .validate()?)
 }

@@ -1,5 +1,6 @@
 //! Wire to domain at the door: `TryFrom` rejects everything that breaks an invariant, `From` writes the wire.
 
+mod acceleration;
 mod cluster;
 mod order;
 mod part;

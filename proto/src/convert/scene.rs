@@ -5,6 +5,7 @@ use brickcast_volume::transfer_function::{ColorPoint, MAX_POINTS, OpacityPoint, 
 use brickcast_volume::{Camera, PictureSize, Projection};
 use glam::DVec3;
 
+use super::acceleration::{view_from_wire, view_to_wire};
 use super::{WireError, at_most};
 use crate::wire;
 
@@ -116,6 +117,9 @@ impl From<&Scene> for wire::Scene {
             early_termination: scene.early_termination,
             filter: filter_to_wire(scene.filter),
             exact: scene.exact,
+            acceleration: Some(scene.acceleration.into()),
+            region_view: view_to_wire(scene.region_view),
+            region_transfer_function: scene.region_transfer_function.as_ref().map(Into::into),
         }
     }
 }
@@ -133,6 +137,9 @@ impl TryFrom<wire::Scene> for Scene {
             early_termination: scene.early_termination,
             filter: filter_from_wire(scene.filter)?,
             exact: scene.exact,
+            acceleration: scene.acceleration.map(TryInto::try_into).transpose()?.unwrap_or_default(),
+            region_view: view_from_wire(scene.region_view)?,
+            region_transfer_function: scene.region_transfer_function.map(TryInto::try_into).transpose()?,
         };
         Ok(valid.validate()?)
     }

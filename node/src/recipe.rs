@@ -1,0 +1,14 @@
+//! What of a brick is put into the backend's memory. Bricks of different recipes are different resident bricks.
+
+/// Everything that the texels of a resident brick depend on, the store apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
+pub struct Recipe {
+    /// Regions flattened to their means and coded for leaping with this guard width; none: the voxels as they are.
+    pub guard: Option<u8>,
+    /// Macrocells of this edge, whose value ranges say which are empty.
+    pub macrocell: Option<u8>,
+    /// Macrocells whose codes span at most this are leapt through; goes with `macrocell`, never with `guard`.
+    pub homogeneous: Option<u16>,
+    /// Also which voxels are in a region: for region views and region transfer functions.
+    pub region_flags: bool,
+}
