@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 
+use crate::accel_args::AccelArgs;
 use crate::cli_values::{deadline, pair, picture_size, triple};
 use crate::failure::EXIT_CODES;
 
@@ -227,7 +228,7 @@ pub struct SceneArgs {
     /// Sample distance in voxels of the smallest spacing
     #[arg(long, default_value_t = 0.5, allow_hyphen_values = true, help_heading = "Quality")]
     pub step: f64,
-    /// Rays stop at this opacity; 1 is off
+    /// Rays stop at this opacity; 1 is off, and so is --accel without ert
     #[arg(long, value_name = "X", default_value_t = 0.999, allow_hyphen_values = true, help_heading = "Quality")]
     pub early_termination: f32,
     /// The same bits for every number of nodes and every assignment
@@ -239,6 +240,8 @@ pub struct SceneArgs {
     /// How pixels travel [default: f16; f32 with --exact]
     #[arg(long, value_enum, help_heading = "Quality")]
     pub transport: Option<TransportArg>,
+    #[command(flatten)]
+    pub accel: AccelArgs,
 }
 
 /// Who renders.
@@ -286,6 +289,9 @@ pub struct RenderArgs {
     /// Times, samples, tiles and bytes as JSON
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     pub stats: Option<PathBuf>,
+    /// Render again without leaping, and report the largest and mean difference and the bound that held
+    #[arg(long, help_heading = "Output")]
+    pub audit: bool,
     /// Write no <picture>.json beside the picture
     #[arg(long, help_heading = "Output")]
     pub no_manifest: bool,

@@ -1,5 +1,7 @@
 //! The compositor: plan, order, over, ledger, outputs and the command line.
 
+pub mod accel_args;
+pub mod audit;
 pub mod blend;
 pub mod cli;
 mod cli_values;

@@ -4,6 +4,7 @@
 
 use brickcast_proto::{LayerOrder, TileRect};
 use brickcast_volume::merge::MergeTree;
+use brickcast_volume::regions::{BrickFacts, SceneTables, drawn};
 use brickcast_volume::scene::Scene;
 use brickcast_volume::store::{BrickRanges, Manifest};
 use brickcast_volume::transfer_function::TransferTable;
@@ -16,6 +17,8 @@ pub struct StoreFacts {
     pub hash: brickcast_volume::StoreHash,
     pub manifest: Manifest,
     pub ranges: BrickRanges,
+    /// What the store says of its regions, per brick; nothing where it has none.
+    pub facts: Option<Vec<BrickFacts>>,
 }
 
 impl StoreFacts {
@@ -39,17 +42,23 @@ impl Shown {
     /// The bricks that a scene's transfer function shows, by the very table that the kernels read.
     #[must_use]
     pub fn in_scene(store: &StoreFacts, scene: &Scene) -> Self {
-        let delta = scene.step * store.manifest.geometry.min_spacing();
-        Self::of(
-            store,
-            &TransferTable::build(&scene.transfer_function, store.manifest.range, delta / scene.opacity_unit),
-        )
-    }
-
-    #[must_use]
-    pub fn of(store: &StoreFacts, table: &TransferTable) -> Self {
         let tree = store.tree();
-        let bricks: Vec<bool> = store.ranges.0.iter().map(|&[min, max]| !table.is_empty_over(min, max)).collect();
+        let geometry = &store.manifest.geometry;
+        let delta = scene.step * geometry.min_spacing();
+        let table = |function| TransferTable::build(function, store.manifest.range, delta / scene.opacity_unit);
+        let (main, region) = (table(&scene.transfer_function), scene.region_transfer_function.as_ref().map(table));
+        let tables = SceneTables { main: &main, region: region.as_ref(), view: scene.region_view };
+        let bricks: Vec<bool> = store
+            .ranges
+            .0
+            .iter()
+            .zip(tree.grid().bricks())
+            .enumerate()
+            .map(|(linear, (&raw, brick))| {
+                let facts = store.facts.as_ref().and_then(|facts| facts.get(linear));
+                drawn(scene, &tables, geometry, &tree.grid().owned_box(brick), raw, facts).is_some()
+            })
+            .collect();
         let mut per_chunk = vec![0; tree.chunk_count() as usize];
         for brick in tree.grid().bricks().filter(|b| bricks[tree.grid().linear(*b)]) {
             per_chunk[tree.chunk_linear(tree.chunk_of(brick)) as usize] += 1;

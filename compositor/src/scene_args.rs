@@ -1,8 +1,10 @@
 //! What the scene's words mean: arguments and a store become a [`Scene`].
 
+use std::path::Path;
+
 use anyhow::{Context, anyhow};
 use brickcast_volume::camera::{Camera, Orbit, Projection};
-use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
+use brickcast_volume::scene::{Filter, Scene, Transport};
 use brickcast_volume::store::Manifest;
 use brickcast_volume::transfer_function::{
     Colormap, Preset, PresetOptions, TransferFunction, default_opacities, describe_default,
@@ -17,8 +19,8 @@ use crate::failure::Failure;
 pub struct SceneChoice {
     pub scene: Scene,
     pub transport: Transport,
-    /// The line that names the default transfer function's numbers, where it was chosen for the user.
-    pub note: Option<String>,
+    /// The numbers of a transfer function that was chosen for the user; what was asked of regions that are not there.
+    pub notes: Vec<String>,
 }
 
 impl SceneArgs {
@@ -50,7 +52,7 @@ impl SceneArgs {
         if let Some(name) = &self.colormap {
             Colormap::from_name(name).map_err(Failure::usage)?;
         }
-        Ok(())
+        self.accel.check()
     }
 
     /// The scene on a store.
@@ -61,21 +63,26 @@ impl SceneArgs {
         let size = PictureSize::new(self.size.0, self.size.1).map_err(Failure::usage)?;
         let camera = self.camera_on(store)?;
         let (transfer_function, note) = self.transfer_function_on(store)?;
+        let notes = note.into_iter().chain(self.accel.missing_regions(store)).collect();
+        let region_transfer_function = match &self.accel.region_transfer_function {
+            Some(path) => Some(self.preset(path, None, store)?.function),
+            None => None,
+        };
         let scene = Scene {
             camera,
             size,
             step: self.step,
             transfer_function,
             opacity_unit: self.opacity_unit.unwrap_or(store.geometry.min_spacing()),
-            early_termination: self.early_termination,
+            early_termination: self.accel.early_termination(self.early_termination),
             filter: match self.filter {
                 FilterArg::Hardware => Filter::Hardware,
                 FilterArg::Exact => Filter::Exact,
             },
             exact: self.exact,
-            acceleration: Acceleration::default(),
-            region_view: RegionView::All,
-            region_transfer_function: None,
+            acceleration: self.accel.acceleration(store)?,
+            region_view: self.accel.region_view(),
+            region_transfer_function,
         };
         let scene = scene.validate().map_err(Failure::usage)?;
         View::new(&store.geometry, &scene.camera, scene.size, scene.step).map_err(Failure::usage)?;
@@ -85,7 +92,7 @@ impl SceneArgs {
             None if self.exact => Transport::F32,
             Some(TransportArg::F16) | None => Transport::F16,
         };
-        Ok(SceneChoice { scene, transport, note })
+        Ok(SceneChoice { scene, transport, notes })
     }
 
     fn camera_on(&self, store: &Manifest) -> Result<Camera, Failure> {
@@ -118,17 +125,22 @@ impl SceneArgs {
         Camera::new(position, focal_point, up, projection).map_err(Failure::usage)
     }
 
+    fn preset(&self, path: &Path, range: Option<[f64; 2]>, store: &Manifest) -> Result<Preset, Failure> {
+        let file = path.display().to_string();
+        let text = std::fs::read_to_string(path).with_context(|| format!("transfer function {file}: cannot be read"))?;
+        let default_opacities = default_opacities(store.otsu, store.quantile_999);
+        let options = PresetOptions { rescale: range.map(|[lo, hi]| (lo, hi)), default_opacities };
+        Ok(Preset::from_json(&file, &text, &options)?)
+    }
+
     fn transfer_function_on(&self, store: &Manifest) -> Result<(TransferFunction, Option<String>), Failure> {
         let default_opacities = default_opacities(store.otsu, store.quantile_999);
         if let Some(path) = &self.transfer_function {
-            let file = path.display().to_string();
-            let text =
-                std::fs::read_to_string(path).with_context(|| format!("transfer function {file}: cannot be read"))?;
-            let options =
-                PresetOptions { rescale: self.transfer_function_range.map(|[lo, hi]| (lo, hi)), default_opacities };
-            let preset = Preset::from_json(&file, &text, &options)?;
-            let note = (!preset.has_opacities)
-                .then(|| format!("{file} has no Points: {}", describe_default(store.otsu, store.quantile_999)));
+            let preset = self.preset(path, self.transfer_function_range, store)?;
+            let note = (!preset.has_opacities).then(|| {
+                let default = describe_default(store.otsu, store.quantile_999);
+                format!("{} has no Points: {default}", path.display())
+            });
             return Ok((preset.function, note));
         }
         let default = self.window.is_none() && self.opacity.is_none() && self.colormap.is_none();

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use brickcast_proto::{
     FramePart, NodeDescription, Part, PrepareRequest, Receipt, RenderOrder, StoreDescription, TileRect, decode_tile,
 };
-use brickcast_volume::scene::{Scene, Transport};
+use brickcast_volume::scene::{Acceleration, RegionView, Scene, Transport};
 use brickcast_volume::transfer_function::TransferFunction;
 use brickcast_volume::visibility::ViewError;
 use brickcast_volume::{Epoch, FrameId, StoreHash, TreeNode, View};
@@ -86,6 +86,9 @@ struct Planned {
     transfer_function: TransferFunction,
     step: f64,
     opacity_unit: f64,
+    acceleration: Acceleration,
+    region_view: RegionView,
+    region_transfer_function: Option<TransferFunction>,
     shown: Arc<Shown>,
     assignment: Arc<Assignment>,
 }
@@ -175,6 +178,9 @@ impl Session {
             p.transfer_function == scene.transfer_function
                 && p.step == scene.step
                 && p.opacity_unit == scene.opacity_unit
+                && p.acceleration == scene.acceleration
+                && p.region_view == scene.region_view
+                && p.region_transfer_function == scene.region_transfer_function
         };
         if let Some(p) = self.planned.as_ref().filter(same) {
             return (p.shown.clone(), p.assignment.clone());
@@ -186,6 +192,9 @@ impl Session {
             transfer_function: scene.transfer_function.clone(),
             step: scene.step,
             opacity_unit: scene.opacity_unit,
+            acceleration: scene.acceleration,
+            region_view: scene.region_view,
+            region_transfer_function: scene.region_transfer_function.clone(),
             shown: shown.clone(),
             assignment: assignment.clone(),
         });
@@ -203,7 +212,7 @@ impl Session {
             let request = PrepareRequest {
                 store: self.store.hash,
                 bricks: assignment.bricks_of(&shown, i),
-                filter: scene.filter,
+                scene: scene.clone(),
             };
             async move { node.prepare(request, LOAD_LIMIT).await }
         }))
@@ -378,5 +387,10 @@ async fn collect(
 }
 
 fn facts(description: &StoreDescription) -> StoreFacts {
-    StoreFacts { hash: description.hash, manifest: description.manifest.clone(), ranges: description.ranges.clone() }
+    StoreFacts {
+        hash: description.hash,
+        manifest: description.manifest.clone(),
+        ranges: description.ranges.clone(),
+        facts: description.facts.clone(),
+    }
 }

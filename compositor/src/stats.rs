@@ -13,6 +13,12 @@ pub struct NodeFrame {
     pub bricks: u32,
     pub samples: u64,
     pub positions: u64,
+    /// Of the positions, those that leaps covered.
+    pub leapt_positions: u64,
+    /// Bricks drawn from V'; of these, bricks inside one region; bricks that the tolerance forbids to leap.
+    pub flattened_bricks: u32,
+    pub uniform_bricks: u32,
+    pub over_tolerance_bricks: u32,
     /// Layers with pixels that it contributed.
     pub layers: usize,
     /// Time spent in this frame loading bricks that were not resident.
@@ -33,6 +39,10 @@ impl NodeFrame {
         self.bricks = receipt.bricks;
         self.samples = receipt.samples;
         self.positions = receipt.positions;
+        self.leapt_positions = receipt.leapt_positions;
+        self.flattened_bricks = receipt.flattened_bricks;
+        self.uniform_bricks = receipt.uniform_bricks;
+        self.over_tolerance_bricks = receipt.over_tolerance_bricks;
         self.load_ms = receipt.load_ms;
         self.decoded_bytes = receipt.decoded_bytes;
         self.owned_bytes = receipt.owned_bytes;
@@ -44,10 +54,12 @@ impl NodeFrame {
 pub struct FrameStats {
     /// Order to merged picture.
     pub frame_ms: f64,
-    /// Reads of the volume.
+    /// Reads of the volume, codes or labels, probes included.
     pub samples: u64,
-    /// Sample positions integrated.
+    /// Sample positions integrated; a leap counts all that it covers.
     pub positions: u64,
+    /// Of the positions, those that leaps covered.
+    pub leapt_positions: u64,
     /// Tiles with pixels that arrived.
     pub tiles: u64,
     pub bytes_received: u64,
@@ -62,6 +74,7 @@ impl FrameStats {
             frame_ms,
             samples: nodes.iter().map(|n| n.samples).sum(),
             positions: nodes.iter().map(|n| n.positions).sum(),
+            leapt_positions: nodes.iter().map(|n| n.leapt_positions).sum(),
             tiles,
             bytes_received,
             complete,
@@ -98,6 +111,10 @@ pub fn report(load: &LoadStats, frames: &[FrameStats], first_frame_ms: f64) -> s
         "first_frame_ms": first_frame_ms,
         "samples": sum(|f| f.samples),
         "positions": sum(|f| f.positions),
+        "leapt_positions": sum(|f| f.leapt_positions),
+        "flattened_bricks": nodes.iter().map(|n| n.flattened_bricks).sum::<u32>(),
+        "uniform_bricks": nodes.iter().map(|n| n.uniform_bricks).sum::<u32>(),
+        "over_tolerance_bricks": nodes.iter().map(|n| n.over_tolerance_bricks).sum::<u32>(),
         "tiles": sum(|f| f.tiles),
         "bytes_received": sum(|f| f.bytes_received),
         "complete": frames.iter().all(|f| f.complete),

@@ -4,13 +4,19 @@ use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
 use brickcast_proto::Receipt;
+use brickcast_volume::regions::Drawn;
+
+use crate::raycaster::BrickCounts;
 
 /// Counts of one frame on this node.
 #[derive(Debug)]
 pub struct FrameMeter {
     started: Instant,
-    samples: u64,
+    counts: BrickCounts,
     bricks: HashSet<u32>,
+    flattened: HashSet<u32>,
+    uniform: HashSet<u32>,
+    over_tolerance: HashSet<u32>,
     layers: u32,
     tiles: u32,
     empty_tiles: u32,
@@ -46,8 +52,11 @@ impl FrameMeter {
     pub fn new(started: Instant, layers: usize) -> Self {
         Self {
             started,
-            samples: 0,
+            counts: BrickCounts::default(),
             bricks: HashSet::new(),
+            flattened: HashSet::new(),
+            uniform: HashSet::new(),
+            over_tolerance: HashSet::new(),
             layers: u32::try_from(layers).unwrap_or(u32::MAX),
             tiles: 0,
             empty_tiles: 0,
@@ -55,9 +64,20 @@ impl FrameMeter {
         }
     }
 
-    pub fn rendered(&mut self, brick: u32, samples: u64) {
+    pub fn rendered(&mut self, brick: u32, drawn: &Drawn, counts: &BrickCounts) {
         self.bricks.insert(brick);
-        self.samples = self.samples.saturating_add(samples);
+        for (bricks, is) in [
+            (&mut self.flattened, drawn.flattened),
+            (&mut self.uniform, drawn.only_region.is_some()),
+            (&mut self.over_tolerance, drawn.over_tolerance),
+        ] {
+            if is {
+                bricks.insert(brick);
+            }
+        }
+        self.counts.samples = self.counts.samples.saturating_add(counts.samples);
+        self.counts.positions = self.counts.positions.saturating_add(counts.positions);
+        self.counts.leapt = self.counts.leapt.saturating_add(counts.leapt);
     }
 
     pub fn loaded(&mut self, load: LoadMeter) {
@@ -73,10 +93,13 @@ impl FrameMeter {
     pub fn receipt(&self) -> Receipt {
         Receipt {
             render_ms: self.started.elapsed().as_secs_f64() * 1e3,
-            samples: self.samples,
-            // The plain loop reads the volume once at every position that it integrates.
-            positions: self.samples,
-            bricks: u32::try_from(self.bricks.len()).unwrap_or(u32::MAX),
+            samples: self.counts.samples,
+            positions: self.counts.positions,
+            leapt_positions: self.counts.leapt,
+            bricks: count(&self.bricks),
+            flattened_bricks: count(&self.flattened),
+            uniform_bricks: count(&self.uniform),
+            over_tolerance_bricks: count(&self.over_tolerance),
             layers: self.layers,
             tiles: self.tiles,
             empty_tiles: self.empty_tiles,
@@ -85,6 +108,10 @@ impl FrameMeter {
             owned_bytes: self.load.owned_bytes,
         }
     }
+}
+
+fn count(bricks: &HashSet<u32>) -> u32 {
+    u32::try_from(bricks.len()).unwrap_or(u32::MAX)
 }
 
 /// Peak resident set of this process, bytes; 0 where the system does not tell.
@@ -105,11 +132,14 @@ mod tests {
     #[test]
     fn bricks_rendered_in_two_bands_count_once_and_their_samples_twice() {
         let mut meter = FrameMeter::new(Instant::now(), 2);
-        meter.rendered(7, 10);
-        meter.rendered(7, 5);
+        let plain = Drawn { flattened: false, over_tolerance: false, only_region: None };
+        let flat = Drawn { flattened: true, ..plain };
+        meter.rendered(7, &plain, &BrickCounts { samples: 10, positions: 9, leapt: 0 });
+        meter.rendered(7, &flat, &BrickCounts { samples: 5, positions: 20, leapt: 15 });
         meter.answered(3, 4);
         let receipt = meter.receipt();
         assert_eq!((receipt.bricks, receipt.samples, receipt.layers), (1, 15, 2));
+        assert_eq!((receipt.positions, receipt.leapt_positions, receipt.flattened_bricks), (29, 15, 1));
         assert_eq!((receipt.tiles, receipt.empty_tiles), (3, 4));
     }
 

@@ -10,7 +10,6 @@ use brickcast_proto::{
     FramePart, NodeDescription, NodeState, PROTOCOL_VERSION, Part, PrepareReceipt, PrepareRequest, RenderOrder,
     StoreDescription, StoreQuery,
 };
-use brickcast_volume::brick::GHOST_SAMPLED;
 use brickcast_volume::store::ChunkCache;
 use bytes::Bytes;
 use tokio::runtime::Handle;
@@ -21,8 +20,8 @@ use crate::config::NodeConfig;
 use crate::error::NodeError;
 use crate::meter::{FrameMeter, LoadMeter, peak_resident_set};
 use crate::raycaster::Raycaster;
-use crate::render::{TableCache, Workshop, load_bricks, render_frame};
-use crate::residency::{BrickKey, Residency, Wanted};
+use crate::render::{BrickChoice, TableCache, Workshop, load_bricks, render_frame};
+use crate::residency::Residency;
 use crate::stores::{OpenStore, Stores};
 
 /// Orders that may wait while one renders.
@@ -190,6 +189,7 @@ impl Node {
             manifest: open.store.manifest().clone(),
             manifest_bytes: Bytes::copy_from_slice(open.store.manifest_bytes()),
             ranges: open.store.brick_ranges().clone(),
+            facts: open.store.brick_facts().map(<[_]>::to_vec),
         })
     }
 
@@ -228,24 +228,24 @@ impl Node {
         self.accepting()?;
         let store = self.open(StoreQuery::Hash(request.store)).await?;
         let grid = store.store.manifest().grid;
+        let choice = BrickChoice::new(&store.store, &request.scene, &self.tables)?;
         let mut wanted = Vec::with_capacity(request.bricks.len());
         let mut bytes = 0_u64;
         for &brick in &request.bricks {
             if u64::from(brick) >= grid.brick_count() {
                 return Err(NodeError::NoSuchBrick { brick, last: grid.brick_count().saturating_sub(1) });
             }
-            let stored = grid.owned_box(grid.brick_at(brick as usize)).stored(GHOST_SAMPLED);
-            let size = self.raycaster.brick_bytes(stored.voxel_count());
-            bytes = bytes.saturating_add(size);
+            // What the scene does not show need not be there.
+            let Some(chosen) = choice.of(grid.brick_at(brick as usize), &*self.raycaster) else { continue };
+            bytes = bytes.saturating_add(chosen.wanted.bytes);
             if bytes <= self.config.memory_budget {
-                let key = BrickKey { store: request.store, brick, ghost: GHOST_SAMPLED };
-                wanted.push(Wanted { key, bytes: size });
+                wanted.push(chosen.wanted);
             }
         }
         let mut load = LoadMeter::default();
         load.add(
             self.in_turn(move |node| {
-                node.raycaster.warm_up(request.filter)?;
+                node.raycaster.warm_up(request.scene.filter)?;
                 Ok(LoadMeter::default())
             })
             .await?,

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use crate::error::NodeError;
 use crate::raycaster::ResidentBrick;
+use crate::recipe::Recipe;
 
 /// How often a waiting thread looks whether its client is still there.
 const PATIENCE: Duration = Duration::from_millis(100);
@@ -24,6 +25,7 @@ pub struct BrickKey {
     pub brick: u32,
     /// Ghost layers on each side.
     pub ghost: u32,
+    pub recipe: Recipe,
 }
 
 /// A brick that a batch needs, and the bytes that it is expected to occupy.

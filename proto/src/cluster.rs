@@ -1,7 +1,8 @@
 //! Who a node is, what it holds, and loading ahead of a frame.
 
 use brickcast_volume::StoreHash;
-use brickcast_volume::scene::Filter;
+use brickcast_volume::regions::BrickFacts;
+use brickcast_volume::scene::Scene;
 use brickcast_volume::store::{BrickRanges, Manifest};
 use bytes::Bytes;
 
@@ -86,14 +87,17 @@ pub struct StoreDescription {
     pub manifest_bytes: Bytes,
     /// One for every brick of the manifest's grid; checked against the hash that the manifest names.
     pub ranges: BrickRanges,
+    /// Likewise, where the store has regions.
+    pub facts: Option<Vec<BrickFacts>>,
 }
 
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct PrepareRequest {
     pub store: StoreHash,
     /// Linear brick indices, x fastest, none twice; empty only warms the pipelines.
     pub bricks: Vec<u32>,
-    pub filter: Filter,
+    /// What is loaded of the bricks and which pipelines are warmed; its camera does not matter.
+    pub scene: Scene,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

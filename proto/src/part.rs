@@ -36,10 +36,12 @@ pub struct TilePart {
 pub struct Receipt {
     /// Wall milliseconds from order to last tile; finite, not negative.
     pub render_ms: f64,
-    /// Reads of the volume.
+    /// Reads of the volume, codes or labels, probes included.
     pub samples: u64,
-    /// Sample positions integrated.
+    /// Sample positions integrated; a leap counts all that it covers.
     pub positions: u64,
+    /// Of these, the positions that leaps covered.
+    pub leapt_positions: u64,
     /// Bricks rendered.
     pub bricks: u32,
     pub layers: u32,
@@ -52,4 +54,10 @@ pub struct Receipt {
     pub decoded_bytes: u64,
     /// Bytes of voxels that the loaded bricks own.
     pub owned_bytes: u64,
+    /// Bricks drawn from V'.
+    pub flattened_bricks: u32,
+    /// Of these, bricks inside one region: drawn without a texture.
+    pub uniform_bricks: u32,
+    /// Bricks that could leap, and that the scene's tolerance forbids it.
+    pub over_tolerance_bricks: u32,
 }

@@ -15,10 +15,11 @@ use crate::wire::render_server::{Render, RenderServer};
 
 /// The largest message that a receiver of tiles takes, bytes (a tile is 64 KiB at most).
 pub const MAX_PART_BYTES: usize = 8 << 20;
-/// The largest order, bytes: a transfer function with all its points is 4 MiB.
-pub const MAX_ORDER_BYTES: usize = 8 << 20;
-/// The largest message of the cluster service, bytes: ranges of [`brickcast_volume::brick::MAX_BRICKS`] bricks and a manifest.
-pub const MAX_CLUSTER_BYTES: usize = 24 << 20;
+/// The largest order, bytes: a transfer function with all its points is 4 MiB, and there can be two.
+pub const MAX_ORDER_BYTES: usize = 12 << 20;
+/// The largest message of the cluster service, bytes: ranges and facts of [`brickcast_volume::brick::MAX_BRICKS`] bricks and
+/// a manifest.
+pub const MAX_CLUSTER_BYTES: usize = 72 << 20;
 
 pub const FRAME_BYTES: u32 = 1 << 20;
 pub const STREAM_WINDOW: u32 = 16 << 20;

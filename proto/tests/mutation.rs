@@ -139,7 +139,7 @@ fn node() -> NodeDescription {
 
 fn prepare(random: &mut Random) -> PrepareRequest {
     let bricks = (0..random.below(40) as u32).map(|b| b * 3).collect();
-    PrepareRequest { store: StoreHash(3), bricks, filter: Filter::Exact }
+    PrepareRequest { store: StoreHash(3), bricks, scene: scene(random) }
 }
 
 /// Through prost's bytes and back.

@@ -39,7 +39,7 @@ pub async fn run(args: BenchArgs, quiet: bool) -> Result<(), Failure> {
         return Err(anyhow!("{}: no such store", args.path.display()).into());
     };
     let choice = args.scene.scene(store.manifest())?;
-    if let Some(note) = &choice.note {
+    for note in &choice.notes {
         say(quiet, note)?;
     }
     let mut rows = Vec::new();

@@ -74,5 +74,10 @@ pub async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -> Resul
 }
 
 fn local_facts(store: &Store) -> StoreFacts {
-    StoreFacts { hash: store.hash(), manifest: store.manifest().clone(), ranges: store.brick_ranges().clone() }
+    StoreFacts {
+        hash: store.hash(),
+        manifest: store.manifest().clone(),
+        ranges: store.brick_ranges().clone(),
+        facts: store.brick_facts().map(<[_]>::to_vec),
+    }
 }

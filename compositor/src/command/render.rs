@@ -1,13 +1,17 @@
 //! `brickcast render`
 
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
+use brickcast_volume::View;
 use brickcast_volume::camera::Camera;
+use brickcast_volume::scene::Leap;
+use brickcast_volume::transfer_function::TransferFunction;
 use serde_json::json;
 
 use super::{background, bytes, say};
+use crate::audit::{self, Audit};
 use crate::cli::RenderArgs;
 use crate::command::dry_run;
 use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
@@ -84,7 +88,7 @@ async fn open_session(
 async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Result<(), Failure> {
     let Some(output) = &args.output else { return Err(Failure::usage(anyhow!("--output is missing"))) };
     let choice = args.scene.scene(&session.store().manifest)?;
-    if let Some(note) = &choice.note {
+    for note in &choice.notes {
         say(quiet, note)?;
     }
     let orbit = args.orbit.unwrap_or(360.0);
@@ -109,6 +113,7 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
     let mut frames = Vec::new();
     let mut manifests = Vec::new();
     let mut problems = Vec::new();
+    let mut audits = Vec::new();
     let mut first_frame_ms = 0.0;
     for (i, camera) in cameras.into_iter().enumerate() {
         let mut one = choice.clone();
@@ -118,6 +123,11 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
             first_frame_ms = started.elapsed().as_secs_f64() * 1e3;
         }
         problems.extend(frame.problems.iter().map(|p| format!("frame {i}: {p}")));
+        if args.audit {
+            let audit = audited(&mut session, &one, &frame, args.nodes.deadline).await?;
+            say(quiet, &audit.in_words())?;
+            audits.push(audit);
+        }
         writer.push(&frame.picture)?;
         let manifest = manifest(&session, &one, &frame);
         match writer.last_written() {
@@ -134,13 +144,38 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
         write_manifest(output, &json!({ "frames": manifests }))?;
     }
     if let Some(path) = &args.stats {
-        write_json(path, &stats::report(&load, &frames, first_frame_ms))?;
+        let mut report = stats::report(&load, &frames, first_frame_ms);
+        match &audits[..] {
+            [] => {}
+            [one] => report["audit"] = json!(one),
+            all => report["audit"] = json!(all),
+        }
+        write_json(path, &report)?;
     }
     tell(&written, &frames, &load, quiet)?;
     if problems.is_empty() {
         return Ok(());
     }
     Err(Failure::Incomplete(format!("incomplete picture written to {}: {}", output.display(), problems.join("; "))))
+}
+
+/// Renders the frame again without leaping and compares.
+async fn audited(
+    session: &mut Session,
+    choice: &SceneChoice,
+    frame: &Frame,
+    deadline: Duration,
+) -> Result<Audit, Failure> {
+    let (store, scene) = (session.store().clone(), &choice.scene);
+    let view = View::new(&store.manifest.geometry, &scene.camera, scene.size, scene.step)?;
+    let bounds = audit::bounds(&store, scene, &view);
+    let mut plain = scene.clone();
+    plain.acceleration.leap = Leap::Off;
+    let without = session.render(&plain, choice.transport, deadline).await?;
+    if !(frame.complete && without.complete) {
+        return Err(anyhow!("--audit: a frame was not complete, so there is nothing to compare").into());
+    }
+    Ok(audit::compare(&frame.picture, &without.picture, &bounds, scene, choice.transport))
 }
 
 fn tell(
@@ -178,7 +213,6 @@ fn file_name(path: &Path) -> String {
 /// What a picture's manifest says: enough to render it again.
 pub(crate) fn manifest(session: &Session, choice: &SceneChoice, frame: &Frame) -> serde_json::Value {
     let (store, scene) = (session.store(), &choice.scene);
-    let function = &scene.transfer_function;
     json!({
         "brickcast": env!("CARGO_PKG_VERSION"),
         "protocol": brickcast_proto::PROTOCOL_VERSION,
@@ -192,15 +226,31 @@ pub(crate) fn manifest(session: &Session, choice: &SceneChoice, frame: &Frame) -
         "opacity_unit": scene.opacity_unit,
         "early_termination": scene.early_termination,
         "exact": scene.exact,
+        "acceleration": {
+            "skip_empty": scene.acceleration.skip_empty,
+            "leap": match scene.acceleration.leap {
+                Leap::Off => json!("off"),
+                Leap::Regions => json!("regions"),
+                Leap::Macrocells(range) => json!({ "macrocells": range }),
+            },
+            "macrocell": scene.acceleration.macrocell.voxels(),
+            "leap_tolerance": scene.acceleration.leap_tolerance,
+        },
+        "view": format!("{:?}", scene.region_view).to_lowercase(),
         "filter": format!("{:?}", scene.filter).to_lowercase(),
         "transport": format!("{:?}", choice.transport).to_lowercase(),
-        "transfer_function": {
-            "RGBPoints": function.colors().iter().map(|p| json!([p.x, p.rgb[0], p.rgb[1], p.rgb[2]])).collect::<Vec<_>>(),
-            "Points": function.opacities().iter().map(|p| json!([p.x, p.opacity])).collect::<Vec<_>>(),
-        },
+        "transfer_function": points(&scene.transfer_function),
+        "region_transfer_function": scene.region_transfer_function.as_ref().map(points),
         "nodes": session.descriptions().iter().zip(&frame.stats.nodes).map(|(d, n)| json!({
             "address": n.address, "node_id": d.node_id, "version": d.version, "backend": d.backend, "adapter": d.adapter,
         })).collect::<Vec<_>>(),
         "store_short": short(store.hash),
+    })
+}
+
+fn points(function: &TransferFunction) -> serde_json::Value {
+    json!({
+        "RGBPoints": function.colors().iter().map(|p| json!([p.x, p.rgb[0], p.rgb[1], p.rgb[2]])).collect::<Vec<_>>(),
+        "Points": function.opacities().iter().map(|p| json!([p.x, p.opacity])).collect::<Vec<_>>(),
     })
 }

@@ -5,14 +5,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use brickcast_volume::Premul;
-use brickcast_volume::brick::GHOST_SAMPLED;
 use brickcast_volume::store::ChunkCache;
 
 use super::plan::{FramePlan, Unit};
 use super::{MAX_BATCH_BYTES, Workshop};
 use crate::error::NodeError;
 use crate::meter::{FrameMeter, LoadMeter};
-use crate::raycaster::{Job, JobImage, Raycaster, ResidentBrick};
+use crate::raycaster::{BrickInput, Job, JobImage, Raycaster, ResidentBrick};
 use crate::residency::{BrickKey, Lease, Load, Wanted};
 use crate::stores::OpenStore;
 
@@ -70,8 +69,8 @@ impl<'a> Batches<'a> {
             .collect();
         let images = self.workshop.raycaster.render(&self.plan.scene, &jobs)?;
         for (unit, image) in units.iter().zip(&images) {
-            for (position, samples) in unit.bricks.iter().zip(&image.samples) {
-                meter.rendered(key(position).brick, *samples);
+            for (position, counts) in unit.bricks.iter().zip(&image.counts) {
+                meter.rendered(key(position).brick, &self.plan.bricks[*position].drawn, counts);
             }
         }
         self.finished = images.into();
@@ -137,12 +136,26 @@ fn load_brick(
     raycaster: &dyn Raycaster,
     cache: &ChunkCache,
 ) -> Result<Arc<dyn ResidentBrick>, NodeError> {
-    debug_assert_eq!(key.ghost, GHOST_SAMPLED);
-    let grid = store.store.manifest().grid;
+    let broken = |source| NodeError::Store { name: store.name.clone(), source };
+    let (grid, recipe, store) = (store.store.manifest().grid, key.recipe, &store.store);
     let index = grid.brick_at(key.brick as usize);
-    let voxels = store
-        .store
-        .read_brick(index, key.ghost, cache)
-        .map_err(|source| NodeError::Store { name: store.name.clone(), source })?;
-    Ok(raycaster.upload(grid.owned_box(index), &voxels)?)
+    let owned = grid.owned_box(index);
+    let table = match recipe.guard.is_some() || recipe.region_flags {
+        true => store.region_table().map_err(broken)?,
+        false => None,
+    };
+    let only_region = store.brick_facts().and_then(|facts| facts.get(key.brick as usize)).map(|f| f.only_region);
+    if let (Some(table), true, Some(label)) = (table, recipe.guard.is_some(), only_region)
+        && let Some(region) = table.get(label)
+    {
+        return Ok(raycaster.upload_uniform(owned, region.mean())?);
+    }
+    let voxels = store.read_brick(index, key.ghost, cache).map_err(broken)?;
+    // Inner guards look one voxel further.
+    let regions = match table {
+        Some(table) => Some((store.read_brick_regions(index, key.ghost + 1, cache).map_err(broken)?, table)),
+        None => None,
+    };
+    let regions = regions.as_ref().map(|(regions, table)| (regions, *table));
+    Ok(raycaster.upload(owned, &BrickInput { voxels: &voxels, regions, recipe })?)
 }

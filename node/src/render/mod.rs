@@ -5,6 +5,7 @@
 
 mod answer;
 mod batch;
+mod choice;
 mod join;
 mod plan;
 mod tables;
@@ -22,6 +23,7 @@ use crate::raycaster::Raycaster;
 use crate::residency::Residency;
 use crate::stores::OpenStore;
 pub(crate) use batch::load_bricks;
+pub(crate) use choice::BrickChoice;
 
 use batch::Batches;
 use plan::FramePlan;

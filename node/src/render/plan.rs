@@ -3,16 +3,17 @@
 use std::collections::HashMap;
 
 use brickcast_proto::{LayerOrder, RenderOrder, TileRect};
-use brickcast_volume::brick::GHOST_SAMPLED;
 use brickcast_volume::merge::{Viewpoint, sort_front_to_back};
+use brickcast_volume::regions::Drawn;
 use brickcast_volume::store::Store;
 use brickcast_volume::{BrickIndex, ChunkIndex, MergeTree, PixelRect, TreeNode, View};
 use glam::UVec2;
 
+use super::choice::{BrickChoice, Chosen};
 use super::{MAX_BAND_PIXELS, Workshop};
 use crate::error::NodeError;
 use crate::raycaster::KernelScene;
-use crate::residency::{BrickKey, Wanted};
+use crate::residency::Wanted;
 
 /// A frame cut into pieces and units.
 #[derive(Debug)]
@@ -31,6 +32,7 @@ pub(super) struct FramePlan {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PlannedBrick {
     pub wanted: Wanted,
+    pub drawn: Drawn,
     pub index: BrickIndex,
     /// Pixels that it can touch.
     rect: PixelRect,
@@ -72,17 +74,20 @@ impl FramePlan {
         let manifest = store.manifest();
         let scene = &order.scene;
         let view = View::new(&manifest.geometry, &scene.camera, scene.size, scene.step)?;
-        let delta = scene.step * manifest.geometry.min_spacing();
-        let ratio = delta / scene.opacity_unit;
-        if !(1e-9..=1e6).contains(&ratio) {
-            return Err(NodeError::OpacityUnit { delta, unit: scene.opacity_unit, ratio });
-        }
-        let table = workshop.tables.get(&scene.transfer_function, manifest.range, ratio);
+        let choice = BrickChoice::new(store, scene, workshop.tables)?;
         let tree = MergeTree::of(manifest.grid);
         let mut plan = Self {
             tree,
             from: view.viewpoint(),
-            scene: KernelScene { view, table, early_termination: scene.early_termination, filter: scene.filter },
+            scene: KernelScene {
+                view,
+                table: choice.main.clone(),
+                region_table: choice.region.clone(),
+                region_view: scene.region_view,
+                skip_empty: scene.acceleration.skip_empty,
+                early_termination: scene.early_termination,
+                filter: scene.filter,
+            },
             bricks: Vec::new(),
             pieces: Vec::new(),
             units: Vec::new(),
@@ -90,7 +95,7 @@ impl FramePlan {
         // Every layer is checked before any is planned: a bad order costs nothing.
         let layers = order.layers.iter().map(|layer| check(&tree, layer)).collect::<Result<Vec<_>, _>>()?;
         for (at, (layer, chunks)) in order.layers.iter().zip(layers).enumerate() {
-            plan.add_layer(at, layer, &chunks, order, store, workshop)?;
+            plan.add_layer(at, layer, &chunks, order, &choice, workshop)?;
         }
         Ok(plan)
     }
@@ -101,7 +106,7 @@ impl FramePlan {
         layer: &LayerOrder,
         chunks: &[ChunkIndex],
         order: &RenderOrder,
-        store: &Store,
+        choice: &BrickChoice<'_>,
         workshop: Workshop<'_>,
     ) -> Result<(), NodeError> {
         let budget = workshop.residency.budget();
@@ -109,7 +114,7 @@ impl FramePlan {
         // Bricks by chunk, front to back within each.
         let mut by_chunk: HashMap<TreeNode, Vec<usize>> = HashMap::new();
         for chunk in chunks {
-            let bricks = self.visible(*chunk, &window, store, workshop)?;
+            let bricks = self.visible(*chunk, &window, choice, workshop)?;
             if !bricks.is_empty() {
                 by_chunk.insert(self.tree.leaf(*chunk), bricks);
             }
@@ -159,7 +164,7 @@ impl FramePlan {
         &mut self,
         chunk: ChunkIndex,
         window: &PixelRect,
-        store: &Store,
+        choice: &BrickChoice<'_>,
         workshop: Workshop<'_>,
     ) -> Result<Vec<usize>, NodeError> {
         let budget = workshop.residency.budget();
@@ -168,29 +173,20 @@ impl FramePlan {
         if chunk_box.is_none_or(|voxels| self.scene.view.project(&voxels).intersect(window).is_empty()) {
             return Ok(Vec::new());
         }
-        let mut visible: Vec<BrickIndex> = Vec::new();
-        for brick in self.tree.bricks_of(chunk) {
-            let [min, max] = store.brick_ranges().0.get(grid.linear(brick)).copied().unwrap_or([0, u16::MAX]);
-            if !self.scene.table.is_empty_over(min, max) {
-                visible.push(brick);
-            }
-        }
-        sort_front_to_back(&mut visible, grid.brick_size(), self.from);
+        let mut indices: Vec<BrickIndex> = self.tree.bricks_of(chunk).collect();
+        sort_front_to_back(&mut indices, grid.brick_size(), self.from);
         let mut positions = Vec::new();
-        for index in visible {
-            let owned = grid.owned_box(index);
-            let rect = self.scene.view.project(&owned).intersect(window);
+        for index in indices {
+            let rect = self.scene.view.project(&grid.owned_box(index)).intersect(window);
             if rect.is_empty() {
                 continue;
             }
-            let bytes = workshop.raycaster.brick_bytes(owned.stored(GHOST_SAMPLED).voxel_count());
-            if bytes > budget {
-                return Err(NodeError::BrickTooLarge { brick: index, bytes, budget });
+            let Some(Chosen { wanted, drawn }) = choice.of(index, workshop.raycaster) else { continue };
+            if wanted.bytes > budget {
+                return Err(NodeError::BrickTooLarge { brick: index, bytes: wanted.bytes, budget });
             }
-            let brick = u32::try_from(grid.linear(index)).unwrap_or(u32::MAX);
-            let key = BrickKey { store: store.hash(), brick, ghost: GHOST_SAMPLED };
             positions.push(self.bricks.len());
-            self.bricks.push(PlannedBrick { wanted: Wanted { key, bytes }, index, rect });
+            self.bricks.push(PlannedBrick { wanted, drawn, index, rect });
         }
         Ok(positions)
     }

@@ -92,7 +92,7 @@ async fn stores_are_described_prepared_and_refused_by_name() {
         assert_eq!(status.code(), code, "{status:?}");
         assert!(status.message().contains(name), "{status:?}");
     }
-    let request = |bricks: Vec<u32>| PrepareRequest { store: served.hash, bricks, filter: Filter::Exact };
+    let request = |bricks: Vec<u32>| PrepareRequest { store: served.hash, bricks, scene: everything_shown() };
     let receipt = client.prepare(request((0..175).collect())).await.unwrap();
     assert!(receipt.fits && receipt.bricks == 175, "{receipt:?}");
     assert_eq!(receipt.owned_bytes, 40 * 33 * 50);

@@ -4,7 +4,6 @@ use brickcast_volume::StoreHash;
 use brickcast_volume::brick::MAX_BRICKS;
 use brickcast_volume::store::{BrickRanges, Manifest, StoreError};
 
-use super::scene::{filter_from_wire, filter_to_wire};
 use super::{WireError, at_most, duration, text};
 use crate::cluster::{
     MAX_NOTES, MAX_STORES, MAX_TEXT, NodeDescription, NodeState, PrepareReceipt, PrepareRequest, StoreDescription,
@@ -126,7 +125,7 @@ impl TryFrom<wire::StoreDescription> for StoreDescription {
 
 impl From<PrepareRequest> for wire::PrepareRequest {
     fn from(request: PrepareRequest) -> Self {
-        Self { store_hash: request.store.to_string(), bricks: request.bricks, filter: filter_to_wire(request.filter) }
+        Self { store_hash: request.store.to_string(), bricks: request.bricks, scene: Some((&request.scene).into()) }
     }
 }
 
@@ -148,7 +147,7 @@ impl TryFrom<wire::PrepareRequest> for PrepareRequest {
         Ok(Self {
             store: request.store_hash.parse()?,
             bricks: request.bricks,
-            filter: filter_from_wire(request.filter)?,
+            scene: request.scene.ok_or(WireError::Missing("scene"))?.try_into()?,
         })
     }
 }

@@ -49,6 +49,10 @@ impl From<Receipt> for wire::Receipt {
             load_ms: r.load_ms,
             decoded_bytes: r.decoded_bytes,
             owned_bytes: r.owned_bytes,
+            leapt_positions: r.leapt_positions,
+            flattened_bricks: r.flattened_bricks,
+            uniform_bricks: r.uniform_bricks,
+            over_tolerance_bricks: r.over_tolerance_bricks,
         }
     }
 }
@@ -68,6 +72,10 @@ impl TryFrom<wire::Receipt> for Receipt {
             load_ms: duration("load_ms", r.load_ms)?,
             decoded_bytes: r.decoded_bytes,
             owned_bytes: r.owned_bytes,
+            leapt_positions: r.leapt_positions,
+            flattened_bricks: r.flattened_bricks,
+            uniform_bricks: r.uniform_bricks,
+            over_tolerance_bricks: r.over_tolerance_bricks,
         })
     }
 }

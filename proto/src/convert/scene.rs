@@ -73,14 +73,14 @@ impl TryFrom<wire::TransferFunction> for TransferFunction {
     }
 }
 
-pub(super) fn filter_to_wire(filter: Filter) -> i32 {
+fn filter_to_wire(filter: Filter) -> i32 {
     match filter {
         Filter::Hardware => wire::Filter::Hardware.into(),
         Filter::Exact => wire::Filter::Exact.into(),
     }
 }
 
-pub(super) fn filter_from_wire(filter: i32) -> Result<Filter, WireError> {
+fn filter_from_wire(filter: i32) -> Result<Filter, WireError> {
     match wire::Filter::try_from(filter) {
         Ok(wire::Filter::Hardware) => Ok(Filter::Hardware),
         Ok(wire::Filter::Exact) => Ok(Filter::Exact),

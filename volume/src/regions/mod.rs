@@ -4,8 +4,12 @@
 //! the flattened volume V', in which each voxel of a region has the region's mean and every other voxel its own value.
 //! V' is fixed when the store is made; bricks, nodes, steps and entry points change nothing of it.
 
+mod bound;
 pub mod code;
+mod drawn;
 mod table;
 
+pub use bound::{ChangeRate, change_rate};
 pub use code::{Density, density_of_code, guard_width};
+pub use drawn::{Drawn, SceneTables, brick_change, drawn, longest_chord};
 pub use table::{BrickFacts, BrickRegions, NO_REGION, Region, RegionTable};

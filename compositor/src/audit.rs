@@ -1,0 +1,114 @@
+//! What leaping cost a picture: compared with the same frame rendered without it, and with the bound that was promised.
+
+use brickcast_volume::View;
+use brickcast_volume::chord::most_samples;
+use brickcast_volume::regions::{ChangeRate, SceneTables, brick_change, drawn};
+use brickcast_volume::scene::{Scene, Transport};
+use brickcast_volume::transfer_function::TransferTable;
+use serde::Serialize;
+
+use crate::output::Picture;
+use crate::plan::StoreFacts;
+
+/// Two pictures compared, channels premultiplied in 0..=1.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Audit {
+    /// The largest difference of any channel of any pixel.
+    pub largest_difference: f32,
+    /// Mean over all pixels and channels.
+    pub mean_difference: f64,
+    /// The largest bound of any pixel: what the segmentation allows in this view.
+    pub largest_bound: f32,
+    /// Pixels that differ by more than their own bound: 0, or there is a bug.
+    pub pixels_over_bound: u64,
+    pub bound_held: bool,
+}
+
+impl Audit {
+    /// One line for people.
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        let held = if self.bound_held {
+            "the bound held".to_owned()
+        } else {
+            format!("{} pixels differ by more than their bound", self.pixels_over_bound)
+        };
+        format!(
+            "audit: without leaping the picture differs by at most {:.4} (mean {:.6}) of 1; {held} (at most {:.4} in this view)",
+            self.largest_difference, self.mean_difference, self.largest_bound
+        )
+    }
+}
+
+/// Per pixel, row-major: the most by which leaping can change it, the sum over the flattened bricks on its ray.
+#[must_use]
+pub fn bounds(store: &StoreFacts, scene: &Scene, view: &View) -> Vec<f32> {
+    let size = scene.size;
+    let mut sums = vec![0.0_f32; size.pixel_count()];
+    let Some(facts) = &store.facts else { return sums };
+    let main = table_of(store, scene, &scene.transfer_function);
+    let region = scene.region_transfer_function.as_ref().map(|f| table_of(store, scene, f));
+    let tables = SceneTables { main: &main, region: region.as_ref(), view: scene.region_view };
+    let (kernel, grid) = (view.kernel(), store.manifest.grid);
+    for ((brick, raw), facts) in grid.bricks().zip(&store.ranges.0).zip(facts) {
+        let owned = grid.owned_box(brick);
+        // A brick may show nothing from V' and something from the volume: what it could change counts then too.
+        let flattened = drawn(scene, &tables, &store.manifest.geometry, &owned, *raw, Some(facts))
+            .map_or(facts.has_regions, |d| d.flattened);
+        let rate = if flattened { brick_change(&tables, *raw, facts) } else { ChangeRate::NONE };
+        if rate == ChangeRate::NONE {
+            continue;
+        }
+        let rect = view.project(&owned);
+        for y in rect.lo.y..rect.hi.y {
+            let row = &mut sums[y as usize * size.width() as usize..][..size.width() as usize];
+            for x in rect.lo.x..rect.hi.x {
+                row[x as usize] += rate.over(most_samples(&kernel, x, y, &owned));
+            }
+        }
+    }
+    sums.iter_mut().for_each(|sum| *sum = sum.min(1.0));
+    sums
+}
+
+fn table_of(
+    store: &StoreFacts,
+    scene: &Scene,
+    function: &brickcast_volume::transfer_function::TransferFunction,
+) -> TransferTable {
+    let delta = scene.step * store.manifest.geometry.min_spacing();
+    TransferTable::build(function, store.manifest.range, delta / scene.opacity_unit)
+}
+
+/// What rounding and early termination may add to a bound: two pictures travel in `transport`, and each may stop anywhere
+/// above the scene's early termination; textures hold 14 bits of a flattened value, and real filters weigh in 1/256.
+fn slack(scene: &Scene, transport: Transport) -> f32 {
+    let rounding = match transport {
+        Transport::F32 => 1e-4,
+        Transport::F16 => 1e-3,
+        Transport::U8 => 1.0 / 254.0,
+    };
+    rounding + (1.0 - scene.early_termination) + 2.0 / 255.0
+}
+
+/// Compares the picture with leaping with the one without, both of `scene`'s view.
+#[must_use]
+pub fn compare(with: &Picture, without: &Picture, bounds: &[f32], scene: &Scene, transport: Transport) -> Audit {
+    let slack = slack(scene, transport);
+    let (mut largest, mut sum, mut over) = (0.0_f32, 0.0_f64, 0_u64);
+    for ((a, b), bound) in with.pixels().iter().zip(without.pixels()).zip(bounds) {
+        let (a, b) = (a.to_array(), b.to_array());
+        let differences = std::array::from_fn::<f32, 4, _>(|c| (a[c] - b[c]).abs());
+        let worst = differences.into_iter().fold(0.0, f32::max);
+        sum += differences.iter().map(|d| f64::from(*d)).sum::<f64>();
+        largest = largest.max(worst);
+        over += u64::from(worst > bound + slack);
+    }
+    Audit {
+        largest_difference: largest,
+        mean_difference: sum / (4 * with.pixels().len()).max(1) as f64,
+        largest_bound: bounds.iter().copied().fold(0.0, f32::max),
+        pixels_over_bound: over,
+        bound_held: over == 0,
+    }
+}

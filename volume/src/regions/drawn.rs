@@ -1,0 +1,163 @@
+//! What of a brick is drawn in a scene: from V' or from the volume, and whether it shows anything at all. Compositor and nodes
+//! decide by this one function, so that what is ordered is what is rendered.
+
+use super::bound::{ChangeRate, change_rate};
+use super::table::{BrickFacts, NO_REGION};
+use crate::brick::OwnedBox;
+use crate::scene::{Leap, RegionView, Scene};
+use crate::space::Geometry;
+use crate::transfer_function::TransferTable;
+
+/// The tables by which the samples of a scene are classified.
+#[derive(Debug, Clone, Copy)]
+pub struct SceneTables<'a> {
+    pub main: &'a TransferTable,
+    /// For samples in regions, where the scene has a transfer function of its own for them.
+    pub region: Option<&'a TransferTable>,
+    pub view: RegionView,
+}
+
+/// How a brick that shows something is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Drawn {
+    /// From V', leaping where it can; else from the volume itself.
+    pub flattened: bool,
+    /// It could leap, and its error bound forbids it.
+    pub over_tolerance: bool,
+    /// Its whole stored box is this region's, so that its mean is all there is to know.
+    pub only_region: Option<u32>,
+}
+
+impl SceneTables<'_> {
+    /// The table that samples in regions are classified by.
+    #[must_use]
+    pub fn in_regions(&self) -> &TransferTable {
+        self.region.unwrap_or(self.main)
+    }
+
+    /// True where no sample with a code in `range` shows anything; `facts` may rule out one of the tables. Without facts the
+    /// store has no regions.
+    #[must_use]
+    pub fn is_empty_over(&self, [min, max]: [u16; 2], facts: Option<&BrickFacts>) -> bool {
+        let inside = facts.is_some_and(|f| f.has_regions) && self.view != RegionView::Residual;
+        let outside = facts.is_none_or(|f| f.only_region == NO_REGION) && self.view != RegionView::Regions;
+        (!inside || self.in_regions().is_empty_over(min, max)) && (!outside || self.main.is_empty_over(min, max))
+    }
+}
+
+/// The most samples that a ray takes in a box of `geometry`'s voxels, at `delta` world units a step.
+#[must_use]
+pub fn longest_chord(geometry: &Geometry, owned: &OwnedBox, delta: f64) -> u32 {
+    let diagonal = (owned.dims().as_dvec3() * geometry.spacing()).length();
+    (diagonal / delta).ceil() as u32 + 1
+}
+
+/// How much V' can change of what a brick shows; see [`change_rate`].
+#[must_use]
+pub fn brick_change(tables: &SceneTables<'_>, raw: [u16; 2], facts: &BrickFacts) -> ChangeRate {
+    let range = [raw[0].min(facts.min), raw[1].max(facts.max)];
+    let rate = |table| change_rate(table, range, facts.deviation);
+    let inside = rate(tables.in_regions());
+    // A sample's nearest voxel is the same in V' and in the volume: only its value moves, within one of the tables.
+    if tables.region.is_some() { inside.or(rate(tables.main)) } else { inside }
+}
+
+/// How the brick `owned` is drawn; `None` where it shows nothing. `raw` is its range of codes in the volume, `facts` what the
+/// store says of its regions, if it has any.
+#[must_use]
+pub fn drawn(
+    scene: &Scene,
+    tables: &SceneTables<'_>,
+    geometry: &Geometry,
+    owned: &OwnedBox,
+    raw: [u16; 2],
+    facts: Option<&BrickFacts>,
+) -> Option<Drawn> {
+    let candidate = facts.filter(|f| f.has_regions && scene.acceleration.leap == Leap::Regions);
+    let over_tolerance = match (candidate, scene.acceleration.leap_tolerance) {
+        (Some(facts), Some(tolerance)) => {
+            let samples = longest_chord(geometry, owned, scene.step * geometry.min_spacing());
+            brick_change(tables, raw, facts).over(samples) > tolerance
+        }
+        _ => false,
+    };
+    let flat = candidate.filter(|_| !over_tolerance);
+    let range = flat.map_or(raw, |f| [f.min, f.max]);
+    if tables.is_empty_over(range, facts) {
+        return None;
+    }
+    let only_region = flat.map(|f| f.only_region).filter(|&label| label != NO_REGION);
+    Some(Drawn { flattened: flat.is_some(), over_tolerance, only_region })
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::UVec3;
+
+    use super::*;
+    use crate::scene::{Acceleration, Filter};
+    use crate::transfer_function::{Colormap, TransferFunction};
+    use crate::{Camera, Orbit, PictureSize};
+
+    fn scene(leap: Leap, leap_tolerance: Option<f32>, view: RegionView) -> (Scene, Geometry) {
+        let geometry = Geometry::new([64; 3], [1.0; 3], [0.0; 3]).unwrap();
+        let scene = Scene {
+            camera: Camera::orbit(&geometry, Orbit::default()).unwrap(),
+            size: PictureSize::new(8, 8).unwrap(),
+            step: 0.5,
+            transfer_function: TransferFunction::window(30_000.0, 60_000.0, 0.5, Colormap::Viridis).unwrap(),
+            opacity_unit: 1.0,
+            early_termination: 0.999,
+            filter: Filter::Exact,
+            exact: false,
+            acceleration: Acceleration { leap, leap_tolerance, ..Acceleration::default() },
+            region_view: view,
+            region_transfer_function: None,
+        };
+        (scene, geometry)
+    }
+
+    fn decide(leap: Leap, tolerance: Option<f32>, view: RegionView, raw: [u16; 2], facts: BrickFacts) -> Option<Drawn> {
+        let (scene, geometry) = scene(leap, tolerance, view);
+        let main = TransferTable::build(&scene.transfer_function, (0.0, 65535.0), 0.5);
+        let tables = SceneTables { main: &main, region: None, view };
+        let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(32) };
+        drawn(&scene, &tables, &geometry, &owned, raw, Some(&facts))
+    }
+
+    const FACTS: BrickFacts =
+        BrickFacts { min: 31_000, max: 40_000, deviation: 2000, has_regions: true, has_leaps: true, only_region: 0 };
+
+    /// A brick whose own values show nothing may show its region's mean, and the other way round.
+    #[test]
+    fn culling_speaks_of_what_is_drawn() {
+        let dark = [0, 29_000];
+        assert!(decide(Leap::Off, None, RegionView::All, dark, FACTS).is_none());
+        assert!(decide(Leap::Regions, None, RegionView::All, dark, FACTS).is_some_and(|d| d.flattened));
+        let below = BrickFacts { min: 0, max: 29_000, ..FACTS };
+        assert!(decide(Leap::Regions, None, RegionView::All, [0, 31_000], below).is_none());
+        assert!(decide(Leap::Off, None, RegionView::All, [0, 31_000], below).is_some_and(|d| !d.flattened));
+    }
+
+    #[test]
+    fn a_tolerance_sends_bricks_to_the_volume_itself() {
+        let bright = [31_000, 41_000];
+        let strict = decide(Leap::Regions, Some(1e-6), RegionView::All, bright, FACTS).unwrap();
+        assert_eq!((strict.flattened, strict.over_tolerance), (false, true));
+        let lenient = decide(Leap::Regions, Some(1.0), RegionView::All, bright, FACTS).unwrap();
+        assert_eq!((lenient.flattened, lenient.over_tolerance), (true, false));
+        let flat = BrickFacts { deviation: 0, ..FACTS };
+        assert!(decide(Leap::Regions, Some(0.0), RegionView::All, bright, flat).is_some_and(|d| d.flattened));
+    }
+
+    #[test]
+    fn views_rule_out_bricks_of_one_kind() {
+        let whole = BrickFacts { only_region: 7, ..FACTS };
+        let none = BrickFacts { has_regions: false, has_leaps: false, ..FACTS };
+        let bright = [31_000, 41_000];
+        assert!(decide(Leap::Regions, None, RegionView::Residual, bright, whole).is_none());
+        assert_eq!(decide(Leap::Regions, None, RegionView::Regions, bright, whole).unwrap().only_region, Some(7));
+        assert!(decide(Leap::Regions, None, RegionView::Regions, bright, none).is_none());
+        assert!(decide(Leap::Regions, None, RegionView::Residual, bright, none).is_some_and(|d| !d.flattened));
+    }
+}
