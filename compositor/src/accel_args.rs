@@ -80,7 +80,9 @@ impl AccelArgs {
             return usage("--accel: none does not go with others".to_owned());
         }
         if self.has(&[AccelArg::Macro]) && self.has(&[AccelArg::Leap, AccelArg::All]) {
-            return usage("--accel: macro leaps through macrocells, leap and all through regions: choose one".to_owned());
+            return usage(
+                "--accel: macro leaps through macrocells, leap and all through regions: choose one".to_owned(),
+            );
         }
         for (name, value) in [("leap-tolerance", self.leap_tolerance), ("macro-range", self.macro_range)] {
             if let Some(value) = value.filter(|v| !(0.0..=1.0).contains(v)) {

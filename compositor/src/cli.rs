@@ -7,6 +7,7 @@ use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 
 use crate::accel_args::AccelArgs;
 use crate::cli_values::{deadline, pair, picture_size, triple};
+use crate::command::bench_table::TableArg;
 use crate::failure::EXIT_CODES;
 
 /// Sort-last volume raycasting on one machine or many: the same picture from any number of nodes.
@@ -43,7 +44,7 @@ pub enum Command {
     Render(Box<RenderArgs>),
     /// Show adapter, memory, resident bricks, versions and state of nodes
     Nodes(NodesArgs),
-    /// Compare backends and node counts on one view
+    /// Compare backends and node counts, or accelerations, on one view
     Bench(Box<BenchArgs>),
     /// Print a completion script for a shell
     Completions {
@@ -80,6 +81,9 @@ pub struct PhantomArgs {
     pub pores: u32,
     #[arg(long, value_name = "S", default_value_t = 1)]
     pub seed: u64,
+    /// Standard deviation of the noise in material, percent of its grey value; 1 to 2 is a raw scan
+    #[arg(long, value_name = "PERCENT", default_value_t = brickcast_volume::phantom::DEFAULT_NOISE)]
+    pub noise: f64,
     /// Replace existing files
     #[arg(long)]
     pub force: bool,
@@ -339,6 +343,15 @@ pub struct BenchArgs {
     /// Timed frames per row; the median counts
     #[arg(long, default_value_t = 5)]
     pub repeat: u32,
+    /// A paper's table in place of backends and node counts: every acceleration on one view
+    #[arg(long, value_enum)]
+    pub table: Option<TableArg>,
+    /// Segmentation ranges of --table frey, shares of the volume's range; an input is prepared for each
+    #[arg(long, value_name = "W,...", value_delimiter = ',', default_values_t = [0.01, 0.03, 0.05, 0.07, 0.1, 0.2])]
+    pub ranges: Vec<f64>,
+    /// Which kernel renders a --table
+    #[arg(long, value_enum, default_value_t)]
+    pub backend: BackendArg,
     /// Node counts to compare
     #[arg(long, value_name = "N,...", value_delimiter = ',', default_values_t = [1_usize, 2, 4])]
     pub counts: Vec<usize>,

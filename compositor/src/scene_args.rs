@@ -127,7 +127,8 @@ impl SceneArgs {
 
     fn preset(&self, path: &Path, range: Option<[f64; 2]>, store: &Manifest) -> Result<Preset, Failure> {
         let file = path.display().to_string();
-        let text = std::fs::read_to_string(path).with_context(|| format!("transfer function {file}: cannot be read"))?;
+        let text =
+            std::fs::read_to_string(path).with_context(|| format!("transfer function {file}: cannot be read"))?;
         let default_opacities = default_opacities(store.otsu, store.quantile_999);
         let options = PresetOptions { rescale: range.map(|[lo, hi]| (lo, hi)), default_opacities };
         Ok(Preset::from_json(&file, &text, &options)?)

@@ -3,8 +3,8 @@
 //! No GPU, no network, no async. Everything here has validated values inside and parses at the door.
 
 pub mod brick;
-pub mod chord;
 pub mod camera;
+pub mod chord;
 pub mod format;
 pub mod ids;
 pub mod merge;

@@ -5,7 +5,7 @@ use brickcast_volume::store::Store;
 use comfy_table::Table;
 use serde_json::json;
 
-use super::{print, say};
+use super::{bench_table, print, say};
 use crate::cli::{BackendArg, BenchArgs};
 use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
 use crate::failure::Failure;
@@ -33,6 +33,9 @@ pub async fn run(args: BenchArgs, quiet: bool) -> Result<(), Failure> {
     }
     if args.counts.is_empty() || args.counts.iter().any(|n| !(1..=64).contains(n)) {
         return Err(Failure::usage(anyhow!("--counts: every count must lie between 1 and 64")));
+    }
+    if let Some(which) = args.table {
+        return bench_table::run(&args, which, quiet).await;
     }
     let budget = parse_size(&args.memory_budget).map_err(|e| Failure::usage(anyhow!(e)))?;
     let Source::Store(store) = args.prepare.open(&args.path, false)? else {

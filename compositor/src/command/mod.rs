@@ -1,6 +1,7 @@
 //! The commands. Arguments become a plan before anything opens.
 
 pub mod bench;
+pub mod bench_table;
 pub mod demo;
 pub mod dry_run;
 pub mod info;

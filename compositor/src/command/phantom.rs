@@ -10,7 +10,8 @@ use crate::progress::Bar;
 /// # Errors
 /// As [`write_phantom`].
 pub fn run(args: &PhantomArgs, quiet: bool) -> Result<(), Failure> {
-    let options = PhantomOptions { dims: args.dims, pores: args.pores, seed: args.seed, force: args.force };
+    let options =
+        PhantomOptions { dims: args.dims, pores: args.pores, seed: args.seed, noise: args.noise, force: args.force };
     let bar = Bar::new("phantom");
     let report = write_phantom(&args.out, &options, &mut |done, total| bar.at(done, total))?;
     bar.finish();

@@ -52,8 +52,7 @@ impl<'a> BrickChoice<'a> {
         let (linear, owned) = (manifest.grid.linear(index), manifest.grid.owned_box(index));
         let raw = self.store.brick_ranges().0.get(linear).copied().unwrap_or([0, u16::MAX]);
         let facts = self.store.brick_facts().and_then(|facts| facts.get(linear));
-        let tables =
-            SceneTables { main: &self.main, region: self.region.as_deref(), view: self.scene.region_view };
+        let tables = SceneTables { main: &self.main, region: self.region.as_deref(), view: self.scene.region_view };
         let drawn = drawn(self.scene, &tables, &manifest.geometry, &owned, raw, facts)?;
         let recipe = self.recipe(&drawn, facts.is_some_and(|f| f.has_regions));
         let brick = u32::try_from(linear).unwrap_or(u32::MAX);

@@ -28,6 +28,8 @@ pub use pores::Pore;
 pub const SPACING_MM: f64 = 0.1;
 /// Voxels per axis: below, the part's walls vanish; above, a plane no longer fits into a small machine.
 pub const DIMS_LIMITS: std::ops::RangeInclusive<u32> = 16..=8192;
+/// That of a filtered scan; 1 to 2 is a raw one.
+pub const DEFAULT_NOISE: f64 = 0.2;
 /// The most pores that may be asked for.
 pub const MAX_PORES: u32 = 100_000;
 
@@ -37,13 +39,15 @@ pub struct PhantomOptions {
     pub dims: [u32; 3],
     pub pores: u32,
     pub seed: u64,
+    /// Standard deviation of the noise in material, percent of its grey value, in 0..=20.
+    pub noise: f64,
     /// Replaces existing files.
     pub force: bool,
 }
 
 impl Default for PhantomOptions {
     fn default() -> Self {
-        Self { dims: [256; 3], pores: 40, seed: 1, force: false }
+        Self { dims: [256; 3], pores: 40, seed: 1, noise: DEFAULT_NOISE, force: false }
     }
 }
 
@@ -67,6 +71,8 @@ pub enum PhantomError {
     Geometry(#[from] GeometryError),
     #[error("{0} pores are more than the {MAX_PORES} that a phantom may have; ask for fewer")]
     TooManyPores(u32),
+    #[error("phantom noise {0} %: must lie between 0 and 20 (percent of the material's grey value)")]
+    Noise(f64),
     #[error(
         "only {placed} of {wanted} pores fit apart from each other into the material of a phantom of {dims:?} voxels; ask for \
          at most {placed} or larger dims"
@@ -97,6 +103,9 @@ pub fn write_phantom(
     if options.pores > MAX_PORES {
         return Err(PhantomError::TooManyPores(options.pores));
     }
+    if !(0.0..=20.0).contains(&options.noise) {
+        return Err(PhantomError::Noise(options.noise));
+    }
     if !out.extension().is_some_and(|e| e.eq_ignore_ascii_case("nrrd")) {
         return Err(PhantomError::Extension(out.into()));
     }
@@ -119,8 +128,9 @@ pub fn write_phantom(
         move |reason| PhantomError::Write { path, reason }
     };
     let mut volume = Unfinished::create(out).map_err(failed(out))?;
-    let bytes = write_volume(&mut volume, &geometry, options, Grey::new(part, &pores, options.seed), progress)
-        .map_err(failed(out))?;
+    let bytes =
+        write_volume(&mut volume, &geometry, options, Grey::new(part, &pores, options.seed, options.noise), progress)
+            .map_err(failed(out))?;
     let mut truth = Unfinished::create(&truth_path).map_err(failed(&truth_path))?;
     truth::write(&mut truth, out, &geometry, options, &pores).map_err(failed(&truth_path))?;
     truth.finish().map_err(failed(&truth_path))?;

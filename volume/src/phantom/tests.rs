@@ -8,7 +8,7 @@ use super::*;
 use crate::format::{self, RawHints};
 
 fn small() -> PhantomOptions {
-    PhantomOptions { dims: [72, 64, 68], pores: 6, seed: 9, force: false }
+    PhantomOptions { dims: [72, 64, 68], pores: 6, seed: 9, noise: 1.75, force: false }
 }
 
 fn voxels(path: &Path, dims: [u32; 3]) -> Vec<u16> {

@@ -21,6 +21,7 @@ struct Table {
     unit: &'static str,
     index_space: &'static str,
     seed: u64,
+    noise_percent: f64,
     pores: Vec<Row>,
 }
 
@@ -61,6 +62,7 @@ pub(super) fn write(
         unit: "mm",
         index_space: "voxel i covers [i, i + 1), its centre is i + 0.5; world = (index - 0.5) * spacing + origin",
         seed: options.seed,
+        noise_percent: options.noise,
         pores: pores.iter().enumerate().map(row).collect(),
     };
     serde_json::to_writer_pretty(&mut *out, &table).map_err(io::Error::other)?;
