@@ -23,7 +23,8 @@ pub(super) const INDEX_BYTES: usize = CHUNKS_PER_SHARD * 16 + 4;
 pub(super) const ABSENT: u64 = u64::MAX;
 pub(super) const ZSTD_LEVEL: i32 = 1;
 
-pub(super) const MANIFEST_FILE: &str = "brickcast.json";
+/// The file that makes a folder a finished store; the store's hash is of its bytes.
+pub const MANIFEST_FILE: &str = "brickcast.json";
 pub(super) const GROUP_FILE: &str = "zarr.json";
 pub(super) const ARRAY_FILE: &str = "0/zarr.json";
 pub(super) const RANGES_FILE: &str = "bricks.bin";
