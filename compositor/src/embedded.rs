@@ -83,9 +83,10 @@ impl EmbeddedNodes {
             return Err(EmbeddedError::Count(count));
         }
         let mut nodes = Self { addresses: Vec::new(), running: Vec::new() };
+        let cache = Node::chunk_cache(memory_budget);
         for _ in 0..count {
             let config = NodeConfig::new(DataRoot::Single(store.to_path_buf()), memory_budget);
-            let node = Arc::new(Node::new(config, Arc::clone(&kernel.0))?);
+            let node = Arc::new(Node::sharing(config, Arc::clone(&kernel.0), cache.share())?);
             let listener = TcpListener::bind(("127.0.0.1", 0)).await?;
             nodes.addresses.push(listener.local_addr()?);
             let (stop, stopped) = oneshot::channel::<()>();

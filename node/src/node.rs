@@ -60,8 +60,22 @@ impl Node {
     /// # Errors
     /// A data root that is not there.
     pub fn new(config: NodeConfig, raycaster: Arc<dyn Raycaster>) -> Result<Self, NodeError> {
+        let cache = Self::chunk_cache(config.memory_budget);
+        Self::sharing(config, raycaster, cache)
+    }
+
+    /// A cache of decoded inner chunks as a node of this budget has it.
+    #[must_use]
+    pub fn chunk_cache(memory_budget: u64) -> ChunkCache {
+        ChunkCache::new((memory_budget / 4).clamp(*CACHE_BYTES.start(), *CACHE_BYTES.end()))
+    }
+
+    /// A node whose `cache` is a handle that it shares with others of this process: none decodes what another has.
+    ///
+    /// # Errors
+    /// A data root that is not there.
+    pub fn sharing(config: NodeConfig, raycaster: Arc<dyn Raycaster>, cache: ChunkCache) -> Result<Self, NodeError> {
         let stores = Stores::new(&config.data)?;
-        let cache = ChunkCache::new((config.memory_budget / 4).clamp(*CACHE_BYTES.start(), *CACHE_BYTES.end()));
         Ok(Self {
             residency: Residency::new(config.memory_budget),
             config,

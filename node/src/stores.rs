@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use brickcast_proto::{StoreName, StoreQuery};
 use brickcast_volume::StoreHash;
-use brickcast_volume::store::{Manifest, Store};
+use brickcast_volume::store::{MANIFEST_FILE, Manifest, Store};
 
 use crate::config::DataRoot;
 use crate::error::NodeError;
@@ -18,8 +18,6 @@ const MAX_DEPTH: u32 = 4;
 const MAX_FOLDERS: usize = 100_000;
 /// A miss scans again, but not more often than this.
 const SCAN_INTERVAL: Duration = Duration::from_secs(1);
-/// The file that makes a folder a finished store; the store's hash is of its bytes.
-const MANIFEST_FILE: &str = "brickcast.json";
 /// Names listed in an error, at most.
 const LISTED: usize = 20;
 

@@ -18,8 +18,15 @@ const ENTRY_BYTES: u64 = 256;
 /// A bounded cache of decoded inner chunks, shared by all reads of a process.
 #[derive(Debug)]
 pub struct ChunkCache {
-    max_bytes: u64,
+    shared: Arc<Shared>,
+    /// By this handle.
     decoded_bytes: AtomicU64,
+}
+
+/// What all handles hold together.
+#[derive(Debug)]
+struct Shared {
+    max_bytes: u64,
     state: Mutex<State>,
 }
 
@@ -56,23 +63,26 @@ impl ChunkCache {
     /// Holds at most `max_bytes` of decoded chunks; those in use by a read may come on top.
     #[must_use]
     pub fn new(max_bytes: u64) -> Self {
-        Self { max_bytes, decoded_bytes: AtomicU64::new(0), state: Mutex::default() }
+        Self { shared: Arc::new(Shared { max_bytes, state: Mutex::default() }), decoded_bytes: AtomicU64::new(0) }
     }
 
-    /// Bytes of voxels decoded so far (misses only).
+    /// Another handle to the same chunks, with a count of its own: several nodes of one process share what they decode,
+    /// and each reports what it decoded itself.
+    #[must_use]
+    pub fn share(&self) -> Self {
+        Self { shared: self.shared.clone(), decoded_bytes: AtomicU64::new(0) }
+    }
+
+    /// Bytes of voxels decoded through this handle so far (misses only).
     #[must_use]
     pub fn decoded_bytes(&self) -> u64 {
         self.decoded_bytes.load(Ordering::Relaxed)
     }
 
-    /// Bytes held now.
+    /// Bytes held now, by all handles together.
     #[must_use]
     pub fn resident_bytes(&self) -> u64 {
-        self.lock().resident_bytes
-    }
-
-    fn lock(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        self.shared.lock().resident_bytes
     }
 
     /// The chunk from the cache, from the thread that decodes it just now, or from `load`.
@@ -84,7 +94,7 @@ impl ChunkCache {
     ) -> Result<Arc<Decoded>, StoreError> {
         let key = (store, chunk);
         loop {
-            let mut state = self.lock();
+            let mut state = self.shared.lock();
             let flight = match state.slots.get(&key) {
                 Some(Slot::Ready { .. }) => {
                     if let Some(chunk) = state.touch(key) {
@@ -97,7 +107,7 @@ impl ChunkCache {
                     let flight = Arc::new(Flight::default());
                     state.slots.insert(key, Slot::Loading(flight.clone()));
                     drop(state);
-                    let mut landing = Landing { cache: self, key, flight, chunk: None };
+                    let mut landing = Landing { cache: &self.shared, key, flight, chunk: None };
                     let chunk = Arc::new(load()?);
                     let bytes = chunk.as_ref().as_ref().map_or(0, Vec::len) as u64;
                     self.decoded_bytes.fetch_add(bytes, Ordering::Relaxed);
@@ -110,6 +120,12 @@ impl ChunkCache {
                 return Ok(chunk);
             }
         }
+    }
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -128,7 +144,7 @@ impl Flight {
 
 /// Ends a flight when dropped, with a chunk or without: on return, error and unwinding alike.
 struct Landing<'a> {
-    cache: &'a ChunkCache,
+    cache: &'a Shared,
     key: Key,
     flight: Arc<Flight>,
     chunk: Option<Arc<Decoded>>,
@@ -205,6 +221,17 @@ mod tests {
         // Chunks without voxels are bounded as well.
         (0..1000).for_each(|x| drop(cache.get(STORE, at(x), || Ok(None)).unwrap()));
         assert!(cache.resident_bytes() <= 2 * (1000 + ENTRY_BYTES));
+    }
+
+    #[test]
+    fn handles_share_chunks_and_count_for_themselves() {
+        let one = ChunkCache::new(1 << 20);
+        let two = one.share();
+        one.get(STORE, at(0), || Ok(Some(vec![0; 1000]))).unwrap();
+        two.get(STORE, at(0), || panic!("the other handle has it")).unwrap();
+        two.get(STORE, at(1), || Ok(Some(vec![0; 10]))).unwrap();
+        assert_eq!((one.decoded_bytes(), two.decoded_bytes()), (1000, 10));
+        assert_eq!(one.resident_bytes(), two.resident_bytes());
     }
 
     #[test]

@@ -30,7 +30,7 @@ pub use error::{ChunkFault, IndexFault, ManifestError, RangesError, StoreError};
 pub use hash::ContentHash;
 pub use manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
 pub use prepare::{Phase, PrepareOptions, PrepareSummary, Progress, prepare, survey};
-pub use profile::{CHUNK_EDGE, InnerChunk, MAX_SHARDS, SHARD_EDGE, ShardIndex};
+pub use profile::{CHUNK_EDGE, InnerChunk, MANIFEST_FILE, MAX_SHARDS, SHARD_EDGE, ShardIndex};
 pub use read::{BrickVoxels, MAX_GHOST, Store};
 pub use value_map::ValueMap;
 pub use voxel::StoredType;

@@ -1,4 +1,4 @@
-//! From an input volume to a store, in one pass (two for 32-bit voxels), holding 32 planes at a time.
+//! From an input volume to a store, in one pass (two for 32-bit voxels), holding a layer of inner chunks at a time.
 
 use std::fs::{self, File};
 use std::io::Write;
@@ -77,7 +77,7 @@ pub struct PrepareSummary {
 
 /// Makes the store `out` of an input that stands at its first plane. The same input and options give the same bytes.
 ///
-/// Memory: 32 planes in the stored type, one plane of the input, and 8 KiB per shard of one z-row.
+/// Memory: 16 planes in the stored type, one plane of the input, and 64 KiB per shard of one z-row.
 ///
 /// # Errors
 /// An input that cannot be read, a target that exists or is no store, options that do not fit, a failing disk. Nothing is

@@ -8,8 +8,9 @@ use super::StoreError;
 
 /// Voxels per edge of a shard: one file.
 pub const SHARD_EDGE: u32 = 256;
-/// Voxels per edge of an inner chunk: the unit of compression, checksum and decoding.
-pub const CHUNK_EDGE: u32 = 32;
+/// Voxels per edge of an inner chunk: the unit of compression, checksum and decoding. A ghost layer of one voxel costs a
+/// layer of whole chunks: docs/store-format.md has the figures that chose it.
+pub const CHUNK_EDGE: u32 = 16;
 /// Voxels of an inner chunk; those at the volume's high edges are padded with the fill value 0.
 pub(super) const CHUNK_VOXELS: usize = (CHUNK_EDGE as usize).pow(3);
 /// The most shards that a store may have: keeps the shard table under 40 MiB.
@@ -23,7 +24,8 @@ pub(super) const INDEX_BYTES: usize = CHUNKS_PER_SHARD * 16 + 4;
 pub(super) const ABSENT: u64 = u64::MAX;
 pub(super) const ZSTD_LEVEL: i32 = 1;
 
-pub(super) const MANIFEST_FILE: &str = "brickcast.json";
+/// The file that makes a folder a finished store; the store's hash is of its bytes.
+pub const MANIFEST_FILE: &str = "brickcast.json";
 pub(super) const GROUP_FILE: &str = "zarr.json";
 pub(super) const ARRAY_FILE: &str = "0/zarr.json";
 pub(super) const RANGES_FILE: &str = "bricks.bin";
@@ -138,9 +140,9 @@ mod tests {
 
     #[test]
     fn slots_and_shards_are_inverse_and_z_is_slowest() {
-        let chunk = InnerChunk([9, 18, 31]);
+        let chunk = InnerChunk([17, 34, 63]);
         assert_eq!(chunk.shard(), ShardIndex([1, 2, 3]));
-        assert_eq!(chunk.slot(), 1 + 8 * (2 + 8 * 7));
+        assert_eq!(chunk.slot(), 1 + 16 * (2 + 16 * 15));
         assert_eq!(InnerChunk::at(chunk.shard(), chunk.slot()), chunk);
         assert_eq!(chunk.shard().key(), "0/c/3/2/1");
         let grid = ShardGrid::new(UVec3::new(257, 513, 1025)).unwrap();

@@ -12,7 +12,7 @@ use super::hash::ContentHash;
 use super::profile::{ABSENT, CHUNK_VOXELS, INDEX_BYTES, InnerChunk, ShardGrid, ShardIndex};
 use super::shard_table::ShardRecord;
 
-/// Shards of one store that are open at once: a file and 8 KiB of index each.
+/// Shards of one store that are open at once: a file and 64 KiB of index each.
 const MAX_OPEN: usize = 32;
 
 /// The shards of a store.

@@ -64,12 +64,13 @@ mod tests {
     fn the_table_survives_its_bytes_and_lengths_are_bounded() {
         let grid = ShardGrid::new(UVec3::new(300, 10, 10)).unwrap();
         let record = |bytes| ShardRecord { bytes, hash: ContentHash(1 << 100), index_hash: ContentHash(77) };
-        let table = [record(9000), record(8196)];
+        let table = [record(70_000), record(INDEX_BYTES as u64)];
         let bytes = to_bytes(&table);
         assert_eq!(bytes.len() as u64, table_bytes(&grid));
         assert_eq!(from_bytes(&grid, &bytes, 100).unwrap(), table);
-        for bad in [0, 8195, 8196 + 512 * 100 + 1, u64::MAX] {
-            let bytes = to_bytes(&[record(9000), record(bad)]);
+        let index = INDEX_BYTES as u64;
+        for bad in [0, index - 1, index + CHUNKS_PER_SHARD as u64 * 100 + 1, u64::MAX] {
+            let bytes = to_bytes(&[record(70_000), record(bad)]);
             assert!(matches!(from_bytes(&grid, &bytes, 100), Err(StoreError::ShardTable { .. })), "{bad}");
         }
     }

@@ -8,6 +8,9 @@ use brickcast_volume::store::{ChunkCache, ChunkFault, IndexFault, PrepareOptions
 
 use crate::support::{files_of, noisy};
 
+/// Offset and length of each of the 16^3 inner chunks of a shard, and a crc32c.
+const INDEX_BYTES: usize = 16 * 4096 + 4;
+
 /// A store of two shards, the first with absent inner chunks.
 fn store_in(dir: &Path) -> PathBuf {
     let path = dir.join("s");
@@ -48,7 +51,9 @@ fn a_flipped_bit_anywhere_is_found() {
                 StoreError::Chunk { start, end, fault: ChunkFault::Crc { .. }, .. } => {
                     assert!(is_shard && (start..end).contains(&(at as u64)), "{file:?} byte {at}");
                 }
-                StoreError::ShardIndex { .. } => assert!(is_shard && at >= good.len() - 8196, "{file:?} byte {at}"),
+                StoreError::ShardIndex { .. } => {
+                    assert!(is_shard && at >= good.len() - INDEX_BYTES, "{file:?} byte {at}")
+                }
                 _ => assert!(!is_shard, "{file:?} byte {at}: {error}"),
             }
         }
@@ -66,7 +71,7 @@ fn the_error_names_shard_chunk_and_bytes() {
     bytes[10] ^= 4;
     fs::write(&shard, bytes).unwrap();
     let text = read_all(&path).unwrap_err().to_string();
-    for part in ["shard 0/c/0/0/1", "inner chunk (8, 0, 0)", "bytes 0..", "crc32c", "prepare it again"] {
+    for part in ["shard 0/c/0/0/1", "inner chunk (16, 0, 0)", "bytes 0..", "crc32c", "prepare it again"] {
         assert!(text.contains(part), "{text}");
     }
     let verify = Store::open(&path).unwrap().verify(&mut |_| {}).unwrap_err().to_string();
@@ -80,7 +85,7 @@ fn cut_grown_missing_and_forged_shards_are_named() {
     let second = path.join("0/c/0/0/1");
     let good = fs::read(&second).unwrap();
     let index = ShardIndex([1, 0, 0]);
-    for length in [0, 1, 8195, good.len() - 1] {
+    for length in [0, 1, INDEX_BYTES - 1, good.len() - 1] {
         fs::write(&second, &good[..length]).unwrap();
         let error = Store::open(&path).unwrap_err();
         let (want, got) = (good.len() as u64, length as u64);
@@ -100,7 +105,7 @@ fn cut_grown_missing_and_forged_shards_are_named() {
 
     // An index whose own checksum is right, but that leads to other chunks.
     let mut forged = good.clone();
-    let start = forged.len() - 8196;
+    let start = forged.len() - INDEX_BYTES;
     forged[start..].rotate_left(16);
     let end = forged.len();
     let crc = crc32c::crc32c(&forged[start..end - 4]).to_le_bytes();
@@ -135,7 +140,7 @@ fn what_is_no_finished_store_is_refused() {
     let path = store_in(dir.path());
     let manifest = fs::read_to_string(path.join("brickcast.json")).unwrap();
     let changed = [
-        ("\"version\": 1", "\"version\": 2", "this brickcast knows 1"),
+        ("\"version\": 2", "\"version\": 1", "this brickcast knows 2"),
         ("brickcast-store", "someone-elses", "is not a brickcast store's"),
         ("\"brick_size\": 32", "\"brick_size\": 33", "power of two"),
         ("\"uint8\"", "\"uint9\"", "uint9"),

@@ -108,7 +108,7 @@ fn whole_numbers_in_wide_types_survive_exactly() {
 }
 
 /// Neighbours' voxels come through the cache, so ghost layers must not multiply the decoding. The cache holds five layers
-/// of inner chunks, of the sixteen that the volume has.
+/// of inner chunks, of the 32 that the volume has.
 #[test]
 fn decoded_bytes_stay_near_owned_bytes() {
     let volume = noisy([128, 128, 512], VoxelType::U8);
@@ -117,7 +117,7 @@ fn decoded_bytes_stay_near_owned_bytes() {
         let path = dir.path().join(brick_size.to_string());
         volume.prepare(&path, &bricks(brick_size)).unwrap();
         let store = Store::open(&path).unwrap();
-        let layer = (128 * 128 * 32) + 16 * 256;
+        let layer = (128 * 128 * 16) + 64 * 256;
         let cache = ChunkCache::new(5 * layer);
         for brick in store.manifest().grid.bricks() {
             store.read_brick(brick, ghost, &cache).unwrap();
