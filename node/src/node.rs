@@ -20,7 +20,8 @@ use tokio::task::JoinError;
 use crate::config::NodeConfig;
 use crate::error::NodeError;
 use crate::meter::{FrameMeter, LoadMeter, peak_resident_set};
-use crate::raycaster::Raycaster;
+use crate::raycaster::{Features, Raycaster};
+use crate::recipe::Recipe;
 use crate::render::{TableCache, Workshop, load_bricks, render_frame};
 use crate::residency::{BrickKey, Residency, Wanted};
 use crate::stores::{OpenStore, Stores};
@@ -235,7 +236,7 @@ impl Node {
                 return Err(NodeError::NoSuchBrick { brick, last: grid.brick_count().saturating_sub(1) });
             }
             let stored = grid.owned_box(grid.brick_at(brick as usize)).stored(GHOST_SAMPLED);
-            let size = self.raycaster.brick_bytes(stored.voxel_count());
+            let size = self.raycaster.brick_bytes(stored.voxel_count(), Recipe::default());
             bytes = bytes.saturating_add(size);
             if bytes <= self.config.memory_budget {
                 let key = BrickKey { store: request.store, brick, ghost: GHOST_SAMPLED };
@@ -245,7 +246,7 @@ impl Node {
         let mut load = LoadMeter::default();
         load.add(
             self.in_turn(move |node| {
-                node.raycaster.warm_up(request.filter)?;
+                node.raycaster.warm_up(request.filter, Features::PLAIN)?;
                 Ok(LoadMeter::default())
             })
             .await?,

@@ -6,6 +6,7 @@ pub mod brick;
 pub mod camera;
 pub mod format;
 pub mod ids;
+pub mod macrocell;
 pub mod merge;
 pub mod phantom;
 pub mod premul;

@@ -12,7 +12,7 @@ use super::plan::{FramePlan, Unit};
 use super::{MAX_BATCH_BYTES, Workshop};
 use crate::error::NodeError;
 use crate::meter::{FrameMeter, LoadMeter};
-use crate::raycaster::{Job, JobImage, Raycaster, ResidentBrick};
+use crate::raycaster::{BrickInput, Job, JobImage, Raycaster, ResidentBrick};
 use crate::residency::{BrickKey, Lease, Load, Wanted};
 use crate::stores::OpenStore;
 
@@ -70,8 +70,8 @@ impl<'a> Batches<'a> {
             .collect();
         let images = self.workshop.raycaster.render(&self.plan.scene, &jobs)?;
         for (unit, image) in units.iter().zip(&images) {
-            for (position, samples) in unit.bricks.iter().zip(&image.samples) {
-                meter.rendered(key(position).brick, *samples);
+            for (position, counts) in unit.bricks.iter().zip(&image.counts) {
+                meter.rendered(key(position).brick, counts.samples);
             }
         }
         self.finished = images.into();
@@ -144,5 +144,5 @@ fn load_brick(
         .store
         .read_brick(index, key.ghost, cache)
         .map_err(|source| NodeError::Store { name: store.name.clone(), source })?;
-    Ok(raycaster.upload(grid.owned_box(index), &voxels)?)
+    Ok(raycaster.upload(grid.owned_box(index), &BrickInput::plain(&voxels))?)
 }

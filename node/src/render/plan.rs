@@ -12,6 +12,7 @@ use glam::UVec2;
 use super::{MAX_BAND_PIXELS, Workshop};
 use crate::error::NodeError;
 use crate::raycaster::KernelScene;
+use crate::recipe::Recipe;
 use crate::residency::{BrickKey, Wanted};
 
 /// A frame cut into pieces and units.
@@ -82,7 +83,7 @@ impl FramePlan {
         let mut plan = Self {
             tree,
             from: view.viewpoint(),
-            scene: KernelScene { view, table, early_termination: scene.early_termination, filter: scene.filter },
+            scene: KernelScene::plain(view, table, scene.early_termination, scene.filter),
             bricks: Vec::new(),
             pieces: Vec::new(),
             units: Vec::new(),
@@ -183,7 +184,7 @@ impl FramePlan {
             if rect.is_empty() {
                 continue;
             }
-            let bytes = workshop.raycaster.brick_bytes(owned.stored(GHOST_SAMPLED).voxel_count());
+            let bytes = workshop.raycaster.brick_bytes(owned.stored(GHOST_SAMPLED).voxel_count(), Recipe::default());
             if bytes > budget {
                 return Err(NodeError::BrickTooLarge { brick: index, bytes, budget });
             }

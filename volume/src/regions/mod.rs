@@ -4,8 +4,10 @@
 //! the flattened volume V', in which each voxel of a region has the region's mean and every other voxel its own value.
 //! V' is fixed when the store is made; bricks, nodes, steps and entry points change nothing of it.
 
+mod classify;
 pub mod code;
 mod table;
 
+pub use classify::{Classified, ClassifyError, classify};
 pub use code::{Density, density_of_code, guard_width};
 pub use table::{BrickFacts, BrickRegions, NO_REGION, Region, RegionTable};
