@@ -7,6 +7,7 @@ use std::sync::Arc;
 use brickcast_node::config::parse_bytes;
 use brickcast_node::gpu::GpuError;
 use brickcast_node::raycaster::{self, BackendChoice, Raycaster};
+use brickcast_node::recipe::Recipe;
 use brickcast_node::{DataRoot, Node, NodeConfig, NodeError, serve};
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
@@ -54,7 +55,7 @@ impl Kernel {
     /// Bytes that a brick with `stored_voxels` voxels takes.
     #[must_use]
     pub fn brick_bytes(&self, stored_voxels: u64) -> u64 {
-        self.0.brick_bytes(stored_voxels)
+        self.0.brick_bytes(stored_voxels, Recipe::default())
     }
 }
 

@@ -391,6 +391,6 @@ fn facts(description: &StoreDescription) -> StoreFacts {
         hash: description.hash,
         manifest: description.manifest.clone(),
         ranges: description.ranges.clone(),
-        facts: description.facts.clone(),
+        facts: description.facts.as_ref().map(|table| table.0.clone()),
     }
 }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
-use brickcast_node::raycaster::{BackendChoice, Job, KernelScene, Raycaster, open};
+use brickcast_node::raycaster::{BackendChoice, BrickInput, Job, KernelScene, Raycaster, open};
 use brickcast_volume::merge::sort_front_to_back;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::store::BrickVoxels;
@@ -49,14 +49,14 @@ fn measure(raycaster: &dyn Raycaster, filter: Filter, brick_size: u32, frames: u
     let opacities = vec![OpacityPoint { x: 0.0, opacity: 0.001 }, OpacityPoint { x: 1.0, opacity: 0.02 }];
     let function = TransferFunction::new(colors, opacities)?;
     let table = Arc::new(TransferTable::build(&function, (0.0, 1.0), 1.0));
-    let scene = KernelScene { view, table, early_termination: 1.0, filter };
+    let scene = KernelScene::plain(view, table, 1.0, filter);
 
     let grid = BrickGrid::new(UVec3::splat(EDGE), brick_size)?;
     let mut order: Vec<_> = grid.bricks().collect();
     sort_front_to_back(&mut order, brick_size, view.viewpoint());
     let bricks = order
         .into_iter()
-        .map(|b| raycaster.upload(grid.owned_box(b), &cut(grid.owned_box(b).stored(1))))
+        .map(|b| raycaster.upload(grid.owned_box(b), &BrickInput::plain(&cut(grid.owned_box(b).stored(1)))))
         .collect::<Result<Vec<_>, _>>()?;
     let jobs = [Job { bricks, rect: view.size().full_rect() }];
     raycaster.render(&scene, &jobs)?;
@@ -64,7 +64,7 @@ fn measure(raycaster: &dyn Raycaster, filter: Filter, brick_size: u32, frames: u
     let (cpu, wall) = (cpu_seconds(), Instant::now());
     let mut samples = 0;
     for _ in 0..frames {
-        samples += raycaster.render(&scene, &jobs)?.iter().flat_map(|i| &i.samples).sum::<u64>();
+        samples += raycaster.render(&scene, &jobs)?.iter().map(|i| i.total().samples).sum::<u64>();
     }
     let millions = samples as f64 / 1e6;
     let wall = wall.elapsed().as_secs_f64();

@@ -1,46 +1,141 @@
 //! The raycaster on the processor: the kernel's CPU twin over screen tiles.
 
 use std::any::Any;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
-use brickcast_shaders::layout::{BrickUniform, FrameUniform};
+use brickcast_shaders::layout::{BrickUniform, FrameUniform, MAP_EMPTY, MAP_HOMOGENEOUS};
+use brickcast_shaders::twin::accelerated::{BrickData, RayCounts, Tables, Unwatched, accelerated_ray};
+use brickcast_shaders::twin::macrocell::empty_distances;
 use brickcast_shaders::twin::raycast::{Ray, pixel_ray, raycast_ray};
 use brickcast_volume::brick::OwnedBox;
+use brickcast_volume::regions::Density;
 use brickcast_volume::scene::Filter;
-use brickcast_volume::store::BrickVoxels;
 use brickcast_volume::{PixelRect, Premul};
 use glam::UVec2;
 use rayon::prelude::*;
 
+use crate::emptiness::{Emptiness, EmptinessCache};
 use crate::raycaster::{
-    BackendInfo, Job, JobImage, KernelScene, RaycastError, Raycaster, ResidentBrick, check_brick, check_jobs,
-    new_pixels,
+    BackendInfo, BrickCounts, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, ResidentBrick,
+    check_jobs, new_pixels,
 };
+use crate::recipe::Recipe;
+use crate::texels::{PreparedBrick, PreparedCells, expected_bytes};
 
 /// Tile edge in pixels: small enough that threads stay busy to the end, large enough that a brick's voxels are reused.
 const TILE: usize = 32;
+
+/// Bytes of a macrocell: its range and its texel of the map.
+const CELL_BYTES: u64 = 8;
 
 /// Renders with rayon's global pool. Every pixel is computed alone, so pictures do not depend on the number of threads.
 #[derive(Debug)]
 pub struct CpuRaycaster {
     info: BackendInfo,
+    emptiness: EmptinessCache,
 }
 
 #[derive(Debug)]
 struct CpuBrick {
     owned: OwnedBox,
     uniform: BrickUniform,
-    codes: Vec<u16>,
+    texels: Vec<u16>,
+    means: Option<Vec<f32>>,
+    cells: Option<PreparedCells>,
+    flags: Vec<u8>,
+    /// The macrocell map and what it was built for.
+    map: Mutex<Option<(Option<Arc<Emptiness>>, Arc<Vec<u32>>)>>,
+    bytes: u64,
 }
 
 impl ResidentBrick for CpuBrick {
     fn bytes(&self) -> u64 {
-        (self.codes.len() * size_of::<u16>()) as u64
+        self.bytes
     }
 
     fn as_any(&self) -> &dyn Any {
         self
     }
+}
+
+impl CpuBrick {
+    /// Keeps what was prepared.
+    fn new(owned: OwnedBox, prepared: PreparedBrick<'_>) -> Result<Self, RaycastError> {
+        let bytes = prepared.bytes(size_of::<u16>() as u64, CELL_BYTES);
+        let texels = match prepared.texels {
+            std::borrow::Cow::Owned(texels) => texels,
+            std::borrow::Cow::Borrowed(codes) => {
+                let mut texels = Vec::new();
+                if texels.try_reserve_exact(codes.len()).is_err() {
+                    return Err(RaycastError::OutOfMemory { what: "a brick", bytes });
+                }
+                texels.extend_from_slice(codes);
+                texels
+            }
+        };
+        let (uniform, means, cells) = (prepared.uniform, prepared.means, prepared.cells);
+        let flags = prepared.flags.unwrap_or_default();
+        Ok(Self { owned, uniform, texels, means, cells, flags, map: Mutex::default(), bytes })
+    }
+
+    /// The map for `emptiness`, built anew where it is another than the last one.
+    fn map(&self, emptiness: Option<&Arc<Emptiness>>) -> Option<Arc<Vec<u32>>> {
+        let PreparedCells { cells, homogeneous } = self.cells.as_ref()?;
+        if emptiness.is_none() && homogeneous.is_none() {
+            return None;
+        }
+        let mut map = self.map.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*map {
+            Some((known, built)) if known.as_ref().map(Arc::as_ptr) == emptiness.map(Arc::as_ptr) => {
+                return Some(built.clone());
+            }
+            _ => {}
+        }
+        let mut texels = homogeneous.clone().unwrap_or_else(|| vec![0; cells.ranges.len()]);
+        if let Some(emptiness) = emptiness {
+            let distances = empty_distances(&emptiness.counts, &cells.ranges, cells.dims.into());
+            texels.iter_mut().zip(distances).for_each(|(texel, distance)| *texel |= u32::from(distance));
+        }
+        let texels = Arc::new(texels);
+        *map = Some((emptiness.cloned(), texels.clone()));
+        Some(texels)
+    }
+}
+
+/// A brick in a job: where it shows, and what it needs for this scene.
+struct PlacedBrick<'a> {
+    brick: &'a CpuBrick,
+    projected: PixelRect,
+    uniform: BrickUniform,
+    map: Option<Arc<Vec<u32>>>,
+    /// Nothing but samples: the plain loop does it.
+    is_plain: bool,
+}
+
+impl<'a> PlacedBrick<'a> {
+    fn new(brick: &'a CpuBrick, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> Self {
+        let map = brick.map(emptiness);
+        let mut uniform = brick.uniform;
+        uniform.map_mask = map_mask(emptiness.is_some(), brick.cells.as_ref());
+        let is_plain = brick.means.is_none() && map.is_none() && !scene.tells_regions_apart();
+        Self { brick, projected: scene.view.project(&brick.owned), uniform, map, is_plain }
+    }
+
+    fn data(&self) -> BrickData<'_> {
+        let dims = |cells: &PreparedCells| cells.cells.dims.into();
+        BrickData {
+            texels: &self.brick.texels,
+            means: self.brick.means.as_deref(),
+            map: self.map.as_ref().zip(self.brick.cells.as_ref()).map(|(map, cells)| (map.as_slice(), dims(cells))),
+            flags: &self.brick.flags,
+        }
+    }
+}
+
+/// Which bits of a brick's map count.
+pub(crate) fn map_mask(skips: bool, cells: Option<&PreparedCells>) -> u32 {
+    let leaps = cells.is_some_and(|c| c.homogeneous.is_some());
+    (if skips { MAP_EMPTY } else { 0 }) | (if leaps { MAP_HOMOGENEOUS } else { 0 })
 }
 
 /// A screen tile: its rows borrow from the job's accumulator.
@@ -54,7 +149,8 @@ impl CpuRaycaster {
     pub fn new() -> Self {
         let threads = rayon::current_num_threads() as u32;
         let adapter = format!("CPU ({}), {threads} threads", std::env::consts::ARCH);
-        Self { info: BackendInfo { backend: "cpu", adapter, notes: Vec::new(), threads } }
+        let info = BackendInfo { backend: "cpu", adapter, notes: Vec::new(), threads };
+        Self { info, emptiness: EmptinessCache::default() }
     }
 
     /// With a note that says why the CPU renders.
@@ -77,51 +173,54 @@ impl Raycaster for CpuRaycaster {
         &self.info
     }
 
-    fn brick_bytes(&self, stored_voxels: u64) -> u64 {
-        stored_voxels * size_of::<u16>() as u64
+    fn brick_bytes(&self, stored_voxels: u64, recipe: Recipe) -> u64 {
+        expected_bytes(stored_voxels, recipe, size_of::<u16>() as u64, CELL_BYTES)
     }
 
-    fn upload(&self, owned: OwnedBox, voxels: &BrickVoxels) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
-        check_brick(&owned, voxels)?;
-        let mut codes = Vec::new();
-        if codes.try_reserve_exact(voxels.codes.len()).is_err() {
-            let bytes = self.brick_bytes(voxels.codes.len() as u64);
-            return Err(RaycastError::OutOfMemory { what: "a brick", bytes });
-        }
-        codes.extend_from_slice(&voxels.codes);
-        Ok(Arc::new(CpuBrick { owned, uniform: BrickUniform::of_boxes(&owned, &voxels.stored), codes }))
+    fn upload(&self, owned: OwnedBox, input: &BrickInput<'_>) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
+        Ok(Arc::new(CpuBrick::new(owned, PreparedBrick::new(&owned, input)?)?))
     }
 
-    fn warm_up(&self, _filter: Filter) -> Result<(), RaycastError> {
+    fn upload_uniform(&self, owned: OwnedBox, mean: Density) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
+        Ok(Arc::new(CpuBrick::new(owned, PreparedBrick::uniform(&owned, mean))?))
+    }
+
+    fn warm_up(&self, _filter: Filter, _features: Features) -> Result<(), RaycastError> {
         Ok(())
     }
 
     fn render(&self, scene: &KernelScene, jobs: &[Job]) -> Result<Vec<JobImage>, RaycastError> {
         check_jobs(scene, jobs, u32::MAX)?;
-        let frame = FrameUniform::new(&scene.view.kernel(), &scene.table, scene.early_termination);
-        jobs.par_iter().map(|job| render_job(scene, &frame, job)).collect()
+        let frame = FrameUniform::new(&scene.view.kernel(), &scene.table, scene.early_termination)
+            .with_regions(scene.region_view, scene.region_table.as_deref());
+        let emptiness = self.emptiness.get(scene);
+        jobs.par_iter().map(|job| render_job(scene, &frame, emptiness.as_ref(), job)).collect()
     }
 }
 
-fn render_job(scene: &KernelScene, frame: &FrameUniform, job: &Job) -> Result<JobImage, RaycastError> {
-    let bricks: Vec<(&CpuBrick, PixelRect)> = job
+fn render_job(
+    scene: &KernelScene,
+    frame: &FrameUniform,
+    emptiness: Option<&Arc<Emptiness>>,
+    job: &Job,
+) -> Result<JobImage, RaycastError> {
+    let bricks: Vec<PlacedBrick<'_>> = job
         .bricks
-        .iter()
-        .map(|b| b.as_any().downcast_ref::<CpuBrick>().map(|b| (b, scene.view.project(&b.owned))))
+        .par_iter()
+        .map(|b| b.as_any().downcast_ref::<CpuBrick>().map(|b| PlacedBrick::new(b, scene, emptiness)))
         .collect::<Option<_>>()
         .ok_or(RaycastError::ForeignBrick { backend: "cpu" })?;
+    let tables = Tables { table: &scene.table.entries, region: scene.region_table.as_ref().map(|t| &t.entries[..]) };
     let mut pixels = new_pixels(&job.rect)?;
-    let samples = tiles_of(&job.rect, &mut pixels)
-        .into_par_iter()
-        .map(|tile| render_tile(frame, &scene.table.entries, &bricks, tile))
-        .reduce(
-            || vec![0; bricks.len()],
+    let counts =
+        tiles_of(&job.rect, &mut pixels).into_par_iter().map(|tile| render_tile(frame, &tables, &bricks, tile)).reduce(
+            || vec![BrickCounts::default(); bricks.len()],
             |mut a, b| {
-                a.iter_mut().zip(b).for_each(|(a, b)| *a += b);
+                a.iter_mut().zip(b).for_each(|(a, b)| *a = a.plus(b));
                 a
             },
         );
-    Ok(JobImage { rect: job.rect, pixels, samples })
+    Ok(JobImage { rect: job.rect, pixels, counts })
 }
 
 /// Cuts a row-major accumulator into tiles.
@@ -148,32 +247,39 @@ fn tiles_of<'a>(rect: &PixelRect, pixels: &'a mut [Premul]) -> Vec<Tile<'a>> {
     tiles
 }
 
-/// All bricks front to back into one tile; returns the samples of each.
+/// All bricks front to back into one tile; returns what each took.
 fn render_tile(
     frame: &FrameUniform,
-    table: &[[f32; 4]],
-    bricks: &[(&CpuBrick, PixelRect)],
+    tables: &Tables<'_>,
+    bricks: &[PlacedBrick<'_>],
     mut tile: Tile<'_>,
-) -> Vec<u64> {
+) -> Vec<BrickCounts> {
     let lo = tile.rect.lo;
     let width = tile.rect.size().x;
     let rays: Vec<Ray> =
         (lo.y..tile.rect.hi.y).flat_map(|y| (lo.x..tile.rect.hi.x).map(move |x| pixel_ray(frame, x, y))).collect();
-    let mut samples = vec![0; bricks.len()];
-    for ((brick, projected), samples) in bricks.iter().zip(&mut samples) {
-        let touched = tile.rect.intersect(projected);
+    let mut counts = vec![BrickCounts::default(); bricks.len()];
+    for (brick, counts) in bricks.iter().zip(&mut counts) {
+        let touched = tile.rect.intersect(&brick.projected);
         if touched.is_empty() {
             continue;
         }
+        let data = brick.data();
         let mut finished = true;
         for y in touched.lo.y - lo.y..touched.hi.y - lo.y {
             let row = &mut tile.rows[y as usize];
             for x in touched.lo.x - lo.x..touched.hi.x - lo.x {
                 let pixel = &mut row[x as usize];
                 let ray = &rays[(y * width + x) as usize];
-                let (sum, count) = raycast_ray(frame, &brick.uniform, &brick.codes, table, ray, *pixel);
+                let (sum, took) = if brick.is_plain {
+                    let (sum, n) = raycast_ray(frame, &brick.uniform, data.texels, tables.table, ray, *pixel);
+                    (sum, RayCounts { samples: n, positions: n, leapt: 0 })
+                } else {
+                    accelerated_ray(frame, &brick.uniform, &data, tables, ray, *pixel, &mut Unwatched)
+                };
                 *pixel = sum;
-                *samples += u64::from(count);
+                let [samples, positions, leapt] = [took.samples, took.positions, took.leapt].map(u64::from);
+                *counts = counts.plus(BrickCounts { samples, positions, leapt });
                 finished &= sum.a >= frame.stop_alpha;
             }
         }
@@ -182,5 +288,5 @@ fn render_tile(
             break;
         }
     }
-    samples
+    counts
 }

@@ -2,6 +2,7 @@
 
 pub mod config;
 pub mod cpu;
+mod emptiness;
 pub mod error;
 pub mod gpu;
 pub mod meter;
@@ -15,6 +16,7 @@ mod service;
 pub mod stores;
 #[cfg(test)]
 mod testing;
+mod texels;
 
 pub use config::{DataRoot, NodeConfig};
 pub use error::NodeError;

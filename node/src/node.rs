@@ -2,6 +2,7 @@
 //!
 //! Stateless towards orders: a frame is exactly what its order says, and nothing of it stays but resident bricks.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -10,7 +11,7 @@ use brickcast_proto::{
     FramePart, NodeDescription, NodeState, PROTOCOL_VERSION, Part, PrepareReceipt, PrepareRequest, RenderOrder,
     StoreDescription, StoreQuery,
 };
-use brickcast_volume::store::ChunkCache;
+use brickcast_volume::store::{BrickFactsTable, ChunkCache};
 use bytes::Bytes;
 use tokio::runtime::Handle;
 use tokio::sync::{Semaphore, mpsc};
@@ -19,7 +20,7 @@ use tokio::task::JoinError;
 use crate::config::NodeConfig;
 use crate::error::NodeError;
 use crate::meter::{FrameMeter, LoadMeter, peak_resident_set};
-use crate::raycaster::Raycaster;
+use crate::raycaster::{Features, Raycaster};
 use crate::render::{BrickChoice, TableCache, Workshop, load_bricks, render_frame};
 use crate::residency::Residency;
 use crate::stores::{OpenStore, Stores};
@@ -203,7 +204,7 @@ impl Node {
             manifest: open.store.manifest().clone(),
             manifest_bytes: Bytes::copy_from_slice(open.store.manifest_bytes()),
             ranges: open.store.brick_ranges().clone(),
-            facts: open.store.brick_facts().map(<[_]>::to_vec),
+            facts: open.store.brick_facts().map(|facts| BrickFactsTable(facts.to_vec())),
         })
     }
 
@@ -256,10 +257,13 @@ impl Node {
                 wanted.push(chosen.wanted);
             }
         }
+        let features: HashSet<Features> = wanted.iter().map(|w| w.key.recipe.features()).collect();
         let mut load = LoadMeter::default();
         load.add(
             self.in_turn(move |node| {
-                node.raycaster.warm_up(request.scene.filter)?;
+                for features in features.into_iter().chain([Features::PLAIN]) {
+                    node.raycaster.warm_up(request.scene.filter, features)?;
+                }
                 Ok(LoadMeter::default())
             })
             .await?,

@@ -3,13 +3,17 @@
 use std::sync::Arc;
 
 use brickcast_volume::brick::OwnedBox;
-use brickcast_volume::scene::Filter;
+use brickcast_volume::regions::{BrickRegions, ClassifyError, Density, RegionTable};
+use brickcast_volume::scene::{Filter, RegionView};
 use brickcast_volume::store::BrickVoxels;
 use brickcast_volume::transfer_function::TransferTable;
 use brickcast_volume::{PixelRect, Premul, StoredBox, View};
 
 use crate::cpu::CpuRaycaster;
 use crate::gpu::{GpuError, GpuOptions, GpuRaycaster};
+use crate::recipe::Recipe;
+
+pub use brickcast_shaders::Features;
 
 /// What a kernel needs to know of a frame.
 #[derive(Debug, Clone)]
@@ -19,6 +23,44 @@ pub struct KernelScene {
     /// In (0, 1]; 1 is off.
     pub early_termination: f32,
     pub filter: Filter,
+    /// Use the macrocells of bricks that have them. What a brick leaps through is its recipe's business.
+    pub skip_empty: bool,
+    /// Bricks without region flags (see [`Recipe::region_flags`]) count as free of regions.
+    pub region_view: RegionView,
+    /// For samples whose nearest voxel is in a region.
+    pub region_table: Option<Arc<TransferTable>>,
+}
+
+impl KernelScene {
+    /// Without skipping, and regions like all else.
+    #[must_use]
+    pub fn plain(view: View, table: Arc<TransferTable>, early_termination: f32, filter: Filter) -> Self {
+        let (skip_empty, region_view, region_table) = (false, RegionView::All, None);
+        Self { view, table, early_termination, filter, skip_empty, region_view, region_table }
+    }
+
+    /// True where it matters which samples are in regions.
+    #[must_use]
+    pub fn tells_regions_apart(&self) -> bool {
+        self.region_view != RegionView::All || self.region_table.is_some()
+    }
+}
+
+/// What a resident brick is made from.
+#[derive(Debug, Clone, Copy)]
+pub struct BrickInput<'a> {
+    pub voxels: &'a BrickVoxels,
+    /// Of the brick, at least one voxel beyond the stored box; for recipes with a guard or region flags.
+    pub regions: Option<(&'a BrickRegions, &'a RegionTable)>,
+    pub recipe: Recipe,
+}
+
+impl<'a> BrickInput<'a> {
+    /// The voxels as they are.
+    #[must_use]
+    pub fn plain(voxels: &'a BrickVoxels) -> Self {
+        Self { voxels, regions: None, recipe: Recipe::default() }
+    }
 }
 
 /// A brick in the backend's memory; dropping it frees the memory.
@@ -41,12 +83,50 @@ pub struct JobImage {
     pub rect: PixelRect,
     /// Row-major within `rect`.
     pub pixels: Vec<Premul>,
-    /// Samples that each brick of the job took, in the job's order.
-    pub samples: Vec<u64>,
+    /// What each brick of the job took, in the job's order.
+    pub counts: Vec<BrickCounts>,
+}
+
+impl JobImage {
+    /// Of all bricks.
+    #[must_use]
+    pub fn total(&self) -> BrickCounts {
+        self.counts.iter().copied().fold(BrickCounts::default(), BrickCounts::plus)
+    }
+}
+
+/// What the rays of a job did in one brick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct BrickCounts {
+    /// Reads of texels, probes and region flags included.
+    pub samples: u64,
+    /// Sample positions integrated; a leap counts all of its.
+    pub positions: u64,
+    /// Positions that leaps covered.
+    pub leapt: u64,
+}
+
+impl BrickCounts {
+    #[must_use]
+    pub fn plus(self, more: Self) -> Self {
+        Self {
+            samples: self.samples + more.samples,
+            positions: self.positions + more.positions,
+            leapt: self.leapt + more.leapt,
+        }
+    }
 }
 
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RaycastError {
+    #[error(transparent)]
+    Classify(#[from] ClassifyError),
+    #[error(
+        "recipe {0:?} needs the brick's regions; prepare the store with regions, or leave out leaping and region views"
+    )]
+    NoRegions(Recipe),
+    #[error("macrocells of {0} voxels: 4 and 8 are possible")]
+    MacrocellEdge(u8),
     #[error("a brick's stored box of {dims:?} voxels came with {got} codes in place of {want}")]
     VoxelCount { dims: [u32; 3], got: usize, want: u64 },
     #[error(
@@ -102,18 +182,26 @@ pub struct BackendInfo {
 pub trait Raycaster: Send + Sync + std::fmt::Debug {
     fn info(&self) -> &BackendInfo;
 
-    /// Bytes that a brick with a stored box of `stored_voxels` voxels will occupy.
-    fn brick_bytes(&self, stored_voxels: u64) -> u64;
+    /// Bytes that a brick with a stored box of `stored_voxels` voxels will occupy, unless it turns out to be of one region
+    /// (then next to none); exact but for macrocells of bricks that are no cubes.
+    fn brick_bytes(&self, stored_voxels: u64, recipe: Recipe) -> u64;
 
     /// # Errors
-    /// Out of memory, device lost.
-    fn upload(&self, owned: OwnedBox, voxels: &BrickVoxels) -> Result<Arc<dyn ResidentBrick>, RaycastError>;
+    /// Input that does not fit the recipe or itself, out of memory, device lost.
+    fn upload(&self, owned: OwnedBox, input: &BrickInput<'_>) -> Result<Arc<dyn ResidentBrick>, RaycastError>;
 
-    /// Compiles what `filter` needs, so that the first frame is not slower than the next.
+    /// A brick whose stored box is all one region of this mean: like [`Raycaster::upload`] of its voxels, without them.
+    ///
+    /// # Errors
+    /// Out of memory, device lost.
+    fn upload_uniform(&self, owned: OwnedBox, mean: Density) -> Result<Arc<dyn ResidentBrick>, RaycastError>;
+
+    /// Compiles what a scene needs whose bricks have up to these features, so that the first frame is not slower than the
+    /// next.
     ///
     /// # Errors
     /// Device lost.
-    fn warm_up(&self, filter: Filter) -> Result<(), RaycastError>;
+    fn warm_up(&self, filter: Filter, features: Features) -> Result<(), RaycastError>;
 
     /// Renders every job into an accumulator of its own, from zero, with early termination.
     ///
@@ -164,9 +252,11 @@ pub(crate) fn check_brick(owned: &OwnedBox, voxels: &BrickVoxels) -> Result<(), 
 
 /// What both backends demand of a call.
 pub(crate) fn check_jobs(scene: &KernelScene, jobs: &[Job], max_entries: u32) -> Result<(), RaycastError> {
-    let entries = scene.table.entries.len();
-    if entries < 2 || entries > max_entries as usize {
-        return Err(RaycastError::TableSize { entries, max: max_entries });
+    for table in [Some(&scene.table), scene.region_table.as_ref()].into_iter().flatten() {
+        let entries = table.entries.len();
+        if entries < 2 || entries > max_entries as usize {
+            return Err(RaycastError::TableSize { entries, max: max_entries });
+        }
     }
     let size = scene.view.size();
     let full = size.full_rect();

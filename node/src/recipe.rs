@@ -1,5 +1,7 @@
 //! What of a brick is put into the backend's memory. Bricks of different recipes are different resident bricks.
 
+use crate::raycaster::Features;
+
 /// Everything that the texels of a resident brick depend on, the store apart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
 pub struct Recipe {
@@ -11,4 +13,12 @@ pub struct Recipe {
     pub homogeneous: Option<u16>,
     /// Also which voxels are in a region: for region views and region transfer functions.
     pub region_flags: bool,
+}
+
+impl Recipe {
+    /// What of the kernel such a brick takes; some bricks take less (those without leap voxels).
+    #[must_use]
+    pub fn features(&self) -> Features {
+        Features { leap: self.guard.is_some(), map: self.macrocell.is_some(), regions: self.region_flags }
+    }
 }

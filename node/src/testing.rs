@@ -7,14 +7,18 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use brickcast_proto::{LayerOrder, RenderOrder, TileRect};
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::format::{FormatError, SourceHeader, VolumeSource, VoxelType};
+use brickcast_volume::regions::Density;
 use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
-use brickcast_volume::store::{BrickVoxels, PrepareOptions, prepare};
+use brickcast_volume::store::{PrepareOptions, prepare};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use brickcast_volume::{
     Camera, Epoch, FrameId, Geometry, MergeTree, Orbit, PictureSize, Premul, StoreHash, TreeNode, over,
 };
 
-use crate::raycaster::{BackendInfo, Job, JobImage, KernelScene, RaycastError, Raycaster, ResidentBrick};
+use crate::raycaster::{
+    BackendInfo, BrickCounts, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, ResidentBrick,
+};
+use crate::recipe::Recipe;
 
 /// u8 voxels `value(x, y, z)`.
 #[derive(Debug)]
@@ -151,19 +155,24 @@ impl Raycaster for FakeRaycaster {
         &self.info
     }
 
-    fn brick_bytes(&self, stored_voxels: u64) -> u64 {
+    fn brick_bytes(&self, stored_voxels: u64, _recipe: Recipe) -> u64 {
         stored_voxels * 2
     }
 
-    fn upload(&self, owned: OwnedBox, voxels: &BrickVoxels) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
-        let bytes = self.brick_bytes(voxels.stored.voxel_count());
+    fn upload(&self, owned: OwnedBox, input: &BrickInput<'_>) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
+        let bytes = self.brick_bytes(input.voxels.stored.voxel_count(), input.recipe);
         self.uploads.fetch_add(1, Ordering::SeqCst);
         let now = self.alive.fetch_add(bytes, Ordering::SeqCst) + bytes;
         self.most_alive.fetch_max(now, Ordering::SeqCst);
         Ok(Arc::new(FakeBrick { owned, bytes, alive: self.alive.clone() }))
     }
 
-    fn warm_up(&self, _filter: Filter) -> Result<(), RaycastError> {
+    fn upload_uniform(&self, owned: OwnedBox, _mean: Density) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
+        self.uploads.fetch_add(1, Ordering::SeqCst);
+        Ok(Arc::new(FakeBrick { owned, bytes: 0, alive: self.alive.clone() }))
+    }
+
+    fn warm_up(&self, _filter: Filter, _features: Features) -> Result<(), RaycastError> {
         Ok(())
     }
 
@@ -183,7 +192,8 @@ impl Raycaster for FakeRaycaster {
                     }
                 }
             }
-            JobImage { rect: job.rect, pixels, samples: vec![10; job.bricks.len()] }
+            let counts = vec![BrickCounts { samples: 10, positions: 10, leapt: 0 }; job.bricks.len()];
+            JobImage { rect: job.rect, pixels, counts }
         };
         Ok(jobs.iter().map(render).collect())
     }

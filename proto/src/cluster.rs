@@ -1,9 +1,8 @@
 //! Who a node is, what it holds, and loading ahead of a frame.
 
 use brickcast_volume::StoreHash;
-use brickcast_volume::regions::BrickFacts;
 use brickcast_volume::scene::Scene;
-use brickcast_volume::store::{BrickRanges, Manifest};
+use brickcast_volume::store::{BrickFactsTable, BrickRanges, Manifest};
 use bytes::Bytes;
 
 /// The longest text of any field, bytes.
@@ -88,7 +87,7 @@ pub struct StoreDescription {
     /// One for every brick of the manifest's grid; checked against the hash that the manifest names.
     pub ranges: BrickRanges,
     /// Likewise, where the store has regions.
-    pub facts: Option<Vec<BrickFacts>>,
+    pub facts: Option<BrickFactsTable>,
 }
 
 #[derive(Debug, Clone, PartialEq)]

@@ -1,5 +1,6 @@
 //! Uniforms as both sides see them. `tests/layout.rs` compares names and offsets with the WGSL's.
 
+use brickcast_volume::scene::RegionView;
 use brickcast_volume::transfer_function::TransferTable;
 use brickcast_volume::visibility::KernelView;
 use brickcast_volume::{OwnedBox, StoredBox};
@@ -32,11 +33,41 @@ pub struct FrameUniform {
     pub table_first: f32,
     /// Entries per code: `(entries - 1) / (c_last - c_first)`.
     pub table_scale: f32,
+    /// The same two of the table for samples in regions; where there is none, the first table's.
+    pub region_first: f32,
+    pub region_scale: f32,
+    /// Bit 0: samples outside regions are shown, bit 1: samples in regions are.
+    pub shown: u32,
+    pub reserved: u32,
 }
+
+/// [`FrameUniform::shown`] for samples outside regions.
+pub const SHOWS_RESIDUAL: u32 = 1;
+/// [`FrameUniform::shown`] for samples in regions.
+pub const SHOWS_REGIONS: u32 = 2;
+
+/// Where a brick's region flags are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum RegionFlags {
+    NoVoxel = 0,
+    EveryVoxel = 1,
+    Texture = 2,
+}
+
+/// Multiplies a plain texel (0..=1): it is the code itself.
+pub const PLAIN_SCALE: f32 = 1.0;
+/// Multiplies a texel of leaps and densities (0..=1): 14 bits of density above the inner bit.
+pub const CODED_SCALE: f32 = 65535.0 / 32766.0;
+
+/// Bits of a macrocell map's texel that hold the distance to the nearest cell that is not empty.
+pub const MAP_EMPTY: u32 = 0xff;
+/// Those of the homogeneous cube: 8 bits distance, 16 bits value.
+pub const MAP_HOMOGENEOUS: u32 = 0xffff_ff00;
 
 /// One brick's dispatch over the pixels of one rectangle.
 #[repr(C)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct BrickUniform {
     /// Voxels that the brick integrates, global, half-open.
     pub owned_lo: [i32; 3],
@@ -51,10 +82,20 @@ pub struct BrickUniform {
     pub counter: u32,
     /// Voxels of the texture.
     pub stored_dims: [u32; 3],
-    pub reserved: u32,
+    /// A [`RegionFlags`].
+    pub region_flags: u32,
     /// Pixels `[rect_lo, rect_lo + rect_size)`.
     pub rect_lo: [u32; 2],
     pub rect_size: [u32; 2],
+    /// First macrocell of the map, in cells of the global grid.
+    pub cell_lo: [i32; 3],
+    /// Binary logarithm of the voxels per edge of a macrocell.
+    pub cell_shift: u32,
+    /// Which bits of the map count.
+    pub map_mask: u32,
+    /// Code of a texel of 1: [`PLAIN_SCALE`] or [`CODED_SCALE`].
+    pub code_scale: f32,
+    pub reserved: [u32; 2],
 }
 
 impl FrameUniform {
@@ -77,7 +118,27 @@ impl FrameUniform {
             height: view.height as i32,
             table_first: table.c_first,
             table_scale: last / (table.c_last - table.c_first),
+            region_first: table.c_first,
+            region_scale: last / (table.c_last - table.c_first),
+            shown: SHOWS_RESIDUAL | SHOWS_REGIONS,
+            reserved: 0,
         }
+    }
+
+    /// With what it shows of regions, and by which table.
+    #[must_use]
+    pub fn with_regions(mut self, view: RegionView, table: Option<&TransferTable>) -> Self {
+        self.shown = match view {
+            RegionView::All => SHOWS_RESIDUAL | SHOWS_REGIONS,
+            RegionView::Regions => SHOWS_REGIONS,
+            RegionView::Residual => SHOWS_RESIDUAL,
+        };
+        if let Some(table) = table {
+            let last = table.entries.len().saturating_sub(1) as f32;
+            self.region_first = table.c_first;
+            self.region_scale = last / (table.c_last - table.c_first);
+        }
+        self
     }
 }
 
@@ -90,6 +151,7 @@ impl BrickUniform {
             owned_hi: owned.hi.as_ivec3().into(),
             stored_lo: stored.lo.into(),
             stored_dims: stored.dims().into(),
+            code_scale: PLAIN_SCALE,
             ..Self::zeroed()
         }
     }

@@ -20,6 +20,22 @@ pub enum RaycastVariant {
     Exact,
 }
 
+/// What a kernel can do beyond sampling; each costs something, so each brick gets the kernel that does what it needs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct Features {
+    /// Texels hold leaps.
+    pub leap: bool,
+    /// There is a macrocell map.
+    pub map: bool,
+    /// Samples in regions are hidden, shown alone, or have a table of their own.
+    pub regions: bool,
+}
+
+impl Features {
+    /// Nothing but sampling.
+    pub const PLAIN: Self = Self { leap: false, map: false, regions: false };
+}
+
 /// The raycast kernel; entry point `raycast`.
 #[must_use]
 pub fn raycast_wgsl(variant: RaycastVariant) -> String {

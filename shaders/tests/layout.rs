@@ -28,12 +28,12 @@ macro_rules! rust_struct {
 
 fn frame() -> (Members, u32) {
     rust_struct!(FrameUniform: eye step ray_forward stop_alpha ray_right inverse_width ray_up inverse_height
-        voxels_per_unit parallel width height table_first table_scale)
+        voxels_per_unit parallel width height table_first table_scale region_first region_scale shown reserved)
 }
 
 fn brick() -> (Members, u32) {
     rust_struct!(BrickUniform: owned_lo accumulator_base owned_hi accumulator_stride stored_lo counter stored_dims
-        reserved rect_lo rect_size)
+        region_flags rect_lo rect_size cell_lo cell_shift map_mask code_scale reserved)
 }
 
 fn parse(source: &str) -> naga::Module {

@@ -2,7 +2,9 @@
 
 use std::sync::{Arc, OnceLock};
 
-use brickcast_node::raycaster::{self, BackendChoice, Job, JobImage, KernelScene, Raycaster, ResidentBrick};
+use brickcast_node::raycaster::{
+    self, BackendChoice, BrickInput, Job, JobImage, KernelScene, Raycaster, ResidentBrick,
+};
 use brickcast_volume::brick::GHOST_SAMPLED;
 use brickcast_volume::merge::sort_front_to_back;
 use brickcast_volume::scene::Filter;
@@ -112,7 +114,7 @@ pub fn load_cut<'a>(
     let grid = BrickGrid::new(geometry.dims(), brick_size).unwrap();
     let upload = |brick: BrickIndex| {
         let owned = grid.owned_box(brick);
-        raycaster.upload(owned, &cut(owned)).unwrap()
+        raycaster.upload(owned, &BrickInput::plain(&cut(owned))).unwrap()
     };
     let bricks = grid.bricks().map(upload).collect();
     Loaded { raycaster, grid, geometry, bricks, filter: Filter::default() }
@@ -134,7 +136,7 @@ impl Loaded<'_> {
         let [width, height] = scene.truth.size;
         let image = self.render_rect(scene, picture_size(scene).full_rect());
         let pixels = image.pixels.iter().map(|p| p.to_array().map(f64::from)).collect();
-        (Picture { width, height, pixels }, image.samples.iter().sum())
+        (Picture { width, height, pixels }, image.total().samples)
     }
 
     /// A part of the picture.
@@ -158,12 +160,7 @@ impl Loaded<'_> {
         let mut order: Vec<BrickIndex> = self.grid.bricks().collect();
         sort_front_to_back(&mut order, self.grid.brick_size(), view.viewpoint());
         let bricks: Vec<_> = order.iter().map(|&b| self.bricks[self.grid.linear(b)].clone()).collect();
-        let kernel_scene = KernelScene {
-            view,
-            table: Arc::new(table),
-            early_termination: truth.early_termination as f32,
-            filter: self.filter,
-        };
+        let kernel_scene = KernelScene::plain(view, Arc::new(table), truth.early_termination as f32, self.filter);
         let jobs: Vec<Job> =
             bricks.chunks(bricks.len().div_ceil(count)).map(|run| Job { bricks: run.to_vec(), rect }).collect();
         let images = self.raycaster.render(&kernel_scene, &jobs).unwrap();
@@ -171,7 +168,7 @@ impl Loaded<'_> {
         for (image, job) in images.iter().zip(&jobs) {
             assert_eq!(image.rect, rect);
             assert_eq!(image.pixels.len(), rect.pixel_count());
-            assert_eq!(image.samples.len(), job.bricks.len(), "one count for each brick of the job");
+            assert_eq!(image.counts.len(), job.bricks.len(), "one count for each brick of the job");
         }
         images
     }

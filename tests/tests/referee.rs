@@ -156,7 +156,7 @@ fn jobs_of_one_call_are_layers() {
                 }
                 let what = format!("{backend:?}, {} in {} layers", scene.name, layers.len());
                 assert_within(&what, &whole, &Picture { width, height, pixels }, &Tolerance::SAME_SAMPLES);
-                assert_eq!(layers.iter().flat_map(|l| &l.samples).sum::<u64>(), samples, "{what}");
+                assert_eq!(layers.iter().map(|l| l.total().samples).sum::<u64>(), samples, "{what}");
             }
         }
     }

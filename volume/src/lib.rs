@@ -7,6 +7,7 @@ pub mod camera;
 pub mod chord;
 pub mod format;
 pub mod ids;
+pub mod macrocell;
 pub mod merge;
 pub mod phantom;
 pub mod premul;

@@ -12,6 +12,7 @@ use std::time::Duration;
 
 use brickcast_shaders::RaycastVariant;
 use brickcast_volume::brick::OwnedBox;
+use brickcast_volume::regions::Density;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::store::BrickVoxels;
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction, TransferTable};
@@ -19,8 +20,10 @@ use brickcast_volume::{Camera, Geometry, Orbit, PictureSize, View};
 use glam::UVec3;
 
 use crate::raycaster::{
-    BackendInfo, Job, JobImage, KernelScene, RaycastError, Raycaster, ResidentBrick, check_brick, check_jobs,
+    BackendInfo, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, ResidentBrick, check_jobs,
 };
+use crate::recipe::Recipe;
+use crate::texels::{PreparedBrick, expected_bytes};
 use device::Gpu;
 use kernel::Kernels;
 use readback::{Call, Scratch};
@@ -144,21 +147,26 @@ impl Raycaster for GpuRaycaster {
         &self.info
     }
 
-    fn brick_bytes(&self, stored_voxels: u64) -> u64 {
-        stored_voxels * self.kernels.voxel_bytes()
+    fn brick_bytes(&self, stored_voxels: u64, recipe: Recipe) -> u64 {
+        expected_bytes(stored_voxels, recipe, self.kernels.voxel_bytes(), upload::CELL_BYTES)
     }
 
-    fn upload(&self, owned: OwnedBox, voxels: &BrickVoxels) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
-        check_brick(&owned, voxels)?;
-        Ok(Arc::new(upload::upload(&self.gpu, &self.kernels, owned, voxels)?))
+    fn upload(&self, owned: OwnedBox, input: &BrickInput<'_>) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
+        let prepared = PreparedBrick::new(&owned, input)?;
+        Ok(Arc::new(upload::upload(&self.gpu, &self.kernels, owned, prepared)?))
     }
 
-    fn warm_up(&self, filter: Filter) -> Result<(), RaycastError> {
+    fn upload_uniform(&self, owned: OwnedBox, mean: Density) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
+        let prepared = PreparedBrick::uniform(&owned, mean);
+        Ok(Arc::new(upload::upload(&self.gpu, &self.kernels, owned, prepared)?))
+    }
+
+    fn warm_up(&self, filter: Filter, features: Features) -> Result<(), RaycastError> {
         let broken = |reason: String| RaycastError::Gpu { what: "warming up", reason };
         let (scene, owned) = smallest_scene(filter).map_err(broken)?;
         let stored = owned.stored(brickcast_volume::brick::GHOST_SAMPLED);
         let codes = vec![u16::MAX; stored.voxel_count() as usize];
-        let bricks = vec![self.upload(owned, &BrickVoxels { stored, codes })?];
+        let bricks = vec![self.upload(owned, &BrickInput::plain(&BrickVoxels { stored, codes }))?];
         self.render(&scene, &[Job { bricks, rect: scene.view.size().full_rect() }]).map(drop)
     }
 
@@ -187,7 +195,7 @@ fn smallest_scene(filter: Filter) -> Result<(KernelScene, OwnedBox), String> {
     let function = TransferFunction::new(colors, vec![OpacityPoint { x: 0.0, opacity: 0.5 }]).map_err(|e| words(&e))?;
     let table = Arc::new(TransferTable::build(&function, (0.0, 1.0), 0.5));
     let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::ONE };
-    Ok((KernelScene { view, table, early_termination: 1.0, filter }, owned))
+    Ok((KernelScene::plain(view, table, 1.0, filter), owned))
 }
 
 #[cfg(test)]
@@ -208,15 +216,15 @@ mod tests {
         let (scene, owned) = smallest_scene(Filter::Hardware).unwrap();
         let stored = owned.stored(1);
         let voxels = BrickVoxels { stored, codes: vec![1; 27] };
-        let bricks = vec![gpu.upload(owned, &voxels).unwrap()];
+        let bricks = vec![gpu.upload(owned, &BrickInput::plain(&voxels)).unwrap()];
         let job = Job { bricks, rect: scene.view.size().full_rect() };
         assert!(gpu.render(&scene, std::slice::from_ref(&job)).is_ok());
         gpu.gpu.device.destroy();
         for _ in 0..2 {
             for error in [
-                gpu.upload(owned, &voxels).map(drop).unwrap_err(),
+                gpu.upload(owned, &BrickInput::plain(&voxels)).map(drop).unwrap_err(),
                 gpu.render(&scene, std::slice::from_ref(&job)).map(drop).unwrap_err(),
-                gpu.warm_up(Filter::Exact).unwrap_err(),
+                gpu.warm_up(Filter::Exact, Features::PLAIN).unwrap_err(),
             ] {
                 assert!(matches!(error, RaycastError::DeviceLost { .. }) && !error.is_retryable(), "{error}");
             }

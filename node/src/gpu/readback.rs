@@ -10,7 +10,7 @@ use super::device::Gpu;
 use super::kernel::{DISPATCH_BYTES, FRAME_BYTES, Kernels};
 use super::plan::{self, Batch, DISPATCH_SAMPLES, Dispatch, PIXEL_BYTES};
 use super::upload::GpuBrick;
-use crate::raycaster::{Job, JobImage, KernelScene, RaycastError, new_pixels};
+use crate::raycaster::{BrickCounts, Job, JobImage, KernelScene, RaycastError, new_pixels};
 
 /// The most dispatches of one submission.
 const SUBMIT_DISPATCHES: usize = 1024;
@@ -123,8 +123,8 @@ pub(super) fn render(
     let mut images: Vec<JobImage> = jobs
         .iter()
         .map(|job| {
-            let samples = vec![0; job.bricks.len()];
-            Ok(JobImage { rect: job.rect, pixels: new_pixels(&job.rect)?, samples })
+            let counts = vec![BrickCounts::default(); job.bricks.len()];
+            Ok(JobImage { rect: job.rect, pixels: new_pixels(&job.rect)?, counts })
         })
         .collect::<Result<_, RaycastError>>()?;
     let frame = scratch.bind_frame(call, scene)?;
@@ -252,7 +252,9 @@ fn collect(
             target.copy_from_slice(&pixels[from..from + target.len()]);
         }
         for (dispatch, counter) in dispatches.iter().zip(counters.as_chunks::<4>().0) {
-            images[dispatch.job].samples[dispatch.brick] += u64::from(u32::from_le_bytes(*counter));
+            let n = u64::from(u32::from_le_bytes(*counter));
+            let counts = &mut images[dispatch.job].counts[dispatch.brick];
+            *counts = counts.plus(BrickCounts { samples: n, positions: n, leapt: 0 });
         }
     })
 }

@@ -5,11 +5,14 @@ use std::sync::Arc;
 
 use brickcast_shaders::BrickUniform;
 use brickcast_volume::brick::OwnedBox;
-use brickcast_volume::store::BrickVoxels;
 
 use super::device::Gpu;
 use super::kernel::Kernels;
 use crate::raycaster::{RaycastError, ResidentBrick};
+use crate::texels::PreparedBrick;
+
+/// Bytes of a macrocell: its range and its texel of the map.
+pub(super) const CELL_BYTES: u64 = 8;
 
 /// A brick's texture, bound once.
 #[derive(Debug)]
@@ -50,19 +53,19 @@ pub(super) fn upload(
     gpu: &Arc<Gpu>,
     kernels: &Kernels,
     owned: OwnedBox,
-    voxels: &BrickVoxels,
+    prepared: PreparedBrick<'_>,
 ) -> Result<GpuBrick, RaycastError> {
-    let dims = voxels.stored.dims();
+    let dims = glam::UVec3::from(prepared.uniform.stored_dims);
     let max = gpu.limits.max_texture_dimension_3d;
     if dims.max_element() > max {
         return Err(RaycastError::BrickTooLarge { dims: dims.into(), max });
     }
-    let bytes = voxels.codes.len() as u64 * kernels.voxel_bytes();
+    let bytes = prepared.bytes(kernels.voxel_bytes(), CELL_BYTES);
     let floats: Vec<f32>;
     let data: &[u8] = if kernels.voxel_bytes() == 2 {
-        bytemuck::cast_slice(&voxels.codes)
+        bytemuck::cast_slice(&prepared.texels)
     } else {
-        floats = voxels.codes.iter().map(|&code| f32::from(code) / 65535.0).collect();
+        floats = prepared.texels.iter().map(|&code| f32::from(code) / 65535.0).collect();
         bytemuck::cast_slice(&floats)
     };
     let size = wgpu::Extent3d { width: dims.x, height: dims.y, depth_or_array_layers: dims.z };
@@ -76,7 +79,7 @@ pub(super) fn upload(
         });
         (texture, bind_group, gpu.queue.submit([]))
     })?;
-    let boxes = BrickUniform::of_boxes(&owned, &voxels.stored);
+    let boxes = prepared.uniform;
     let brick = GpuBrick { gpu: gpu.clone(), texture, bind_group, owned, boxes, bytes };
     // Else the staging copies of many bricks would pile up.
     gpu.wait("the upload of a brick", submission)?;

@@ -8,6 +8,7 @@ use brickcast_volume::{MergeTree, Orbit, Premul, TreeNode, View, over};
 
 use super::*;
 use crate::cpu::CpuRaycaster;
+use crate::recipe::Recipe;
 use crate::testing::{FakeRaycaster, make_store, ramp, scene, whole_order};
 
 struct Bench {
@@ -199,7 +200,7 @@ fn exact_pictures_have_the_same_bits_for_every_assignment_and_budget() {
     let order = bench.order(97, 61, true);
     let want = bench.render(&order, &raycaster, 1 << 30).unwrap().merged(&bench, &order);
     assert!(want.iter().any(|p| p.a > 0.3));
-    for (nodes, budget) in [(1, 4 * raycaster.brick_bytes(1000)), (2, 1 << 30), (5, 1 << 30)] {
+    for (nodes, budget) in [(1, 4 * raycaster.brick_bytes(1000, Recipe::default())), (2, 1 << 30), (5, 1 << 30)] {
         let mut frame = Frame::default();
         for part in split(&bench, &order, nodes) {
             frame.pictures.extend(bench.render(&part, &raycaster, budget).unwrap().pictures);

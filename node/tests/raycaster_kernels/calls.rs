@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use brickcast_node::cpu::CpuRaycaster;
 use brickcast_node::gpu::{GpuError, GpuOptions, GpuRaycaster};
-use brickcast_node::raycaster::{BackendChoice, Job, RaycastError, Raycaster, open};
+use brickcast_node::raycaster::{BackendChoice, BrickInput, Features, Job, RaycastError, Raycaster, open};
+use brickcast_node::recipe::Recipe;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::{OwnedBox, Premul};
 use glam::UVec3;
@@ -24,7 +25,7 @@ fn same_bits(raycaster: &dyn Raycaster, filter: Filter) {
     let whole = render_one(raycaster, &scene, job.clone());
     assert!(most_opaque(&whole.pixels) > 0.3);
     let again = render_one(raycaster, &scene, job.clone());
-    assert_eq!((&whole.pixels, &whole.samples), (&again.pixels, &again.samples));
+    assert_eq!((&whole.pixels, &whole.counts), (&again.pixels, &again.counts));
     let rects = [
         rect([0, 0], [83, 7]),
         rect([0, 7], [40, 59]),
@@ -40,7 +41,7 @@ fn same_bits(raycaster: &dyn Raycaster, filter: Filter) {
     let mut samples = 0;
     for (part, rect) in parts.iter().zip(rects) {
         assert_eq!((part.rect, part.pixels.len()), (rect, rect.pixel_count()));
-        samples += part.samples.iter().sum::<u64>();
+        samples += part.total().samples;
         let width = rect.size().x as usize;
         for (i, pixel) in part.pixels.iter().enumerate() {
             let (x, y) = (rect.lo.x as usize + i % width, rect.lo.y as usize + i / width);
@@ -48,7 +49,7 @@ fn same_bits(raycaster: &dyn Raycaster, filter: Filter) {
         }
     }
     assert_eq!(joined, whole.pixels);
-    assert_eq!(samples, whole.samples.iter().sum::<u64>());
+    assert_eq!(samples, whole.total().samples);
 }
 
 #[test]
@@ -71,7 +72,7 @@ fn threads_change_no_bit() {
         })
     });
     assert!(most_opaque(&one.pixels) > 0.3);
-    assert_eq!((one.pixels, one.samples), (many.pixels, many.samples));
+    assert_eq!((one.pixels, one.counts), (many.pixels, many.counts));
 }
 
 /// Rectangles larger than the accumulator buffer go through it in bands.
@@ -90,7 +91,7 @@ fn small_accumulators_change_no_bit() {
     };
     for (a, b) in render(gpu).iter().zip(render(&small)) {
         assert!(most_opaque(&a.pixels) > 0.3);
-        assert_eq!((&a.pixels, &a.samples), (&b.pixels, &b.samples));
+        assert_eq!((&a.pixels, &a.counts), (&b.pixels, &b.counts));
     }
 }
 
@@ -98,15 +99,18 @@ fn refusals(raycaster: &dyn Raycaster, other: &dyn Raycaster) {
     let volume = volume();
     let view = VIEWPOINTS[0].view(&volume.geometry, [20, 10], 0.5);
     let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(8) };
-    let no_ghost = raycaster.upload(owned, &volume.cut(owned.stored(0)));
+    let no_ghost = raycaster.upload(owned, &BrickInput::plain(&volume.cut(owned.stored(0))));
     assert!(matches!(no_ghost, Err(RaycastError::MissingGhost { .. })));
     let mut short = volume.cut(owned.stored(1));
     short.codes.pop();
-    assert!(matches!(raycaster.upload(owned, &short), Err(RaycastError::VoxelCount { got: 999, want: 1000, .. })));
+    assert!(matches!(
+        raycaster.upload(owned, &BrickInput::plain(&short)),
+        Err(RaycastError::VoxelCount { got: 999, want: 1000, .. })
+    ));
 
     let scene = scene(view, 0.999, Filter::Exact);
-    let brick = raycaster.upload(owned, &volume.cut(owned.stored(1))).unwrap();
-    assert_eq!(brick.bytes(), raycaster.brick_bytes(1000));
+    let brick = raycaster.upload(owned, &BrickInput::plain(&volume.cut(owned.stored(1)))).unwrap();
+    assert_eq!(brick.bytes(), raycaster.brick_bytes(1000, Recipe::default()));
     let outside = Job { bricks: vec![brick], rect: rect([0, 0], [20, 11]) };
     let outside = raycaster.render(&scene, &[outside]);
     assert!(matches!(outside, Err(RaycastError::RectOutsidePicture { width: 20, height: 10, .. })));
@@ -135,7 +139,7 @@ fn oversized_bricks_are_refused() {
     let Some(gpu) = gpu("oversized_bricks_are_refused") else { return };
     let volume = Volume::constant([1 << 17, 1, 1]);
     let owned = OwnedBox { lo: UVec3::ZERO, hi: volume.geometry.dims() };
-    let error = gpu.upload(owned, &volume.cut(owned.stored(1))).unwrap_err();
+    let error = gpu.upload(owned, &BrickInput::plain(&volume.cut(owned.stored(1)))).unwrap_err();
     assert!(matches!(error, RaycastError::BrickTooLarge { dims: [131_074, 3, 3], .. }), "{error}");
 }
 
@@ -173,6 +177,6 @@ fn the_chosen_backend_opens_and_warms_up() {
     // On the CPU by itself, it says why.
     assert!(auto.info().backend == "gpu" || !auto.info().notes.is_empty(), "{:?}", auto.info());
     for raycaster in [cpu, auto] {
-        BOTH_FILTERS.iter().for_each(|&filter| raycaster.warm_up(filter).unwrap());
+        BOTH_FILTERS.iter().for_each(|&filter| raycaster.warm_up(filter, Features::PLAIN).unwrap());
     }
 }

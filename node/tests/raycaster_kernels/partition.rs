@@ -1,6 +1,6 @@
 //! One picture whatever the bricks: every sample has exactly one owner.
 
-use brickcast_node::raycaster::Raycaster;
+use brickcast_node::raycaster::{BrickInput, Raycaster};
 use brickcast_volume::merge::sort_front_to_back;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::{BrickGrid, OwnedBox};
@@ -20,13 +20,13 @@ fn check(raycaster: &dyn Raycaster, filters: &[Filter]) {
                     // Early termination off: all samples count.
                     let scene = scene(view, 1.0, filter);
                     let whole = render_one(raycaster, &scene, resident[0].1.job(&view));
-                    assert_eq!(whole.samples.len(), 1);
-                    assert!(whole.samples[0] > 0 && most_opaque(&whole.pixels) > 0.3, "{}", viewpoint.name);
+                    assert_eq!(whole.counts.len(), 1);
+                    assert!(whole.counts[0].samples > 0 && most_opaque(&whole.pixels) > 0.3, "{}", viewpoint.name);
                     for (brick_size, bricks) in &resident[1..] {
                         let cut = render_one(raycaster, &scene, bricks.job(&view));
                         let what = format!("{}, {size:?}, step {step}, {filter:?}, {brick_size}", viewpoint.name);
-                        assert!(cut.samples.len() > 1);
-                        assert_eq!(cut.samples.iter().sum::<u64>(), whole.samples[0], "{what}");
+                        assert!(cut.counts.len() > 1);
+                        assert_eq!(cut.total().samples, whole.counts[0].samples, "{what}");
                         let d = difference(&cut.pixels, &whole.pixels);
                         assert!(d.max <= 1.0 / 255.0, "{what}: {d:?}");
                     }
@@ -46,9 +46,8 @@ fn check_rounded_faces(raycaster: &dyn Raycaster, filters: &[Filter]) {
             let view = VIEWPOINTS[8].moved([-7.7, 0.2, eye - 40.0]).view(&volume.geometry, [9, 5], spacing / 4.0);
             for &filter in filters {
                 let scene = scene(view, 1.0, filter);
-                let counts = resident
-                    .each_ref()
-                    .map(|bricks| render_one(raycaster, &scene, bricks.job(&view)).samples.iter().sum::<u64>());
+                let counts =
+                    resident.each_ref().map(|bricks| render_one(raycaster, &scene, bricks.job(&view)).total().samples);
                 assert!(counts[0] > 1000);
                 assert_eq!(counts, [counts[0]; 3], "spacing {spacing}, eye {eye}, {filter:?}");
             }
@@ -84,9 +83,9 @@ fn a_ghost_voxel_that_is_integrated_is_noticed() {
     for (slot, brick) in job.bricks.iter_mut().zip(order) {
         let owned = grid.owned_box(brick);
         let greedy = OwnedBox { lo: owned.lo, hi: (owned.hi + 1).min(DIMS.into()) };
-        *slot = cpu.upload(greedy, &volume.cut(greedy.stored(1))).unwrap();
+        *slot = cpu.upload(greedy, &BrickInput::plain(&volume.cut(greedy.stored(1)))).unwrap();
     }
     let greedy = render_one(&cpu, &scene, job);
-    assert!(greedy.samples.iter().sum::<u64>() > whole.samples[0]);
+    assert!(greedy.total().samples > whole.counts[0].samples);
     assert!(difference(&greedy.pixels, &whole.pixels).max > 1.0 / 255.0);
 }

@@ -1,6 +1,6 @@
 //! What formulas say: opacity of a constant body, order of bricks, early termination.
 
-use brickcast_node::raycaster::{Job, KernelScene, Raycaster};
+use brickcast_node::raycaster::{BrickInput, Job, KernelScene, Raycaster};
 use brickcast_volume::scene::Filter;
 use brickcast_volume::{OwnedBox, Premul};
 use glam::UVec3;
@@ -23,9 +23,9 @@ fn constant_body_has_the_opacity_of_its_samples() {
             for (step, opacity) in [(0.25, 0.02), (0.5, 0.1), (1.0, 0.05), (2.0, 0.3)] {
                 let view = viewpoint.view(&volume.geometry, [1, 1], step);
                 let table = flat_table([1.0, 0.5, 0.25], opacity, step);
-                let scene = KernelScene { view, table, early_termination: 1.0, filter };
+                let scene = KernelScene::plain(view, table, 1.0, filter);
                 let image = render_one(raycaster, &scene, volume.job(raycaster, &view, 16));
-                let samples = image.samples.iter().sum::<u64>() as f64;
+                let samples = image.total().samples as f64;
                 assert!(samples * step > 10.0, "{}: {samples}", viewpoint.name);
                 let want = 1.0 - (1.0 - opacity).powf(samples * step);
                 let p = image.pixels[0];
@@ -47,7 +47,7 @@ fn samples_are_half_open_along_a_known_chord() {
         for (step, want) in [(0.5, 40), (1.0, 20), (2.0, 10), (3.0, 6), (7.0, 3)] {
             let view = VIEWPOINTS[6].view(&volume.geometry, [1, 1], step);
             let image = render_one(raycaster, &scene(view, 1.0, filter), volume.job(raycaster, &view, 8));
-            assert_eq!(image.samples.iter().sum::<u64>(), want, "step {step}, {filter:?}");
+            assert_eq!(image.total().samples, want, "step {step}, {filter:?}");
         }
     });
 }
@@ -61,11 +61,11 @@ fn bricks_blend_in_the_jobs_order() {
         let opaque = KernelScene { early_termination: 0.9, ..scene(view, 0.9, filter) };
         let halves = [(0, 10), (10, 20)].map(|(from, to)| {
             let owned = OwnedBox { lo: UVec3::new(0, 0, from), hi: UVec3::new(40, 30, to) };
-            raycaster.upload(owned, &volume.cut(owned.stored(1))).unwrap()
+            raycaster.upload(owned, &BrickInput::plain(&volume.cut(owned.stored(1)))).unwrap()
         });
         let render = |bricks: Vec<_>| {
             let mut image = render_one(raycaster, &opaque, Job { bricks, rect: view.size().full_rect() });
-            (image.pixels.swap_remove(16 * 33 + 16), image.samples)
+            (image.pixels.swap_remove(16 * 33 + 16), image.counts)
         };
         let [far, near] = halves;
         let (far_first, _) = render(vec![far.clone(), near.clone()]);
@@ -82,7 +82,7 @@ fn bricks_blend_in_the_jobs_order() {
             assert!(off < 0.1, "{got:?} {want:?}");
         }
         assert!((far_first.r - near_first.r).abs() > 0.02 || (far_first.b - near_first.b).abs() > 0.02);
-        assert!(samples[1] < alone[0], "hidden samples must not be taken: {samples:?}, {alone:?}");
+        assert!(samples[1].samples < alone[0].samples, "hidden samples must not be taken: {samples:?}, {alone:?}");
     });
 }
 
@@ -94,9 +94,9 @@ fn early_termination_saves_samples_only() {
         let view = VIEWPOINTS[1].view(&volume.geometry, [33, 33], 0.5);
         let render = |early_termination, opacity| {
             let table = flat_table([1.0; 3], opacity, 0.5);
-            let scene = KernelScene { view, table, early_termination, filter };
+            let scene = KernelScene::plain(view, table, early_termination, filter);
             let image = render_one(raycaster, &scene, volume.job(raycaster, &view, 16));
-            (image.samples.iter().sum::<u64>(), image.pixels)
+            (image.total().samples, image.pixels)
         };
         let (all, transparent) = render(1.0, 0.0);
         assert!(transparent.iter().all(|p| p.is_clear()));

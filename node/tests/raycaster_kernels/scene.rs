@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use brickcast_node::cpu::CpuRaycaster;
 use brickcast_node::gpu::{GpuOptions, GpuRaycaster};
-use brickcast_node::raycaster::{Job, JobImage, KernelScene, Raycaster, ResidentBrick};
+use brickcast_node::raycaster::{BrickInput, Job, JobImage, KernelScene, Raycaster, ResidentBrick};
 use brickcast_volume::merge::sort_front_to_back;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::store::BrickVoxels;
@@ -49,7 +49,7 @@ impl Volume {
         let grid = BrickGrid::new(self.geometry.dims(), brick_size).unwrap();
         let upload = |b| {
             let owned = grid.owned_box(b);
-            raycaster.upload(owned, &self.cut(owned.stored(1))).unwrap()
+            raycaster.upload(owned, &BrickInput::plain(&self.cut(owned.stored(1)))).unwrap()
         };
         Resident { grid, bricks: grid.bricks().map(upload).collect() }
     }
@@ -109,7 +109,7 @@ pub(crate) fn flat_table(rgb: [f64; 3], opacity: f64, step: f64) -> Arc<Transfer
 }
 
 pub(crate) fn scene(view: View, early_termination: f32, filter: Filter) -> KernelScene {
-    KernelScene { view, table: table(view.step()), early_termination, filter }
+    KernelScene::plain(view, table(view.step()), early_termination, filter)
 }
 
 /// Where a camera stands, in voxels.

@@ -2,6 +2,7 @@
 
 use brickcast_node::gpu::GpuOptions;
 use brickcast_node::raycaster::Raycaster;
+use brickcast_node::recipe::Recipe;
 use brickcast_volume::scene::Filter;
 
 use crate::scene::{BOTH_FILTERS, VIEWPOINTS, Volume, cpu, difference, gpu, most_opaque, open_gpu, render_one, scene};
@@ -66,7 +67,7 @@ fn voxels_as_floats_give_the_same_picture() {
         return;
     };
     assert!(gpu.info().notes.iter().any(|n| n.contains("16-bit")), "{:?}", gpu.info());
-    assert_eq!(gpu.brick_bytes(1000), 4000);
+    assert_eq!(gpu.brick_bytes(1000, Recipe::default()), 4000);
     assert_rare(compare(&gpu, &[Filter::Hardware], &[[61, 47]], &[0.5]));
 }
 

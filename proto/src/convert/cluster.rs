@@ -2,7 +2,8 @@
 
 use brickcast_volume::StoreHash;
 use brickcast_volume::brick::MAX_BRICKS;
-use brickcast_volume::store::{BrickRanges, Manifest, StoreError};
+use brickcast_volume::store::{BrickFactsTable, BrickRanges, Manifest, StoreError};
+use bytes::Bytes;
 
 use super::{WireError, at_most, duration, text};
 use crate::cluster::{
@@ -101,6 +102,7 @@ impl From<StoreDescription> for wire::StoreDescription {
             name: store.name,
             manifest: store.manifest_bytes,
             brick_ranges: store.ranges.to_bytes().into(),
+            brick_facts: store.facts.map_or_else(Bytes::new, |facts| facts.to_bytes().into()),
         }
     }
 }
@@ -118,8 +120,12 @@ impl TryFrom<wire::StoreDescription> for StoreDescription {
         let broken = |error: StoreError| WireError::Store(error.to_string());
         let manifest = Manifest::from_bytes(&store.manifest).map_err(broken)?;
         let ranges = BrickRanges::from_bytes(&manifest, &store.brick_ranges).map_err(broken)?;
+        let facts = match manifest.regions {
+            Some(_) => Some(BrickFactsTable::from_bytes(&manifest, &store.brick_facts).map_err(broken)?),
+            None => None,
+        };
         let name = text("store name", store.name, MAX_TEXT)?;
-        Ok(Self { name, hash, manifest, manifest_bytes: store.manifest, ranges })
+        Ok(Self { name, hash, manifest, manifest_bytes: store.manifest, ranges, facts })
     }
 }
 

@@ -1,3 +1,5 @@
 //! The kernels on the CPU: plain, in their WGSL's order of operations.
 
+pub mod accelerated;
+pub mod macrocell;
 pub mod raycast;

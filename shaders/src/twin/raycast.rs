@@ -9,7 +9,7 @@ use crate::layout::{BrickUniform, FrameUniform};
 
 /// Slower than this per unit of t, a ray moves by less than 3e-7 voxel over the longest reach: it runs inside the plane.
 const PARALLEL_TO_PLANE: f32 = 1e-12;
-const FAR: f32 = 3e38;
+pub(super) const FAR: f32 = 3e38;
 const CODE: f32 = 1.0 / 65535.0;
 
 /// Index space; t in units of the smallest spacing.
@@ -89,7 +89,7 @@ pub fn owned_segment(frame: &FrameUniform, brick: &BrickUniform, ray: &Ray) -> O
 }
 
 /// Trilinear value code of the brick's texels at a global position.
-struct VolumeReader<'a> {
+pub(super) struct VolumeReader<'a> {
     codes: &'a [u16],
     /// Subtract from a global position + 0.5, rounded down, for the texel of the support's low corner.
     first_texel: [i32; 3],
@@ -99,7 +99,7 @@ struct VolumeReader<'a> {
 }
 
 impl<'a> VolumeReader<'a> {
-    fn new(brick: &BrickUniform, codes: &'a [u16]) -> Self {
+    pub(super) fn new(brick: &BrickUniform, codes: &'a [u16]) -> Self {
         let dims = brick.stored_dims;
         Self {
             codes,
@@ -120,7 +120,7 @@ impl<'a> VolumeReader<'a> {
 
     /// The code, 0..=1.
     #[inline(always)]
-    fn read(&self, p_voxel: [f32; 3]) -> f32 {
+    pub(super) fn read(&self, p_voxel: [f32; 3]) -> f32 {
         let mut w = [0.0; 3];
         let mut corner = [0; 3];
         for a in 0..3 {
@@ -139,15 +139,32 @@ impl<'a> VolumeReader<'a> {
     }
 }
 
+impl VolumeReader<'_> {
+    /// Index of the voxel that holds a global position.
+    #[inline(always)]
+    pub(super) fn nearest_index(&self, p_voxel: [f32; 3]) -> usize {
+        let at: [usize; 3] = std::array::from_fn(|a| {
+            (p_voxel[a] as i32 + 1 - self.first_texel[a]).min(self.last_corner[a] + 1).max(0) as usize
+        });
+        at[0] + at[1] * self.row + at[2] * self.slice
+    }
+
+    /// The texel of the voxel that holds a global position.
+    #[inline(always)]
+    pub(super) fn nearest(&self, p_voxel: [f32; 3]) -> u16 {
+        self.codes.get(self.nearest_index(p_voxel)).copied().unwrap_or(0)
+    }
+}
+
 /// Returns equal ends unchanged.
 #[inline(always)]
-fn between(a: f32, b: f32, t: f32) -> f32 {
+pub(super) fn between(a: f32, b: f32, t: f32) -> f32 {
     a + (b - a) * t
 }
 
 /// Into 0..=last; in this form one instruction a side, which `f32::clamp` is not.
 #[inline(always)]
-fn clamped(x: f32, last: f32) -> f32 {
+pub(super) fn clamped(x: f32, last: f32) -> f32 {
     let x = if x > 0.0 { x } else { 0.0 };
     if x < last { x } else { last }
 }

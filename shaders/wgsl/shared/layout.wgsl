@@ -14,6 +14,10 @@ struct FrameUniform {
     height: i32,
     table_first: f32,
     table_scale: f32,
+    region_first: f32,
+    region_scale: f32,
+    shown: u32,
+    reserved: u32,
 }
 
 struct BrickUniform {
@@ -24,7 +28,12 @@ struct BrickUniform {
     stored_lo: vec3<i32>,
     counter: u32,
     stored_dims: vec3<u32>,
-    reserved: u32,
+    region_flags: u32,
     rect_lo: vec2<u32>,
     rect_size: vec2<u32>,
+    cell_lo: vec3<i32>,
+    cell_shift: u32,
+    map_mask: u32,
+    code_scale: f32,
+    reserved: vec2<u32>,
 }

@@ -5,11 +5,13 @@
 //! V' is fixed when the store is made; bricks, nodes, steps and entry points change nothing of it.
 
 mod bound;
+mod classify;
 pub mod code;
 mod drawn;
 mod table;
 
 pub use bound::{ChangeRate, change_rate};
+pub use classify::{Classified, ClassifyError, classify};
 pub use code::{Density, density_of_code, guard_width};
 pub use drawn::{Drawn, SceneTables, brick_change, drawn, longest_chord};
 pub use table::{BrickFacts, BrickRegions, NO_REGION, Region, RegionTable};

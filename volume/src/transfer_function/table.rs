@@ -62,13 +62,34 @@ impl TransferTable {
     /// entry on each side and by what f32 kernels may err.
     #[must_use]
     pub fn is_empty_over(&self, min: u16, max: u16) -> bool {
+        self.opaque_until(min.max(max)) == self.opaque_from(min.min(max))
+    }
+
+    /// The same for tables of ranges: codes `min..=max` are empty iff `counts[max][1] == counts[min][0]`. Sums of the counts
+    /// of several tables say whether a range is empty under all of them.
+    #[must_use]
+    pub fn opaque_counts(&self) -> Vec<[u32; 2]> {
+        (0..=u16::MAX).map(|code| [self.opaque_from(code), self.opaque_until(code)]).collect()
+    }
+
+    /// Opaque entries before all that `code` may read.
+    fn opaque_from(&self, code: u16) -> u32 {
+        let [from, _] = self.entries_about(code);
+        self.opaque_before[from.floor() as usize]
+    }
+
+    /// Opaque entries up to the last that `code` may read.
+    fn opaque_until(&self, code: u16) -> u32 {
+        let [_, to] = self.entries_about(code);
+        self.opaque_before[to.ceil() as usize + 1]
+    }
+
+    fn entries_about(&self, code: u16) -> [f64; 2] {
         let last = (ENTRIES - 1) as f64;
         let width = f64::from(self.c_last) - f64::from(self.c_first);
-        let position = |code: u16| (f64::from(code) / 65535.0 - f64::from(self.c_first)) / width * last;
+        let position = (f64::from(code) / 65535.0 - f64::from(self.c_first)) / width * last;
         let margin = 1.0 + CODE_ERROR / width * last;
-        let from = (position(min.min(max)) - margin).clamp(0.0, last).floor() as usize;
-        let to = (position(max.max(min)) + margin).clamp(0.0, last).ceil() as usize;
-        self.opaque_before[to + 1] == self.opaque_before[from]
+        [(position - margin).clamp(0.0, last), (position + margin).clamp(0.0, last)]
     }
 }
 

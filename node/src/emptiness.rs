@@ -1,0 +1,57 @@
+//! Which value ranges are empty in a scene: under every table that a sample may be read by.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use brickcast_volume::scene::RegionView;
+use brickcast_volume::transfer_function::TransferTable;
+
+use crate::raycaster::KernelScene;
+
+/// Codes `min..=max` are empty iff `counts[max][1] == counts[min][0]`.
+#[derive(Debug)]
+pub(crate) struct Emptiness {
+    pub(crate) counts: Vec<[u32; 2]>,
+    tables: Vec<Arc<TransferTable>>,
+}
+
+/// The emptiness of the last scene that skipped: maps are built anew only when it changes.
+#[derive(Debug, Default)]
+pub(crate) struct EmptinessCache(Mutex<Option<Arc<Emptiness>>>);
+
+impl EmptinessCache {
+    /// `None` where the scene does not skip.
+    pub(crate) fn get(&self, scene: &KernelScene) -> Option<Arc<Emptiness>> {
+        if !scene.skip_empty {
+            return None;
+        }
+        let tables = tables_of(scene);
+        let same = |known: &Emptiness| {
+            known.tables.len() == tables.len()
+                && known.tables.iter().zip(&tables).all(|(a, b)| Arc::ptr_eq(a, b) || a == b)
+        };
+        let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = last.as_ref().filter(|known| same(known)) {
+            return Some(known.clone());
+        }
+        let mut counts = vec![[0; 2]; usize::from(u16::MAX) + 1];
+        for table in &tables {
+            for (sum, more) in counts.iter_mut().zip(table.opaque_counts()) {
+                *sum = [sum[0] + more[0], sum[1] + more[1]];
+            }
+        }
+        let emptiness = Arc::new(Emptiness { counts, tables });
+        *last = Some(emptiness.clone());
+        Some(emptiness)
+    }
+}
+
+/// The tables that can apply: a sample that the view hides has no opacity under any.
+fn tables_of(scene: &KernelScene) -> Vec<Arc<TransferTable>> {
+    let of_regions = scene.region_table.as_ref().unwrap_or(&scene.table);
+    match scene.region_view {
+        RegionView::Residual => vec![scene.table.clone()],
+        RegionView::Regions => vec![of_regions.clone()],
+        RegionView::All if Arc::ptr_eq(of_regions, &scene.table) => vec![scene.table.clone()],
+        RegionView::All => vec![scene.table.clone(), of_regions.clone()],
+    }
+}

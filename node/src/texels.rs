@@ -1,0 +1,170 @@
+//! A brick made ready for either backend: its recipe carried out.
+
+use std::borrow::Cow;
+
+use brickcast_shaders::layout::{BrickUniform, CODED_SCALE, RegionFlags};
+use brickcast_shaders::twin::macrocell::packed;
+use brickcast_volume::brick::{GHOST_SAMPLED, OwnedBox};
+use brickcast_volume::macrocell::Macrocells;
+use brickcast_volume::regions::code::{INNER_BIT, LEAP_BIT, MAX_DENSITY, MAX_DISTANCE, code_of_density, leap_texel};
+use brickcast_volume::regions::{BrickRegions, Classified, Density, NO_REGION, classify};
+use glam::IVec3;
+
+use crate::raycaster::{BrickInput, RaycastError, check_brick};
+use crate::recipe::Recipe;
+
+/// What goes into the backend's memory.
+#[derive(Debug)]
+pub(crate) struct PreparedBrick<'a> {
+    /// Boxes, scale, cells and flags; rectangle, accumulator, counter and the map's mask are the dispatch's.
+    pub(crate) uniform: BrickUniform,
+    /// Of the stored box, x fastest; one texel where the brick is all one region.
+    pub(crate) texels: Cow<'a, [u16]>,
+    /// Codes (0..=1) by slot, where texels hold leaps.
+    pub(crate) means: Option<Vec<f32>>,
+    pub(crate) cells: Option<PreparedCells>,
+    /// 1 for voxels of a region, where that differs from voxel to voxel.
+    pub(crate) flags: Option<Vec<u8>>,
+}
+
+#[derive(Debug)]
+pub(crate) struct PreparedCells {
+    pub(crate) cells: Macrocells,
+    /// The map's homogeneous bits by cell.
+    pub(crate) homogeneous: Option<Vec<u32>>,
+}
+
+/// A value of a coded brick may lie this far below and above the codes of its densities: half a density, and rounding.
+const CODED_SLACK: (u16, u16) = (1, 3);
+
+impl<'a> PreparedBrick<'a> {
+    pub(crate) fn new(owned: &OwnedBox, input: &BrickInput<'a>) -> Result<Self, RaycastError> {
+        let BrickInput { voxels, regions, recipe } = *input;
+        check_brick(owned, voxels)?;
+        let regions = match regions {
+            None if recipe.guard.is_some() || recipe.region_flags => return Err(RaycastError::NoRegions(recipe)),
+            given => given,
+        };
+        let mut uniform = BrickUniform::of_boxes(owned, &voxels.stored);
+        let mut means = None;
+        let mut texels = Cow::Borrowed(voxels.codes.as_slice());
+        if let (Some(guard), Some((regions, table))) = (recipe.guard, regions) {
+            match classify(voxels, regions, table, u32::from(guard), 0)? {
+                Classified::Plain => {}
+                Classified::Flat { codes } => texels = Cow::Owned(codes),
+                Classified::Uniform { mean, .. } => return Ok(Self::uniform(owned, mean)),
+                Classified::Coded { texels: coded, means: densities, .. } => {
+                    texels = Cow::Owned(coded);
+                    means = Some(densities.into_iter().map(code_of_mean).collect());
+                    uniform.code_scale = CODED_SCALE;
+                }
+            }
+        }
+        let flags = match regions.filter(|_| recipe.region_flags) {
+            Some((regions, _)) => flags_of(&voxels.stored, regions),
+            None => Flags::NoVoxel,
+        };
+        uniform.region_flags = match flags {
+            Flags::NoVoxel => RegionFlags::NoVoxel,
+            Flags::EveryVoxel => RegionFlags::EveryVoxel,
+            Flags::Some(_) => RegionFlags::Texture,
+        } as u32;
+        let edge = recipe.macrocell.or(recipe.homogeneous.map(|_| 4));
+        let cells = edge.map(|edge| cells_of(owned, input, &texels, means.as_deref(), edge)).transpose()?;
+        if let Some(cells) = &cells {
+            uniform.cell_lo = cells.cells.lo.into();
+            uniform.cell_shift = cells.cells.edge.trailing_zeros();
+        }
+        let flags = if let Flags::Some(flags) = flags { Some(flags) } else { None };
+        Ok(Self { uniform, texels, means, cells, flags })
+    }
+
+    /// All one region: one leap voxel, as wide as they come, answers for every position.
+    pub(crate) fn uniform(owned: &OwnedBox, mean: Density) -> Self {
+        let mut uniform = BrickUniform::of_boxes(owned, &owned.stored(GHOST_SAMPLED));
+        uniform.stored_dims = [1; 3];
+        uniform.code_scale = CODED_SCALE;
+        uniform.region_flags = RegionFlags::EveryVoxel as u32;
+        let texels = Cow::Owned(vec![leap_texel(MAX_DISTANCE, 0)]);
+        Self { uniform, texels, means: Some(vec![code_of_mean(mean)]), cells: None, flags: None }
+    }
+
+    /// Bytes where a texel of the volume takes `texel_bytes`, a cell `cell_bytes` more than its homogeneous bits.
+    pub(crate) fn bytes(&self, texel_bytes: u64, cell_bytes: u64) -> u64 {
+        let cells = self.cells.as_ref().map_or(0, |c| {
+            c.cells.ranges.len() as u64 * (cell_bytes + if c.homogeneous.is_some() { HOMOGENEOUS_BYTES } else { 0 })
+        });
+        self.texels.len() as u64 * texel_bytes + cells + self.flags.as_ref().map_or(0, |f| f.len() as u64)
+    }
+}
+
+const HOMOGENEOUS_BYTES: u64 = 4;
+
+/// [`PreparedBrick::bytes`] before there is a brick.
+pub(crate) fn expected_bytes(stored_voxels: u64, recipe: Recipe, texel_bytes: u64, cell_bytes: u64) -> u64 {
+    let edge = recipe.macrocell.or(recipe.homogeneous.map(|_| 4));
+    let cells = edge.map_or(0, |edge| {
+        // Cells that share a voxel with the box, which is a cube in nearly all cases.
+        let along = ((stored_voxels as f64).cbrt() / f64::from(edge.max(1))).floor() as u64 + 1;
+        along.pow(3) * (cell_bytes + if recipe.homogeneous.is_some() { HOMOGENEOUS_BYTES } else { 0 })
+    });
+    stored_voxels * (texel_bytes + u64::from(recipe.region_flags)) + cells
+}
+
+fn code_of_mean(mean: Density) -> f32 {
+    f32::from(mean) / f32::from(MAX_DENSITY)
+}
+
+enum Flags {
+    NoVoxel,
+    EveryVoxel,
+    Some(Vec<u8>),
+}
+
+fn flags_of(stored: &brickcast_volume::StoredBox, regions: &BrickRegions) -> Flags {
+    let covered = regions.covered;
+    let dims = covered.dims().as_ivec3();
+    let mut flags = Vec::with_capacity(stored.voxel_count() as usize);
+    for z in stored.lo.z..stored.hi.z {
+        for y in stored.lo.y..stored.hi.y {
+            let at = IVec3::new(stored.lo.x, y, z) - covered.lo;
+            let row = ((at.z * dims.y + at.y) * dims.x + at.x) as usize;
+            let labels = &regions.labels[row..row + stored.dims().x as usize];
+            flags.extend(labels.iter().map(|&label| u8::from(label != NO_REGION)));
+        }
+    }
+    match (flags.contains(&0), flags.contains(&1)) {
+        (_, false) => Flags::NoVoxel,
+        (false, true) => Flags::EveryVoxel,
+        (true, true) => Flags::Some(flags),
+    }
+}
+
+fn cells_of(
+    owned: &OwnedBox,
+    input: &BrickInput<'_>,
+    texels: &[u16],
+    means: Option<&[f32]>,
+    edge: u8,
+) -> Result<PreparedCells, RaycastError> {
+    if edge != 4 && edge != 8 {
+        return Err(RaycastError::MacrocellEdge(edge));
+    }
+    let (stored, edge) = (input.voxels.stored, u32::from(edge));
+    let cells = match means {
+        None => Macrocells::of(owned, &stored, texels, edge),
+        Some(means) => {
+            let code_of = |&texel: &u16| {
+                if texel & LEAP_BIT == 0 {
+                    return code_of_density((texel & !INNER_BIT) >> 1);
+                }
+                let mean = means.get(usize::from(texel & 0x7f)).copied().unwrap_or(0.0);
+                code_of_density((mean * f32::from(MAX_DENSITY)).round() as Density)
+            };
+            let codes: Vec<u16> = texels.iter().map(code_of).collect();
+            Macrocells::of(owned, &stored, &codes, edge).widened(CODED_SLACK.0, CODED_SLACK.1)
+        }
+    };
+    let homogeneous = input.recipe.homogeneous.map(|width| cells.homogeneous(width).into_iter().map(packed).collect());
+    Ok(PreparedCells { cells, homogeneous })
+}
