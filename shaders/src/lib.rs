@@ -36,20 +36,38 @@ impl Features {
     pub const PLAIN: Self = Self { leap: false, map: false, regions: false };
 }
 
-/// The raycast kernel; entry point `raycast`.
+/// The kernel that only samples; entry point `raycast`.
 #[must_use]
 pub fn raycast_wgsl(variant: RaycastVariant) -> String {
+    with_shared(variant, include_str!("../wgsl/raycast.wgsl"))
+}
+
+/// The kernel that also leaps, skips and tells regions apart, as its overrides `LEAP`, `MAP` and `REGIONS` say; entry point
+/// `accelerated`.
+#[must_use]
+pub fn accelerated_wgsl(variant: RaycastVariant) -> String {
+    with_shared(variant, include_str!("../wgsl/accelerated.wgsl"))
+}
+
+fn with_shared(variant: RaycastVariant, kernel: &str) -> String {
     let read = match variant {
         RaycastVariant::Hardware => include_str!("../wgsl/shared/read_hardware.wgsl"),
         RaycastVariant::Exact => include_str!("../wgsl/shared/read_exact.wgsl"),
     };
-    [
-        include_str!("../wgsl/shared/layout.wgsl"),
-        include_str!("../wgsl/shared/ray.wgsl"),
-        read,
-        include_str!("../wgsl/raycast.wgsl"),
-    ]
-    .concat()
+    let (layout, ray) = (include_str!("../wgsl/shared/layout.wgsl"), include_str!("../wgsl/shared/ray.wgsl"));
+    [layout, ray, include_str!("../wgsl/shared/dispatch.wgsl"), read, kernel].concat()
+}
+
+/// Which macrocells are empty; entry point `macrocell`.
+#[must_use]
+pub fn macrocell_wgsl() -> String {
+    [include_str!("../wgsl/shared/cells.wgsl"), include_str!("../wgsl/macrocell.wgsl")].concat()
+}
+
+/// One pass of the distance transform over macrocells, along the axis of its override `AXIS`; entry point `distance`.
+#[must_use]
+pub fn distance_wgsl() -> String {
+    [include_str!("../wgsl/shared/cells.wgsl"), include_str!("../wgsl/distance.wgsl")].concat()
 }
 
 /// The start-up self-test of the adapter's filter; entry point `filter_probe`.

@@ -4,7 +4,10 @@
 
 use std::mem::{offset_of, size_of};
 
-use brickcast_shaders::{BrickUniform, FrameUniform, RaycastVariant, filter_probe_wgsl, raycast_wgsl};
+use brickcast_shaders::{
+    BrickUniform, FrameUniform, RaycastVariant, accelerated_wgsl, distance_wgsl, filter_probe_wgsl, macrocell_wgsl,
+    raycast_wgsl,
+};
 use naga::TypeInner;
 
 type Members = Vec<(String, u32)>;
@@ -43,9 +46,11 @@ fn parse(source: &str) -> naga::Module {
 #[test]
 fn members_lie_where_the_kernels_read_them() {
     for variant in [RaycastVariant::Hardware, RaycastVariant::Exact] {
-        let module = parse(&raycast_wgsl(variant));
-        assert_eq!(wgsl_struct(&module, "FrameUniform"), frame());
-        assert_eq!(wgsl_struct(&module, "BrickUniform"), brick());
+        for source in [raycast_wgsl(variant), accelerated_wgsl(variant)] {
+            let module = parse(&source);
+            assert_eq!(wgsl_struct(&module, "FrameUniform"), frame());
+            assert_eq!(wgsl_struct(&module, "BrickUniform"), brick());
+        }
     }
 }
 
@@ -63,8 +68,15 @@ fn the_comparison_can_fail() {
 
 #[test]
 fn kernels_are_valid() {
-    let sources =
-        [raycast_wgsl(RaycastVariant::Hardware), raycast_wgsl(RaycastVariant::Exact), filter_probe_wgsl().to_owned()];
+    let sources = [
+        raycast_wgsl(RaycastVariant::Hardware),
+        raycast_wgsl(RaycastVariant::Exact),
+        accelerated_wgsl(RaycastVariant::Hardware),
+        accelerated_wgsl(RaycastVariant::Exact),
+        macrocell_wgsl(),
+        distance_wgsl(),
+        filter_probe_wgsl().to_owned(),
+    ];
     for source in sources {
         let flags = naga::valid::ValidationFlags::all();
         let capabilities = naga::valid::Capabilities::empty();

@@ -1,18 +1,4 @@
-// One brick into the accumulator: one invocation a pixel. shaders/src/twin/raycast.rs is the same on the CPU.
-@group(0) @binding(0) var<uniform> frame: FrameUniform;
-@group(1) @binding(0) var<uniform> brick: BrickUniform;
-// Premultiplied colour and opacity.
-@group(1) @binding(1) var<storage, read_write> accumulator: array<vec4<f32>>;
-@group(1) @binding(2) var<storage, read_write> counters: array<atomic<u32>>;
-
-// Neighbouring lanes are neighbouring pixels: 4 x 2 for every 8 lanes, 8 x 8 for every 64, 16 x 16 for the workgroup.
-// Rays that end together then run together.
-fn pixel_of_lane(lane: vec2<u32>) -> vec2<u32> {
-    let x = (lane.x & 3u) | ((lane.x >> 1u) & 4u);
-    let y = ((lane.x >> 2u) & 1u) | ((lane.x >> 3u) & 6u);
-    return vec2(x, y) + 8u * vec2(lane.y & 1u, lane.y >> 1u);
-}
-
+// One brick into the accumulator, sample by sample. shaders/src/twin/raycast.rs is the same on the CPU.
 @compute @workgroup_size(64, 4)
 fn raycast(
     @builtin(workgroup_id) workgroup: vec3<u32>,
@@ -49,5 +35,5 @@ fn raycast(
         k += 1.0;
     }
     accumulator[slot] = sum;
-    atomicAdd(&counters[brick.counter], u32(k - owned.k));
+    atomicAdd(&counters[4u * brick.counter], u32(k - owned.k));
 }

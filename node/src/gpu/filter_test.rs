@@ -6,7 +6,7 @@ use brickcast_shaders::filter_probe_wgsl;
 
 use super::device::Gpu;
 use super::kernel::linear_sampler;
-use super::upload::volume_texture;
+use super::upload::texture_3d;
 use crate::raycaster::RaycastError;
 
 /// Texels per axis of the test textures.
@@ -96,9 +96,8 @@ fn ask(gpu: &Gpu, probe: &Probe) -> Result<Vec<[f32; 2]>, RaycastError> {
         let answers = buffer(answer_bytes, wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC);
         let staging = buffer(answer_bytes, wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST);
         gpu.queue.write_buffer(&positions, 0, bytemuck::cast_slice(&probe.positions));
-        let size = wgpu::Extent3d { width: EDGE, height: EDGE, depth_or_array_layers: EDGE };
         let data = bytemuck::cast_slice(&probe.codes);
-        let texture = volume_texture(gpu, size, wgpu::TextureFormat::R16Unorm, data);
+        let texture = texture_3d(gpu, [EDGE; 3], wgpu::TextureFormat::R16Unorm, data);
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("filter probe"),
             source: wgpu::ShaderSource::Wgsl(filter_probe_wgsl().into()),

@@ -1,8 +1,10 @@
 //! The raycast pipelines and what they bind: group 0 the frame, group 1 the accumulator and the dispatch, group 2 a brick.
 
+use std::collections::HashMap;
 use std::num::NonZeroU64;
+use std::sync::{Arc, Mutex, PoisonError};
 
-use brickcast_shaders::{BrickUniform, FrameUniform, RaycastVariant, raycast_wgsl};
+use brickcast_shaders::{BrickUniform, Features, FrameUniform, RaycastVariant, accelerated_wgsl, raycast_wgsl};
 use brickcast_volume::transfer_function::TransferTable;
 use half::f16;
 use wgpu::{BindGroupLayoutEntry, BindingType, BufferBindingType, TextureFormat, TextureSampleType};
@@ -10,11 +12,15 @@ use wgpu::{BindGroupLayoutEntry, BindingType, BufferBindingType, TextureFormat, 
 use super::device::Gpu;
 use crate::raycaster::RaycastError;
 
-/// Pipeline and frame layout of one variant.
+/// One variant's plain pipeline, and what all its pipelines have in common.
 #[derive(Debug)]
 struct Kernel {
+    variant: RaycastVariant,
     frame_layout: wgpu::BindGroupLayout,
-    pipeline: wgpu::ComputePipeline,
+    pipeline_layout: wgpu::PipelineLayout,
+    plain: wgpu::ComputePipeline,
+    /// Compiled when first needed: start-up does not wait for what few scenes use.
+    accelerated: Mutex<HashMap<Features, wgpu::ComputePipeline>>,
 }
 
 /// Pipelines of both variants; the hardware one only where voxels can be filtered.
@@ -31,7 +37,7 @@ pub(super) struct Kernels {
 pub(super) const FRAME_BYTES: u64 = size_of::<FrameUniform>() as u64;
 pub(super) const DISPATCH_BYTES: u64 = size_of::<BrickUniform>() as u64;
 
-fn entry(binding: u32, ty: BindingType) -> BindGroupLayoutEntry {
+pub(super) fn entry(binding: u32, ty: BindingType) -> BindGroupLayoutEntry {
     BindGroupLayoutEntry { binding, visibility: wgpu::ShaderStages::COMPUTE, ty, count: None }
 }
 
@@ -48,7 +54,12 @@ fn texture(view_dimension: wgpu::TextureViewDimension, filterable: bool) -> Bind
     BindingType::Texture { sample_type: TextureSampleType::Float { filterable }, view_dimension, multisampled: false }
 }
 
-fn layout(gpu: &Gpu, label: &str, entries: &[BindGroupLayoutEntry]) -> wgpu::BindGroupLayout {
+/// Of unsigned integers.
+pub(super) fn integers(view_dimension: wgpu::TextureViewDimension) -> BindingType {
+    BindingType::Texture { sample_type: TextureSampleType::Uint, view_dimension, multisampled: false }
+}
+
+pub(super) fn layout(gpu: &Gpu, label: &str, entries: &[BindGroupLayoutEntry]) -> wgpu::BindGroupLayout {
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
 }
 
@@ -66,8 +77,12 @@ impl Kernels {
     /// `norm16`: voxels are R16Unorm, else R32Float. `exact_only`: no hardware variant.
     pub(super) fn new(gpu: &Gpu, norm16: bool, exact_only: bool) -> Result<Self, RaycastError> {
         gpu.guarded("the raycast kernels", 0, || {
-            let volume = texture(wgpu::TextureViewDimension::D3, norm16);
-            let volume_layout = layout(gpu, "brick", &[entry(0, volume)]);
+            let d3 = wgpu::TextureViewDimension::D3;
+            let means = texture(wgpu::TextureViewDimension::D2, false);
+            // Plain kernels read the first only.
+            let brick = [texture(d3, norm16), means, integers(d3), integers(d3)];
+            let entries: Vec<_> = brick.into_iter().zip(0..).map(|(ty, binding)| entry(binding, ty)).collect();
+            let volume_layout = layout(gpu, "brick", &entries);
             let dispatch_layout = layout(
                 gpu,
                 "dispatch",
@@ -96,49 +111,51 @@ impl Kernels {
         }
     }
 
-    pub(super) fn pipeline(&self, variant: RaycastVariant) -> &wgpu::ComputePipeline {
-        &self.kernel(variant).pipeline
+    /// The pipeline that does just this.
+    pub(super) fn pipeline(
+        &self,
+        gpu: &Gpu,
+        variant: RaycastVariant,
+        features: Features,
+    ) -> Result<wgpu::ComputePipeline, RaycastError> {
+        let kernel = self.kernel(variant);
+        if features == Features::PLAIN {
+            return Ok(kernel.plain.clone());
+        }
+        let mut known = kernel.accelerated.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(pipeline) = known.get(&features) {
+            return Ok(pipeline.clone());
+        }
+        let pipeline = gpu.guarded("an accelerated kernel", 0, || kernel.accelerated(gpu, features))?;
+        known.insert(features, pipeline.clone());
+        Ok(pipeline)
     }
 
-    /// Group 0: the frame's uniform and its transfer function.
+    /// Group 0: the frame's uniform, its transfer function, and that for samples in regions.
     pub(super) fn bind_frame(
         &self,
         gpu: &Gpu,
         variant: RaycastVariant,
         frame: &wgpu::Buffer,
-        table: &TransferTable,
+        [table, region_table]: [&Arc<TransferTable>; 2],
     ) -> wgpu::BindGroup {
         let filtered = variant == RaycastVariant::Hardware && self.hardware.is_some();
-        // GPUs filter half floats at full speed and full ones at a half or a quarter; software is faster without decoding.
-        let (format, bytes) = if filtered && !gpu.is_float_table_faster {
-            let halves: Vec<[f16; 4]> = table.entries.iter().map(|e| e.map(f16::from_f32)).collect();
-            (TextureFormat::Rgba16Float, bytemuck::cast_slice(&halves).to_vec())
-        } else {
-            (TextureFormat::Rgba32Float, bytemuck::cast_slice(&table.entries).to_vec())
-        };
-        let size = wgpu::Extent3d { width: table.entries.len() as u32, height: 1, depth_or_array_layers: 1 };
-        let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-            label: Some("transfer function"),
-            size,
-            mip_level_count: 1,
-            sample_count: 1,
-            dimension: if filtered { wgpu::TextureDimension::D1 } else { wgpu::TextureDimension::D2 },
-            format,
-            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-            view_formats: &[],
-        });
-        let rows = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: None, rows_per_image: None };
-        gpu.queue.write_texture(texture.as_image_copy(), &bytes, rows, size);
-        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
-        let entries = [
+        let view = table_view(gpu, filtered, table);
+        let region_view =
+            if Arc::ptr_eq(table, region_table) { view.clone() } else { table_view(gpu, filtered, region_table) };
+        let mut entries = vec![
             wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() },
             wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(&view) },
-            wgpu::BindGroupEntry { binding: 2, resource: wgpu::BindingResource::Sampler(&self.sampler) },
+            wgpu::BindGroupEntry { binding: 3, resource: wgpu::BindingResource::TextureView(&region_view) },
         ];
+        if filtered {
+            let resource = wgpu::BindingResource::Sampler(&self.sampler);
+            entries.push(wgpu::BindGroupEntry { binding: 2, resource });
+        }
         gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("frame"),
             layout: &self.kernel(variant).frame_layout,
-            entries: if filtered { &entries } else { &entries[..2] },
+            entries: &entries,
         })
     }
 
@@ -163,6 +180,31 @@ impl Kernels {
     }
 }
 
+/// A transfer function as a texture; `filtered` for the hardware variant.
+fn table_view(gpu: &Gpu, filtered: bool, table: &TransferTable) -> wgpu::TextureView {
+    // GPUs filter half floats at full speed and full ones at a half or a quarter; software is faster without decoding.
+    let (format, bytes) = if filtered && !gpu.is_float_table_faster {
+        let halves: Vec<[f16; 4]> = table.entries.iter().map(|e| e.map(f16::from_f32)).collect();
+        (TextureFormat::Rgba16Float, bytemuck::cast_slice(&halves).to_vec())
+    } else {
+        (TextureFormat::Rgba32Float, bytemuck::cast_slice(&table.entries).to_vec())
+    };
+    let size = wgpu::Extent3d { width: table.entries.len() as u32, height: 1, depth_or_array_layers: 1 };
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("transfer function"),
+        size,
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: if filtered { wgpu::TextureDimension::D1 } else { wgpu::TextureDimension::D2 },
+        format,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    let rows = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: None, rows_per_image: None };
+    gpu.queue.write_texture(texture.as_image_copy(), &bytes, rows, size);
+    texture.create_view(&wgpu::TextureViewDescriptor::default())
+}
+
 impl Kernel {
     fn new(
         gpu: &Gpu,
@@ -173,29 +215,49 @@ impl Kernel {
         let filtered = variant == RaycastVariant::Hardware;
         // Loads take two dimensions: OpenGL has no other.
         let table = if filtered { wgpu::TextureViewDimension::D1 } else { wgpu::TextureViewDimension::D2 };
-        let entries = [
+        let mut entries = vec![
             entry(0, uniform(FRAME_BYTES, false)),
             entry(1, texture(table, filtered)),
-            entry(2, BindingType::Sampler(wgpu::SamplerBindingType::Filtering)),
+            entry(3, texture(table, filtered)),
         ];
-        let frame_layout = layout(gpu, "frame", if filtered { &entries } else { &entries[..2] });
+        if filtered {
+            entries.push(entry(2, BindingType::Sampler(wgpu::SamplerBindingType::Filtering)));
+        }
+        let frame_layout = layout(gpu, "frame", &entries);
         let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("raycast"),
             bind_group_layouts: &[Some(&frame_layout), Some(dispatch_layout), Some(volume_layout)],
             immediate_size: 0,
         });
-        let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
-            label: Some("raycast"),
-            source: wgpu::ShaderSource::Wgsl(raycast_wgsl(variant).into()),
-        });
-        let pipeline = gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("raycast"),
-            layout: Some(&pipeline_layout),
-            module: &module,
-            entry_point: Some("raycast"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
-        Self { frame_layout, pipeline }
+        let plain = compute_pipeline(gpu, Some(&pipeline_layout), "raycast", raycast_wgsl(variant), &[]);
+        Self { variant, frame_layout, pipeline_layout, plain, accelerated: Mutex::default() }
     }
+
+    fn accelerated(&self, gpu: &Gpu, features: Features) -> wgpu::ComputePipeline {
+        let Features { leap, map, regions } = features;
+        let overrides = [("LEAP", leap), ("MAP", map), ("REGIONS", regions)].map(|(name, on)| (name, f64::from(on)));
+        compute_pipeline(gpu, Some(&self.pipeline_layout), "accelerated", accelerated_wgsl(self.variant), &overrides)
+    }
+}
+
+/// Compiles `entry` of `source`.
+pub(super) fn compute_pipeline(
+    gpu: &Gpu,
+    layout: Option<&wgpu::PipelineLayout>,
+    entry: &str,
+    source: String,
+    constants: &[(&str, f64)],
+) -> wgpu::ComputePipeline {
+    let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: Some(entry),
+        source: wgpu::ShaderSource::Wgsl(source.into()),
+    });
+    gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: Some(entry),
+        layout,
+        module: &module,
+        entry_point: Some(entry),
+        compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
+        cache: None,
+    })
 }

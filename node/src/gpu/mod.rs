@@ -1,5 +1,6 @@
 //! The raycaster on the GPU, through wgpu. Nothing outside this folder knows wgpu.
 
+mod cells;
 mod device;
 mod filter_test;
 mod kernel;
@@ -19,6 +20,7 @@ use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunc
 use brickcast_volume::{Camera, Geometry, Orbit, PictureSize, View};
 use glam::UVec3;
 
+use crate::emptiness::EmptinessCache;
 use crate::raycaster::{
     BackendInfo, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, ResidentBrick, check_jobs,
 };
@@ -91,6 +93,7 @@ pub struct GpuRaycaster {
     /// The linear filter cannot be used: everything goes through the exact kernel.
     exact_only: bool,
     accumulator_bytes: u64,
+    emptiness: EmptinessCache,
     /// Also makes calls take turns, which bounds the memory of accumulators.
     scratch: Mutex<Scratch>,
 }
@@ -131,7 +134,7 @@ impl GpuRaycaster {
             .min(gpu.limits.max_buffer_size)
             .max(plan::MIN_ACCUMULATOR_BYTES);
         let scratch = Mutex::new(Scratch::new(&gpu).map_err(failed)?);
-        Ok(Self { info, gpu, kernels, exact_only, accumulator_bytes, scratch })
+        Ok(Self { info, gpu, kernels, exact_only, accumulator_bytes, emptiness: EmptinessCache::default(), scratch })
     }
 
     fn variant(&self, filter: Filter) -> RaycastVariant {
@@ -167,16 +170,29 @@ impl Raycaster for GpuRaycaster {
         let stored = owned.stored(brickcast_volume::brick::GHOST_SAMPLED);
         let codes = vec![u16::MAX; stored.voxel_count() as usize];
         let bricks = vec![self.upload(owned, &BrickInput::plain(&BrickVoxels { stored, codes }))?];
-        self.render(&scene, &[Job { bricks, rect: scene.view.size().full_rect() }]).map(drop)
+        self.render(&scene, &[Job { bricks, rect: scene.view.size().full_rect() }])?;
+        if features.map {
+            self.scratch.lock().unwrap_or_else(PoisonError::into_inner).warm_up_maps(&self.gpu)?;
+        }
+        // A scene's bricks need not all have what some have.
+        for leap in [false, features.leap] {
+            for map in [false, features.map] {
+                let needed = Features { leap, map, ..features };
+                self.kernels.pipeline(&self.gpu, self.variant(filter), needed)?;
+            }
+        }
+        Ok(())
     }
 
     fn render(&self, scene: &KernelScene, jobs: &[Job]) -> Result<Vec<JobImage>, RaycastError> {
         let limits = &self.gpu.limits;
         check_jobs(scene, jobs, limits.max_texture_dimension_1d.min(limits.max_texture_dimension_2d))?;
+        let emptiness = self.emptiness.get(scene);
         let call = Call {
             gpu: &self.gpu,
             kernels: &self.kernels,
             variant: self.variant(scene.filter),
+            emptiness: emptiness.as_ref(),
             accumulator_bytes: self.accumulator_bytes,
         };
         let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner);

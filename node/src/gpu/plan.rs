@@ -1,6 +1,7 @@
 //! What a call dispatches, worked out before anything is recorded: bands that fit the accumulator buffer, and dispatches
 //! that end before a driver's watchdog does.
 
+use brickcast_shaders::Features;
 use brickcast_shaders::layout::BrickUniform;
 use brickcast_volume::{OwnedBox, PixelRect, View};
 use glam::UVec2;
@@ -28,6 +29,7 @@ pub(super) struct Dispatch {
     /// Position in the job's list.
     pub(super) brick: usize,
     pub(super) uniform: BrickUniform,
+    pub(super) features: Features,
     /// Upper bound.
     pub(super) samples: f64,
 }
@@ -70,7 +72,7 @@ pub(super) fn dispatches(
     band: &Band,
     brick: usize,
     owned: &OwnedBox,
-    boxes: BrickUniform,
+    (boxes, features): (BrickUniform, Features),
 ) -> Vec<Dispatch> {
     let rect = view.project(owned).intersect(&band.rect);
     if rect.is_empty() {
@@ -92,7 +94,7 @@ pub(super) fn dispatches(
                 ..boxes
             };
             let samples = per_pixel * f64::from(size.x) * f64::from(size.y);
-            pieces.push(Dispatch { job: band.job, brick, uniform, samples });
+            pieces.push(Dispatch { job: band.job, brick, uniform, features, samples });
         }
     }
     pieces
@@ -153,7 +155,7 @@ mod tests {
         let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(512) };
         let band = Band { job: 0, rect: rect([0, 1000], [8192, 1900]), base: 77 };
         let boxes = BrickUniform::of_boxes(&owned, &owned.stored(1));
-        let pieces = dispatches(&view, &band, 3, &owned, boxes);
+        let pieces = dispatches(&view, &band, 3, &owned, (boxes, Features::PLAIN));
         assert!(pieces.len() > 10);
         let covered = view.project(&owned).intersect(&band.rect);
         let mut pixels = 0;

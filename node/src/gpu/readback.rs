@@ -1,20 +1,24 @@
 //! Recording a call's dispatches, and bringing accumulators and counters back.
 
+use std::collections::HashMap;
 use std::sync::Arc;
 
-use brickcast_shaders::{FrameUniform, RaycastVariant, WORKGROUP_PIXELS};
+use brickcast_shaders::{Features, FrameUniform, RaycastVariant, WORKGROUP_PIXELS};
 use brickcast_volume::PixelRect;
 use brickcast_volume::transfer_function::TransferTable;
 
+use super::cells::MapBuilder;
 use super::device::Gpu;
 use super::kernel::{DISPATCH_BYTES, FRAME_BYTES, Kernels};
 use super::plan::{self, Batch, DISPATCH_SAMPLES, Dispatch, PIXEL_BYTES};
 use super::upload::GpuBrick;
+use crate::emptiness::Emptiness;
 use crate::raycaster::{BrickCounts, Job, JobImage, KernelScene, RaycastError, new_pixels};
 
 /// The most dispatches of one submission.
 const SUBMIT_DISPATCHES: usize = 1024;
-const COUNTER_BYTES: u64 = 4;
+/// Reads, positions, positions leapt, none.
+const COUNTER_BYTES: u64 = 16;
 
 /// Buffers that live from call to call.
 #[derive(Debug)]
@@ -24,8 +28,9 @@ pub(super) struct Scratch {
     /// Bytes from one dispatch's uniform to the next.
     dispatch_stride: u64,
     buffers: Option<Buffers>,
-    /// The last table, as bound for a variant.
-    table: Option<(Arc<TransferTable>, RaycastVariant, wgpu::BindGroup)>,
+    /// The last tables, as bound for a variant.
+    tables: Option<([Arc<TransferTable>; 2], RaycastVariant, wgpu::BindGroup)>,
+    maps: MapBuilder,
 }
 
 /// Accumulator and counters, and where they are read.
@@ -42,6 +47,8 @@ pub(super) struct Call<'a> {
     pub(super) gpu: &'a Arc<Gpu>,
     pub(super) kernels: &'a Kernels,
     pub(super) variant: RaycastVariant,
+    /// Where the scene skips.
+    pub(super) emptiness: Option<&'a Arc<Emptiness>>,
     /// Most bytes of the accumulator buffer.
     pub(super) accumulator_bytes: u64,
 }
@@ -61,7 +68,8 @@ impl Scratch {
             dispatches: buffer(gpu, "dispatches", bytes, usage),
             dispatch_stride,
             buffers: None,
-            table: None,
+            tables: None,
+            maps: MapBuilder::default(),
         })
     }
 
@@ -91,24 +99,31 @@ impl Scratch {
         self.buffers.as_ref().ok_or(missing)
     }
 
-    /// Binds the frame; the table is uploaded only when it changes.
+    /// What scenes that skip need.
+    pub(super) fn warm_up_maps(&mut self, gpu: &Gpu) -> Result<(), RaycastError> {
+        self.maps.warm_up(gpu)
+    }
+
+    /// Binds the frame; tables are uploaded only when they change.
     fn bind_frame(&mut self, call: &Call<'_>, scene: &KernelScene) -> Result<wgpu::BindGroup, RaycastError> {
         let gpu = call.gpu;
-        let frame = FrameUniform::new(&scene.view.kernel(), &scene.table, scene.early_termination);
+        let frame = FrameUniform::new(&scene.view.kernel(), &scene.table, scene.early_termination)
+            .with_regions(scene.region_view, scene.region_table.as_deref());
         gpu.guarded("a frame's uniform", FRAME_BYTES, || {
             gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame))
         })?;
-        if let Some((table, variant, bound)) = &self.table
+        let tables = [&scene.table, scene.region_table.as_ref().unwrap_or(&scene.table)];
+        if let Some((known, variant, bound)) = &self.tables
             && *variant == call.variant
-            && (Arc::ptr_eq(table, &scene.table) || table == &scene.table)
+            && known.iter().zip(tables).all(|(known, table)| Arc::ptr_eq(known, table) || known == table)
         {
             return Ok(bound.clone());
         }
         let bytes = scene.table.entries.len() as u64 * PIXEL_BYTES;
         let bound = gpu.guarded("a transfer function", bytes, || {
-            call.kernels.bind_frame(gpu, call.variant, &self.frame, &scene.table)
+            call.kernels.bind_frame(gpu, call.variant, &self.frame, tables)
         })?;
-        self.table = Some((scene.table.clone(), call.variant, bound.clone()));
+        self.tables = Some((tables.map(Arc::clone), call.variant, bound.clone()));
         Ok(bound)
     }
 }
@@ -128,13 +143,16 @@ pub(super) fn render(
         })
         .collect::<Result<_, RaycastError>>()?;
     let frame = scratch.bind_frame(call, scene)?;
+    if let Some(emptiness) = call.emptiness {
+        scratch.maps.update(call.gpu, emptiness, bricks.iter().flatten().copied())?;
+    }
     let rects: Vec<PixelRect> = jobs.iter().map(|job| job.rect).collect();
     let capacity = (call.accumulator_bytes / PIXEL_BYTES).min(u64::from(u32::MAX)) as u32;
     for batch in plan::batches(&rects, capacity) {
         let mut dispatches = Vec::new();
         for band in &batch.bands {
             for (i, brick) in bricks[band.job].iter().enumerate() {
-                dispatches.extend(plan::dispatches(&scene.view, band, i, &brick.owned, brick.boxes));
+                dispatches.extend(plan::dispatches(&scene.view, band, i, &brick.owned, brick.in_scene(scene)));
             }
         }
         if !dispatches.is_empty() {
@@ -185,6 +203,12 @@ fn run(
     for (counter, dispatch) in dispatches.iter_mut().enumerate() {
         dispatch.uniform.counter = counter as u32;
     }
+    let mut pipelines = HashMap::new();
+    for dispatch in &*dispatches {
+        if !pipelines.contains_key(&dispatch.features) {
+            pipelines.insert(dispatch.features, call.kernels.pipeline(gpu, call.variant, dispatch.features)?);
+        }
+    }
     let runs = submissions(dispatches);
     let last = runs.len() - 1;
     let mut before = None;
@@ -202,10 +226,14 @@ fn run(
             }
             {
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-                pass.set_pipeline(call.kernels.pipeline(call.variant));
                 pass.set_bind_group(0, frame, &[]);
                 // wgpu puts a barrier between dispatches that write the same buffer: bricks blend in this order.
+                let mut features = None;
                 for (i, dispatch) in dispatches[run].iter().enumerate() {
+                    if features != Some(dispatch.features) {
+                        features = Some(dispatch.features);
+                        pass.set_pipeline(&pipelines[&dispatch.features]);
+                    }
                     let [width, height] = dispatch.uniform.rect_size;
                     pass.set_bind_group(1, &buffers.bind_group, &[(i as u64 * stride) as u32]);
                     pass.set_bind_group(2, &bricks[dispatch.job][dispatch.brick].bind_group, &[]);
@@ -251,10 +279,12 @@ fn collect(
             let target: &mut [u8] = bytemuck::cast_slice_mut(&mut image.pixels[to..to + count]);
             target.copy_from_slice(&pixels[from..from + target.len()]);
         }
-        for (dispatch, counter) in dispatches.iter().zip(counters.as_chunks::<4>().0) {
-            let n = u64::from(u32::from_le_bytes(*counter));
+        for (dispatch, counter) in dispatches.iter().zip(counters.as_chunks::<16>().0) {
+            let number = |i: usize| u64::from(u32::from_le_bytes(counter.as_chunks::<4>().0[i]));
+            // The plain kernel reads once at every position.
+            let positions = number(if dispatch.features == Features::PLAIN { 0 } else { 1 });
             let counts = &mut images[dispatch.job].counts[dispatch.brick];
-            *counts = counts.plus(BrickCounts { samples: n, positions: n, leapt: 0 });
+            *counts = counts.plus(BrickCounts { samples: number(0), positions, leapt: number(2) });
         }
     })
 }

@@ -3,32 +3,51 @@
 use std::any::Any;
 use std::sync::Arc;
 
-use brickcast_shaders::BrickUniform;
+use brickcast_shaders::layout::{BrickUniform, MAP_EMPTY, MAP_HOMOGENEOUS};
 use brickcast_volume::brick::OwnedBox;
+use brickcast_volume::regions::code::MAX_SLOTS;
 
+use super::cells::CellTextures;
 use super::device::Gpu;
 use super::kernel::Kernels;
-use crate::raycaster::{RaycastError, ResidentBrick};
+use crate::emptiness::Emptiness;
+use crate::raycaster::{Features, KernelScene, RaycastError, ResidentBrick};
 use crate::texels::PreparedBrick;
 
 /// Bytes of a macrocell: its range and its texel of the map.
 pub(super) const CELL_BYTES: u64 = 8;
 
-/// A brick's texture, bound once.
+/// A brick's textures, bound once.
 #[derive(Debug)]
 pub(super) struct GpuBrick {
     gpu: Arc<Gpu>,
-    texture: wgpu::Texture,
+    textures: Vec<wgpu::Texture>,
     pub(super) bind_group: wgpu::BindGroup,
     pub(super) owned: OwnedBox,
-    /// Boxes only; rectangle, accumulator and counter are the dispatch's.
-    pub(super) boxes: BrickUniform,
+    /// Boxes, cells and flags; rectangle, accumulator, counter and the map's mask are the dispatch's.
+    uniform: BrickUniform,
+    has_leaps: bool,
+    cells: Option<CellTextures>,
     bytes: u64,
 }
 
 impl GpuBrick {
     pub(super) fn is_on(&self, gpu: &Arc<Gpu>) -> bool {
         Arc::ptr_eq(&self.gpu, gpu)
+    }
+
+    /// What the brick needs in this scene: its uniform and its kernel.
+    pub(super) fn in_scene(&self, scene: &KernelScene) -> (BrickUniform, Features) {
+        let leaps = self.cells.as_ref().is_some_and(|c| c.has_homogeneous);
+        let mut uniform = self.uniform;
+        uniform.map_mask = (if scene.skip_empty { MAP_EMPTY } else { 0 }) | (if leaps { MAP_HOMOGENEOUS } else { 0 });
+        let map = self.cells.is_some() && uniform.map_mask != 0;
+        (uniform, Features { leap: self.has_leaps, map, regions: scene.tells_regions_apart() })
+    }
+
+    /// The cells whose map is not that of `emptiness`; afterwards it counts as such.
+    pub(super) fn outdated_cells(&self, emptiness: &Arc<Emptiness>) -> Option<&CellTextures> {
+        self.cells.as_ref().filter(|cells| cells.is_outdated(emptiness))
     }
 }
 
@@ -45,7 +64,7 @@ impl ResidentBrick for GpuBrick {
 impl Drop for GpuBrick {
     fn drop(&mut self) {
         // Now, not when wgpu next looks for garbage.
-        self.texture.destroy();
+        self.textures.iter().for_each(wgpu::Texture::destroy);
     }
 }
 
@@ -55,44 +74,78 @@ pub(super) fn upload(
     owned: OwnedBox,
     prepared: PreparedBrick<'_>,
 ) -> Result<GpuBrick, RaycastError> {
-    let dims = glam::UVec3::from(prepared.uniform.stored_dims);
+    let dims = prepared.uniform.stored_dims;
     let max = gpu.limits.max_texture_dimension_3d;
-    if dims.max_element() > max {
-        return Err(RaycastError::BrickTooLarge { dims: dims.into(), max });
+    if dims.iter().any(|&n| n > max) {
+        return Err(RaycastError::BrickTooLarge { dims, max });
     }
     let bytes = prepared.bytes(kernels.voxel_bytes(), CELL_BYTES);
     let floats: Vec<f32>;
     let data: &[u8] = if kernels.voxel_bytes() == 2 {
         bytemuck::cast_slice(&prepared.texels)
     } else {
-        floats = prepared.texels.iter().map(|&code| f32::from(code) / 65535.0).collect();
+        floats = prepared.texels.iter().map(|&texel| f32::from(texel) / 65535.0).collect();
         bytemuck::cast_slice(&floats)
     };
-    let size = wgpu::Extent3d { width: dims.x, height: dims.y, depth_or_array_layers: dims.z };
-    let (texture, bind_group, submission) = gpu.guarded("a brick", bytes, || {
-        let texture = volume_texture(gpu, size, kernels.voxel_format, data);
-        let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
+    let mut means = prepared.means.clone().unwrap_or_default();
+    means.resize(MAX_SLOTS + 1, 0.0);
+    let (textures, cells, bind_group, submission) = gpu.guarded("a brick", bytes, || {
+        let volume = texture_3d(gpu, dims, kernels.voxel_format, data);
+        let means = means_texture(gpu, &means);
+        let flags = match &prepared.flags {
+            Some(flags) => texture_3d(gpu, dims, wgpu::TextureFormat::R8Uint, flags),
+            None => texture_3d(gpu, [1; 3], wgpu::TextureFormat::R8Uint, &[0]),
+        };
+        let cells = prepared.cells.as_ref().map(|cells| CellTextures::new(gpu, cells));
+        let map = match &cells {
+            Some(cells) => cells.map.clone(),
+            None => texture_3d(gpu, [1; 3], wgpu::TextureFormat::R32Uint, &[0; 4]),
+        };
+        let mut textures = vec![volume, means, map, flags];
+        let views = textures.iter().map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
+        let views: Vec<_> = views.collect();
+        let entries: Vec<_> = (0..)
+            .zip(&views)
+            .map(|(binding, view)| wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::TextureView(view) })
+            .collect();
         let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("brick"),
             layout: &kernels.volume_layout,
-            entries: &[wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) }],
+            entries: &entries,
         });
-        (texture, bind_group, gpu.queue.submit([]))
+        textures.extend(cells.iter().flat_map(CellTextures::inputs));
+        (textures, cells, bind_group, gpu.queue.submit([]))
     })?;
-    let boxes = prepared.uniform;
-    let brick = GpuBrick { gpu: gpu.clone(), texture, bind_group, owned, boxes, bytes };
+    let (uniform, has_leaps) = (prepared.uniform, prepared.means.is_some());
+    let brick = GpuBrick { gpu: gpu.clone(), textures, bind_group, owned, uniform, has_leaps, cells, bytes };
     // Else the staging copies of many bricks would pile up.
     gpu.wait("the upload of a brick", submission)?;
     Ok(brick)
 }
 
-/// A filled 3D texture; `data` is x fastest, without padding.
-pub(super) fn volume_texture(
-    gpu: &Gpu,
-    size: wgpu::Extent3d,
-    format: wgpu::TextureFormat,
-    data: &[u8],
-) -> wgpu::Texture {
+fn means_texture(gpu: &Gpu, means: &[f32]) -> wgpu::Texture {
+    let size = wgpu::Extent3d { width: means.len() as u32, height: 1, depth_or_array_layers: 1 };
+    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
+        label: Some("means"),
+        size,
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: wgpu::TextureDimension::D2,
+        format: wgpu::TextureFormat::R32Float,
+        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        view_formats: &[],
+    });
+    let rows = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: None, rows_per_image: None };
+    gpu.queue.write_texture(texture.as_image_copy(), bytemuck::cast_slice(means), rows, size);
+    texture
+}
+
+/// A filled 3D texture; `data` is x fastest, without padding. Those of 32-bit integers can also be written by kernels.
+pub(super) fn texture_3d(gpu: &Gpu, dims: [u32; 3], format: wgpu::TextureFormat, data: &[u8]) -> wgpu::Texture {
+    let [width, height, depth_or_array_layers] = dims;
+    let size = wgpu::Extent3d { width, height, depth_or_array_layers };
+    let mut usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
+    usage.set(wgpu::TextureUsages::STORAGE_BINDING, format == wgpu::TextureFormat::R32Uint);
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some("brick"),
         size,
@@ -100,11 +153,11 @@ pub(super) fn volume_texture(
         sample_count: 1,
         dimension: wgpu::TextureDimension::D3,
         format,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
+        usage,
         view_formats: &[],
     });
-    let row = if format == wgpu::TextureFormat::R16Unorm { 2 * size.width } else { 4 * size.width };
-    let rows = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: Some(size.height) };
+    let row = format.block_copy_size(None).map(|bytes| bytes * width);
+    let rows = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: row, rows_per_image: Some(height) };
     gpu.queue.write_texture(texture.as_image_copy(), data, rows, size);
     texture
 }

@@ -2,7 +2,9 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
+mod accelerated;
 mod calls;
+mod labelled;
 mod partition;
 mod physics;
 mod scene;

@@ -9,7 +9,9 @@ use brickcast_volume::merge::sort_front_to_back;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::store::BrickVoxels;
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction, TransferTable};
-use brickcast_volume::{BrickGrid, Camera, Geometry, PictureSize, PixelRect, Premul, Projection, StoredBox, View};
+use brickcast_volume::{
+    BrickGrid, Camera, Geometry, OwnedBox, PictureSize, PixelRect, Premul, Projection, StoredBox, View,
+};
 use glam::{DVec3, IVec3};
 
 pub(crate) const BOTH_FILTERS: [Filter; 2] = [Filter::Hardware, Filter::Exact];
@@ -47,11 +49,7 @@ impl Volume {
     /// The whole volume in bricks of `brick_size`.
     pub(crate) fn upload(&self, raycaster: &dyn Raycaster, brick_size: u32) -> Resident {
         let grid = BrickGrid::new(self.geometry.dims(), brick_size).unwrap();
-        let upload = |b| {
-            let owned = grid.owned_box(b);
-            raycaster.upload(owned, &BrickInput::plain(&self.cut(owned.stored(1)))).unwrap()
-        };
-        Resident { grid, bricks: grid.bricks().map(upload).collect() }
+        Resident::of(grid, |owned| raycaster.upload(owned, &BrickInput::plain(&self.cut(owned.stored(1)))).unwrap())
     }
 
     /// The whole volume as one job, in bricks of `brick_size`, front to back.
@@ -67,6 +65,14 @@ pub(crate) struct Resident {
 }
 
 impl Resident {
+    pub(crate) fn of(grid: BrickGrid, upload: impl Fn(OwnedBox) -> Arc<dyn ResidentBrick>) -> Self {
+        Self { grid, bricks: grid.bricks().map(|b| upload(grid.owned_box(b))).collect() }
+    }
+
+    pub(crate) fn bytes(&self) -> u64 {
+        self.bricks.iter().map(|b| b.bytes()).sum()
+    }
+
     /// All of them front to back into the whole picture.
     pub(crate) fn job(&self, view: &View) -> Job {
         let mut order: Vec<_> = self.grid.bricks().collect();

@@ -1,6 +1,7 @@
 // Volume and transfer function by loads and own interpolation, in the form a + (b - a) t, which returns equal ends
 // unchanged. Weights come from the global position, so that they are the same in every brick.
 @group(0) @binding(1) var table: texture_2d<f32>;
+@group(0) @binding(3) var region_table: texture_2d<f32>;
 @group(2) @binding(0) var volume: texture_3d<f32>;
 
 // What does not change along a ray.
@@ -47,5 +48,15 @@ fn classify(reader: Reader, frame: FrameUniform, code: f32) -> vec4<f32> {
     let i = min(i32(entry), reader.last_entry - 1);
     let a = textureLoad(table, vec2(i, 0), 0);
     let b = textureLoad(table, vec2(i + 1, 0), 0);
+    return a + (b - a) * (entry - f32(i));
+}
+
+// The same by the table for samples in regions.
+fn classify_region(reader: Reader, frame: FrameUniform, code: f32) -> vec4<f32> {
+    let last_entry = i32(textureDimensions(region_table).x) - 1;
+    let entry = clamp((code - frame.region_first) * frame.region_scale, 0.0, f32(last_entry));
+    let i = min(i32(entry), last_entry - 1);
+    let a = textureLoad(region_table, vec2(i, 0), 0);
+    let b = textureLoad(region_table, vec2(i + 1, 0), 0);
     return a + (b - a) * (entry - f32(i));
 }

@@ -1,0 +1,15 @@
+// What every raycast kernel binds, and which pixel is whose: one invocation a pixel.
+@group(0) @binding(0) var<uniform> frame: FrameUniform;
+@group(1) @binding(0) var<uniform> brick: BrickUniform;
+// Premultiplied colour and opacity.
+@group(1) @binding(1) var<storage, read_write> accumulator: array<vec4<f32>>;
+// Four for each dispatch: reads of texels, positions, positions leapt, none.
+@group(1) @binding(2) var<storage, read_write> counters: array<atomic<u32>>;
+
+// Neighbouring lanes are neighbouring pixels: 4 x 2 for every 8 lanes, 8 x 8 for every 64, 16 x 16 for the workgroup.
+// Rays that end together then run together.
+fn pixel_of_lane(lane: vec2<u32>) -> vec2<u32> {
+    let x = (lane.x & 3u) | ((lane.x >> 1u) & 4u);
+    let y = ((lane.x >> 2u) & 1u) | ((lane.x >> 3u) & 6u);
+    return vec2(x, y) + 8u * vec2(lane.y & 1u, lane.y >> 1u);
+}
