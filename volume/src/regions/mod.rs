@@ -4,8 +4,17 @@
 //! the flattened volume V', in which each voxel of a region has the region's mean and every other voxel its own value.
 //! V' is fixed when the store is made; bricks, nodes, steps and entry points change nothing of it.
 
+pub(crate) mod block;
 pub mod code;
+pub(crate) mod components;
+pub(crate) mod distance;
+pub(crate) mod flood;
+pub(crate) mod given;
+pub(crate) mod runs;
 mod table;
+pub(crate) mod windows;
 
 pub use code::{Density, density_of_code, guard_width};
+pub use flood::MAX_FLOOD_VOXELS;
 pub use table::{BrickFacts, BrickRegions, NO_REGION, Region, RegionTable};
+pub use windows::{Windows, window_width};
