@@ -7,6 +7,7 @@ use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 
 use crate::cli_values::{deadline, pair, picture_size, triple};
 use crate::failure::EXIT_CODES;
+use crate::region_args::RegionArgs;
 
 /// Sort-last volume raycasting on one machine or many: the same picture from any number of nodes.
 #[derive(Debug, Parser)]
@@ -120,6 +121,8 @@ pub struct PrepareArgs {
     /// Replace an existing store
     #[arg(long)]
     pub force: bool,
+    #[command(flatten)]
+    pub regions: RegionArgs,
     #[command(flatten)]
     pub raw: RawArgs,
 }
@@ -310,6 +313,8 @@ pub struct OnTheWayArgs {
     pub range: Option<[f64; 2]>,
     #[command(flatten)]
     pub cache: CacheArgs,
+    #[command(flatten)]
+    pub regions: RegionArgs,
     #[command(flatten)]
     pub raw: RawArgs,
 }

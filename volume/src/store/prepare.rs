@@ -3,6 +3,7 @@
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::Path;
+use std::time::Instant;
 
 use super::brick_ranges::RangeBuilder;
 use super::error::StoreError;
@@ -66,13 +67,15 @@ pub fn prepare(
         },
     };
     let mut manifest = job.manifest(&gathered.histogram)?;
+    let started = Instant::now();
     let regions = job.regions(&gathered, &manifest, &work, pass.progress)?;
+    let region_seconds = started.elapsed().as_secs_f64();
     pass.report(Phase::Finish, 0);
     manifest.regions = regions.as_ref().map(|r| r.entry.clone());
     let summary = job.finish(gathered, manifest, regions, &root)?;
     work.publish()?;
     pass.report(Phase::Finish, header.geometry.dims().z);
-    Ok(summary)
+    Ok(PrepareSummary { region_seconds, ..summary })
 }
 
 /// What the manifest of a store made of this input would say, without writing one: the hashes of its files are zero.
@@ -259,7 +262,7 @@ impl Job<'_> {
             write_synced(&root.join(name), &content)?;
             store_bytes += content.len() as u64;
         }
-        Ok(PrepareSummary { hash, manifest, store_bytes, notes })
+        Ok(PrepareSummary { hash, manifest, store_bytes, region_seconds: 0.0, notes })
     }
 
     /// The manifest without the hashes of the files.

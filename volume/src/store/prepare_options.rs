@@ -85,6 +85,8 @@ pub struct PrepareSummary {
     pub manifest: Manifest,
     /// Bytes of all files of the store.
     pub store_bytes: u64,
+    /// Seconds that regions took.
+    pub region_seconds: f64,
     /// What was guessed, mapped or left aside, for people.
     pub notes: Vec<String>,
 }
