@@ -103,7 +103,7 @@ impl AccelArgs {
     /// # Errors
     /// Usage, as [`AccelArgs::check`].
     pub fn acceleration(&self, store: &Manifest) -> Result<Acceleration, Failure> {
-        let segmented = store.regions.as_ref().map(|r| r.segmentation_range as f32);
+        let segmented = store.regions.as_ref().and_then(|r| r.segmentation_range).map(|share| share as f32);
         let leap = if self.has(&[AccelArg::Macro]) {
             Leap::Macrocells(self.macro_range.or(segmented).unwrap_or(DEFAULT_MACRO_RANGE))
         } else if self.has(&[AccelArg::Leap, AccelArg::All]) {

@@ -9,6 +9,7 @@ use crate::accel_args::AccelArgs;
 use crate::cli_values::{deadline, pair, picture_size, triple};
 use crate::command::bench_table::TableArg;
 use crate::failure::EXIT_CODES;
+use crate::region_args::RegionArgs;
 
 /// Sort-last volume raycasting on one machine or many: the same picture from any number of nodes.
 #[derive(Debug, Parser)]
@@ -125,6 +126,8 @@ pub struct PrepareArgs {
     /// Replace an existing store
     #[arg(long)]
     pub force: bool,
+    #[command(flatten)]
+    pub regions: RegionArgs,
     #[command(flatten)]
     pub raw: RawArgs,
 }
@@ -320,6 +323,8 @@ pub struct OnTheWayArgs {
     pub range: Option<[f64; 2]>,
     #[command(flatten)]
     pub cache: CacheArgs,
+    #[command(flatten)]
+    pub regions: RegionArgs,
     #[command(flatten)]
     pub raw: RawArgs,
 }

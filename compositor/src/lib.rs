@@ -12,6 +12,7 @@ pub mod ledger;
 pub mod output;
 pub mod plan;
 pub mod progress;
+pub mod region_args;
 pub mod scene_args;
 pub mod service;
 pub mod session;

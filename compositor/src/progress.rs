@@ -16,6 +16,11 @@ impl Bar {
         Self(bar)
     }
 
+    /// What is done now.
+    pub fn say(&self, what: &str) {
+        self.0.set_message(what.to_owned());
+    }
+
     pub fn at(&self, done: u64, total: u64) {
         self.0.set_length(total);
         self.0.set_position(done);

@@ -7,7 +7,7 @@ use anyhow::{Context, anyhow};
 use brickcast_volume::StoreHash;
 use brickcast_volume::brick::BrickGrid;
 use brickcast_volume::format::{self, RawHints};
-use brickcast_volume::store::{PrepareOptions, PrepareSummary, Store, prepare};
+use brickcast_volume::store::{Phase, PrepareOptions, PrepareSummary, Store, prepare};
 
 use crate::cli::{CacheArgs, OnTheWayArgs, RawArgs};
 use crate::failure::Failure;
@@ -72,21 +72,25 @@ impl OnTheWayArgs {
             format!("cache folder {}: cannot be made; name another with --cache-dir", cache.display())
         })?;
         let range = self.range.map(|[lo, hi]| (lo, hi));
-        let options = PrepareOptions { brick_size: self.brick, range, force: true, ..PrepareOptions::default() };
+        let regions = self.regions.options(self.raw.dims)?;
+        let options =
+            PrepareOptions { brick_size: self.brick, range, force: true, regions, ..PrepareOptions::default() };
         prepare_input(input, &hints, &target, &options)?;
         Ok(Store::open(&target)?)
     }
 
-    /// Changes whenever the prepared store would: the input's place, size and time, and every option.
+    /// Changes whenever the prepared store would: place, size and time of input and labels, and every option.
     fn key(&self, input: &Path) -> Result<u64, Failure> {
         let mut hasher = xxhash_rust::xxh3::Xxh3::new();
-        for file in files_of(input) {
+        let labels = self.regions.file().map(files_of).unwrap_or_default();
+        for file in files_of(input).into_iter().chain(labels) {
             let place = file.canonicalize().with_context(|| format!("{}: cannot be found", file.display()))?;
             let data = place.metadata().with_context(|| format!("{}: cannot be read", file.display()))?;
             let text = format!("{}|{}|{:?}", place.display(), data.len(), data.modified().ok());
             hasher.write(text.as_bytes());
         }
-        let options = format!("{}|{:?}|{:?}|{}", self.brick, self.range, self.raw, env!("CARGO_PKG_VERSION"));
+        let (regions, version) = (self.regions.options(self.raw.dims)?, env!("CARGO_PKG_VERSION"));
+        let options = format!("{}|{:?}|{:?}|{regions:?}|{version}", self.brick, self.range, self.raw);
         hasher.write(options.as_bytes());
         Ok(hasher.finish())
     }
@@ -138,12 +142,30 @@ pub fn prepare_input(
         source_bytes: input.metadata().ok().map(|m| m.len()),
         ..options.clone()
     };
-    let summary = prepare(source.as_mut(), target, &options, &mut |p| bar.at(p.done, p.total))?;
+    let mut phase = None;
+    let summary = prepare(source.as_mut(), target, &options, &mut |p| {
+        if phase.replace(p.phase) != Some(p.phase) {
+            bar.say(&format!("{} {}", words(p.phase), input.display()));
+        }
+        bar.at(p.done, p.total);
+    })?;
     bar.finish();
     for note in &summary.notes {
         tracing::warn!("{}: {note}", input.display());
     }
     Ok(summary)
+}
+
+/// A phase, before the name of what is prepared.
+fn words(phase: Phase) -> &'static str {
+    match phase {
+        Phase::Scan | Phase::Write | Phase::Finish => "preparing",
+        Phase::Flood => "flood filling",
+        Phase::Distances => "distances of",
+        Phase::Regions => "regions of",
+        Phase::Labels => "writing regions of",
+        Phase::Verify => "verifying",
+    }
 }
 
 impl Source {

@@ -8,7 +8,7 @@ use brickcast::audit;
 use brickcast::plan::Assignment;
 use brickcast_volume::MergeTree;
 use brickcast_volume::camera::{Camera, Orbit};
-use brickcast_volume::regions::{code_of_density, density_of_code};
+use brickcast_volume::regions::code::{code_of_density, density_of_code};
 use brickcast_volume::scene::{Acceleration, Filter, Leap, Transport};
 use brickcast_volume::store::{ChunkCache, Store};
 use brickcast_volume::transfer_function::{Colormap, TransferFunction};
@@ -31,7 +31,7 @@ fn views() -> Vec<Orbit> {
 
 /// The volume V' that a store's regions make, as a file of its own: codes as voxels.
 fn flattened(store: &Store, path: &std::path::Path) {
-    let (manifest, table) = (store.manifest(), store.region_table().unwrap().unwrap());
+    let (manifest, table) = (store.manifest(), store.region_table().unwrap());
     let (dims, cache) = (manifest.geometry.dims(), ChunkCache::new(64 << 20));
     let mut voxels = vec![0_u16; dims.element_product() as usize];
     for brick in manifest.grid.bricks() {

@@ -167,7 +167,7 @@ async fn measure(
     };
     let Some(base) = timed.first() else { return Ok(Vec::new()) };
     let (base_ms, base_samples) = (median(&base.times), base.counts[0]);
-    let range = store.manifest().regions.as_ref().map_or(0.0, |r| r.segmentation_range);
+    let range = store.manifest().regions.as_ref().and_then(|r| r.segmentation_range).unwrap_or(0.0);
     let row = |(one, (accel, _)): (&Timed, &Mode)| {
         let frame_ms = median(&one.times);
         let [samples, positions, leapt_positions] = one.counts;

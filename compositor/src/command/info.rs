@@ -2,10 +2,11 @@
 
 use brickcast_volume::MergeTree;
 use brickcast_volume::format;
+use brickcast_volume::regions::code::MAX_DENSITY;
 use brickcast_volume::store::{Manifest, QUANTILES, Store, survey};
 use serde_json::{Value, json};
 
-use super::print;
+use super::{print, region_words};
 use crate::cli::InfoArgs;
 use crate::failure::Failure;
 use crate::progress::Bar;
@@ -69,6 +70,22 @@ fn describe(m: &Manifest, store: Option<&Store>, notes: &[String]) -> Value {
             "bricks_per_chunk_edge": tree.chunk_bricks(),
         });
     }
+    if let Some(r) = &m.regions {
+        let table = store.and_then(Store::region_table);
+        let deviation = table.map(|t| t.0.iter().map(|r| r.deviation()).max().unwrap_or(0));
+        out["regions"] = json!({
+            "method": r.method.name(),
+            "segmentation_range": r.segmentation_range,
+            "min_region": r.min_region,
+            "min_region_asked": r.min_region_asked,
+            "count": r.count,
+            "voxels": r.voxels,
+            "share": r.voxels as f64 / g.voxel_count() as f64,
+            "largest": r.largest,
+            "leap_voxels": r.leap_voxels,
+            "largest_deviation": deviation.map(|d| (m.range.1 - m.range.0) * f64::from(d) / f64::from(MAX_DENSITY)),
+        });
+    }
     out
 }
 
@@ -107,6 +124,9 @@ fn text(path: &str, m: &Manifest, value: &Value) -> String {
         ));
         let how = if m.lossless { "exact" } else { "mapped to 16 bits" };
         lines.push(format!("  store      {} ({how}, {})", store["hash"].as_str().unwrap_or_default(), m.writer));
+    }
+    if let Some(regions) = &m.regions {
+        lines.push(format!("  regions    {}", region_words(regions, g.voxel_count()).replacen(" regions", "", 1)));
     }
     for note in value["notes"].as_array().into_iter().flatten().filter_map(Value::as_str) {
         lines.push(format!("  note       {note}"));

@@ -13,6 +13,7 @@ pub mod render;
 use std::io::Write as _;
 
 use anyhow::Context as _;
+use brickcast_volume::store::RegionsEntry;
 use clap::CommandFactory as _;
 
 use crate::cli::{Cli, Command};
@@ -80,6 +81,23 @@ pub(crate) fn bytes(n: u64) -> String {
         unit += 1;
     }
     if unit == 0 { format!("{n} B") } else { format!("{value:.1} {}", UNITS[unit]) }
+}
+
+/// Regions of a store for people: number, share of its `voxels`, largest, how they were found.
+pub(crate) fn region_words(r: &RegionsEntry, voxels: u64) -> String {
+    let share = |n: u64| 100.0 * n as f64 / voxels as f64;
+    let how = match r.segmentation_range {
+        Some(w) => format!("{} of range {w}", r.method.name()),
+        None => r.method.name().to_owned(),
+    };
+    format!(
+        "{} regions ({how}, at least {} voxels): {:.1} % of the voxels, the largest {:.1} %, {:.1} % can leap",
+        r.count,
+        r.min_region.max(1),
+        share(r.voxels),
+        share(r.largest),
+        share(r.leap_voxels),
+    )
 }
 
 /// The colour `--background R,G,B` names.

@@ -5,7 +5,7 @@ use std::time::Instant;
 use brickcast_volume::brick::BrickGrid;
 use brickcast_volume::store::PrepareOptions;
 
-use super::{bytes, say};
+use super::{bytes, region_words, say};
 use crate::cli::PrepareArgs;
 use crate::failure::Failure;
 use crate::source::{prepare_input, short};
@@ -16,7 +16,9 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
     BrickGrid::new(glam::UVec3::ONE, args.brick).map_err(Failure::usage)?;
     let hints = args.raw.hints()?;
     let range = args.range.map(|[lo, hi]| (lo, hi));
-    let options = PrepareOptions { brick_size: args.brick, range, force: args.force, ..PrepareOptions::default() };
+    let regions = args.regions.options(args.raw.dims)?;
+    let options =
+        PrepareOptions { brick_size: args.brick, range, force: args.force, regions, ..PrepareOptions::default() };
     let started = Instant::now();
     let summary = prepare_input(&args.input, &hints, &args.store, &options)?;
     let seconds = started.elapsed().as_secs_f64();
@@ -37,5 +39,12 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
             bytes(summary.store_bytes),
             short(summary.hash),
         ),
-    )
+    )?;
+    match &m.regions {
+        Some(regions) => {
+            let words = region_words(regions, m.geometry.voxel_count());
+            say(quiet, &format!("  {words}, {:.1} s", summary.region_seconds))
+        }
+        None => Ok(()),
+    }
 }

@@ -141,7 +141,7 @@ fn load_brick(
     let index = grid.brick_at(key.brick as usize);
     let owned = grid.owned_box(index);
     let table = match recipe.guard.is_some() || recipe.region_flags {
-        true => store.region_table().map_err(broken)?,
+        true => store.region_table(),
         false => None,
     };
     let only_region = store.brick_facts().and_then(|facts| facts.get(key.brick as usize)).map(|f| f.only_region);

@@ -12,7 +12,7 @@ use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::format::{self, RawHints};
 use brickcast_volume::phantom::{PhantomOptions, write_phantom};
 use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
-use brickcast_volume::store::{PrepareOptions, RegionOptions, Store, prepare};
+use brickcast_volume::store::{PrepareOptions, RegionOptions, Segmentation, Store, prepare};
 use brickcast_volume::transfer_function::TransferFunction;
 
 pub fn runtime() -> tokio::runtime::Runtime {
@@ -45,8 +45,10 @@ pub fn prepared(input: &Path, folder: &Path, brick_size: u32, segmentation_range
     let target = folder.join(format!("{stem}-{brick_size}-{segmentation_range:?}"));
     if !target.is_dir() {
         let mut source = format::open(input, &RawHints::default()).unwrap();
-        let regions = segmentation_range
-            .map(|segmentation_range| RegionOptions { segmentation_range, ..RegionOptions::default() });
+        let regions = segmentation_range.map(|segmentation_range| RegionOptions {
+            segmentation: Segmentation::Windows { range: segmentation_range },
+            min_region: 0,
+        });
         let range = (segmentation_range.is_none() && stem == "flat").then_some((0.0, 65535.0));
         let options = PrepareOptions { brick_size, regions, range, ..PrepareOptions::default() };
         prepare(source.as_mut(), &target, &options, &mut |_| {}).unwrap();

@@ -33,7 +33,7 @@ pub const DEFAULT_NOISE: f64 = 0.2;
 /// The most pores that may be asked for.
 pub const MAX_PORES: u32 = 100_000;
 
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct PhantomOptions {
     /// Voxels per axis, x fastest.
     pub dims: [u32; 3],

@@ -4,14 +4,23 @@
 //! the flattened volume V', in which each voxel of a region has the region's mean and every other voxel its own value.
 //! V' is fixed when the store is made; bricks, nodes, steps and entry points change nothing of it.
 
+pub(crate) mod block;
 mod bound;
 mod classify;
 pub mod code;
+pub(crate) mod components;
+pub(crate) mod distance;
 mod drawn;
+pub(crate) mod flood;
+pub(crate) mod given;
+pub(crate) mod runs;
 mod table;
+pub(crate) mod windows;
 
 pub use bound::{ChangeRate, change_rate};
 pub use classify::{Classified, ClassifyError, classify};
 pub use code::{Density, density_of_code, guard_width};
 pub use drawn::{Drawn, SceneTables, brick_change, drawn, longest_chord};
+pub use flood::MAX_FLOOD_VOXELS;
 pub use table::{BrickFacts, BrickRegions, NO_REGION, Region, RegionTable};
+pub use windows::{Windows, window_width};

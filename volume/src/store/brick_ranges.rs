@@ -52,7 +52,7 @@ pub(super) struct RangeBuilder {
 }
 
 /// Voxels of bricks `b` of edge `size`, grown by the margin and cut to `n`.
-fn grown(b: u32, size: u32, n: u32) -> std::ops::Range<u32> {
+pub(super) fn grown(b: u32, size: u32, n: u32) -> std::ops::Range<u32> {
     (b * size).saturating_sub(RANGE_MARGIN)..(b * size + size).saturating_add(RANGE_MARGIN).min(n)
 }
 

@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 use super::error::StoreError;
-use super::profile::InnerChunk;
+use super::profile::{InnerChunk, StoreArray};
 use crate::ids::StoreHash;
 
-/// An inner chunk's voxels as stored, x fastest, little endian; nothing where all are the fill value 0.
+/// An inner chunk's elements as stored, x fastest, little endian; nothing where all are the fill value 0.
 pub(super) type Decoded = Option<Vec<u8>>;
 
 /// What an entry costs beside its voxels, bytes.
@@ -30,7 +30,7 @@ struct Shared {
     state: Mutex<State>,
 }
 
-type Key = (StoreHash, InnerChunk);
+type Key = (StoreHash, StoreArray, InnerChunk);
 
 #[derive(Debug, Default)]
 struct State {
@@ -89,10 +89,11 @@ impl ChunkCache {
     pub(super) fn get(
         &self,
         store: StoreHash,
+        array: StoreArray,
         chunk: InnerChunk,
         load: impl Fn() -> Result<Decoded, StoreError>,
     ) -> Result<Arc<Decoded>, StoreError> {
-        let key = (store, chunk);
+        let key = (store, array, chunk);
         loop {
             let mut state = self.shared.lock();
             let flight = match state.slots.get(&key) {
@@ -198,6 +199,7 @@ mod tests {
     use std::time::Duration;
 
     const STORE: StoreHash = StoreHash(1);
+    const VOXELS: StoreArray = StoreArray::Voxels;
 
     fn at(x: u32) -> InnerChunk {
         InnerChunk([x, 0, 0])
@@ -208,18 +210,21 @@ mod tests {
         let cache = ChunkCache::new(2 * (1000 + ENTRY_BYTES));
         let load = || Ok(Some(vec![0; 1000]));
         for x in [0, 1, 0, 2] {
-            cache.get(STORE, at(x), load).unwrap();
+            cache.get(STORE, VOXELS, at(x), load).unwrap();
         }
         assert!(cache.resident_bytes() <= 2 * (1000 + ENTRY_BYTES));
         assert_eq!(cache.decoded_bytes(), 3000);
-        cache.get(STORE, at(0), || panic!("0 was used after 1")).unwrap();
-        cache.get(STORE, at(1), load).unwrap();
+        cache.get(STORE, VOXELS, at(0), || panic!("0 was used after 1")).unwrap();
+        cache.get(STORE, VOXELS, at(1), load).unwrap();
         assert_eq!(cache.decoded_bytes(), 4000);
         // The same chunk of another store is another chunk.
-        cache.get(StoreHash(2), at(1), load).unwrap();
+        cache.get(StoreHash(2), VOXELS, at(1), load).unwrap();
         assert_eq!(cache.decoded_bytes(), 5000);
+        // So is the chunk of another array.
+        cache.get(StoreHash(2), StoreArray::Labels, at(1), load).unwrap();
+        assert_eq!(cache.decoded_bytes(), 6000);
         // Chunks without voxels are bounded as well.
-        (0..1000).for_each(|x| drop(cache.get(STORE, at(x), || Ok(None)).unwrap()));
+        (0..1000).for_each(|x| drop(cache.get(STORE, VOXELS, at(x), || Ok(None)).unwrap()));
         assert!(cache.resident_bytes() <= 2 * (1000 + ENTRY_BYTES));
     }
 
@@ -227,9 +232,9 @@ mod tests {
     fn handles_share_chunks_and_count_for_themselves() {
         let one = ChunkCache::new(1 << 20);
         let two = one.share();
-        one.get(STORE, at(0), || Ok(Some(vec![0; 1000]))).unwrap();
-        two.get(STORE, at(0), || panic!("the other handle has it")).unwrap();
-        two.get(STORE, at(1), || Ok(Some(vec![0; 10]))).unwrap();
+        one.get(STORE, VOXELS, at(0), || Ok(Some(vec![0; 1000]))).unwrap();
+        two.get(STORE, VOXELS, at(0), || panic!("the other handle has it")).unwrap();
+        two.get(STORE, VOXELS, at(1), || Ok(Some(vec![0; 10]))).unwrap();
         assert_eq!((one.decoded_bytes(), two.decoded_bytes()), (1000, 10));
         assert_eq!(one.resident_bytes(), two.resident_bytes());
     }
@@ -249,7 +254,7 @@ mod tests {
                                 loading.fetch_sub(1, Ordering::SeqCst);
                                 Ok(Some(vec![9; 10]))
                             };
-                            assert_eq!(*cache.get(STORE, at(0), load).unwrap(), Some(vec![9; 10]));
+                            assert_eq!(*cache.get(STORE, VOXELS, at(0), load).unwrap(), Some(vec![9; 10]));
                         }
                     });
                 }
@@ -271,7 +276,7 @@ mod tests {
             }
         };
         let outcomes: Vec<_> = std::thread::scope(|scope| {
-            let threads: Vec<_> = (0..6).map(|_| scope.spawn(|| cache.get(STORE, at(0), flaky))).collect();
+            let threads: Vec<_> = (0..6).map(|_| scope.spawn(|| cache.get(STORE, VOXELS, at(0), flaky))).collect();
             threads.into_iter().map(|t| t.join()).collect()
         });
         assert_eq!(outcomes.iter().filter(|o| o.is_err()).count(), 1);

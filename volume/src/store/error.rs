@@ -4,7 +4,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::hash::ContentHash;
-use super::profile::{CHUNK_EDGE, InnerChunk, MANIFEST_FILE, MAX_SHARDS, ShardIndex};
+use super::profile::{CHUNK_EDGE, InnerChunk, MANIFEST_FILE, MAX_SHARDS, ShardIndex, StoreArray};
+use super::region_error::RegionsError;
 use crate::brick::BrickGridError;
 use crate::format::FormatError;
 use crate::ids::BrickIndex;
@@ -29,22 +30,34 @@ pub enum StoreError {
     FileHash { path: PathBuf, got: ContentHash, want: ContentHash },
     #[error("brick ranges: {0}; prepare the store again")]
     Ranges(#[from] RangesError),
-    #[error("shard table: entry of shard {shard} says {bytes} bytes, which no shard has; prepare the store again")]
-    ShardTable { shard: ShardIndex, bytes: u64 },
-    #[error("shard {shard} is missing ({}); the store is damaged: prepare it again", path.display())]
-    ShardMissing { shard: ShardIndex, path: PathBuf },
+    #[error("regions: {0}")]
+    Regions(#[from] RegionsError),
     #[error(
-        "shard {shard} ({}): {got} bytes, the manifest promises {want}; the store is damaged: prepare it again",
+        "shard table: entry of shard {array}/{shard} says {bytes} bytes, which no shard has; prepare the store again"
+    )]
+    ShardTable { array: StoreArray, shard: ShardIndex, bytes: u64 },
+    #[error("shard {array}/{shard} is missing ({}); the store is damaged: prepare it again", path.display())]
+    ShardMissing { array: StoreArray, shard: ShardIndex, path: PathBuf },
+    #[error(
+        "shard {array}/{shard} ({}): {got} bytes, the manifest promises {want}; the store is damaged: prepare it again",
         path.display()
     )]
-    ShardLength { shard: ShardIndex, path: PathBuf, got: u64, want: u64 },
-    #[error("shard {shard} ({}): its index {fault}; the store is damaged: prepare it again", path.display())]
-    ShardIndex { shard: ShardIndex, path: PathBuf, fault: IndexFault },
+    ShardLength { array: StoreArray, shard: ShardIndex, path: PathBuf, got: u64, want: u64 },
+    #[error("shard {array}/{shard} ({}): its index {fault}; the store is damaged: prepare it again", path.display())]
+    ShardIndex { array: StoreArray, shard: ShardIndex, path: PathBuf, fault: IndexFault },
     #[error(
-        "shard {shard} ({}): inner chunk {chunk}, bytes {start}..{end}: {fault}; the store is damaged: prepare it again",
+        "shard {array}/{shard} ({}): inner chunk {chunk}, bytes {start}..{end}: {fault}; the store is damaged: prepare it again",
         path.display()
     )]
-    Chunk { shard: ShardIndex, path: PathBuf, chunk: InnerChunk, start: u64, end: u64, fault: ChunkFault },
+    Chunk {
+        array: StoreArray,
+        shard: ShardIndex,
+        path: PathBuf,
+        chunk: InnerChunk,
+        start: u64,
+        end: u64,
+        fault: ChunkFault,
+    },
     #[error("brick {brick} is outside the store's {dims:?} bricks")]
     BrickOutside { brick: BrickIndex, dims: [u32; 3] },
     #[error("{ghost} ghost layers are more than the {max} that a read may ask for")]

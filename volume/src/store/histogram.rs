@@ -34,6 +34,11 @@ impl Histogram {
         }
     }
 
+    /// How often each ordinal occurs.
+    pub(super) fn counts(&self) -> &[u64] {
+        &self.counts
+    }
+
     pub(super) fn total(&self) -> u64 {
         self.counts.iter().sum()
     }

@@ -7,6 +7,7 @@ use super::error::{ManifestError, StoreError};
 use super::hash::ContentHash;
 use super::manifest_file::{self, ManifestFile};
 use super::profile::ShardGrid;
+use super::region_manifest::RegionsEntry;
 use super::value_map::ValueMap;
 use super::voxel::StoredType;
 use crate::brick::BrickGrid;
@@ -51,6 +52,8 @@ pub struct Manifest {
     /// Voxels in [`HISTOGRAM_BINS`] equal bins over `range`; those outside count in the end bins.
     pub histogram: Vec<u64>,
     pub files: FileHashes,
+    /// Nothing where the store was made without regions.
+    pub regions: Option<RegionsEntry>,
 }
 
 /// The input that a store was made from.
@@ -80,7 +83,7 @@ impl NotFinite {
     }
 }
 
-/// Hashes of the store's other files.
+/// Hashes of the files that every store has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FileHashes {
     /// `zarr.json`: the OME-Zarr group.

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::{ManifestError, StoreError};
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
+use super::region_manifest::RegionsFile;
 use super::value_map::check_range;
 use super::voxel::{SOURCE_TYPES, StoredType};
 use crate::brick::BrickGrid;
@@ -43,6 +44,9 @@ pub(super) struct ManifestFile {
     positive_infinity_voxels: u64,
     histogram: Vec<u64>,
     files: Files,
+    /// Left out where there are none: the bytes are those of a store that knows no regions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    regions: Option<RegionsFile>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -96,7 +100,7 @@ fn short(text: &str) -> String {
     text.chars().take(200).collect()
 }
 
-fn field(field: &'static str, why: impl Into<String>) -> ManifestError {
+pub(super) fn field(field: &'static str, why: impl Into<String>) -> ManifestError {
     ManifestError::Field { field, why: why.into() }
 }
 
@@ -113,7 +117,10 @@ fn check_ascending(name: &'static str, values: &[f64]) -> Result<(), ManifestErr
     if good { Ok(()) } else { Err(field(name, "values must be finite and must not descend")) }
 }
 
-fn hash<T: std::str::FromStr<Err: std::fmt::Display>>(name: &'static str, text: &str) -> Result<T, ManifestError> {
+pub(super) fn hash<T: std::str::FromStr<Err: std::fmt::Display>>(
+    name: &'static str,
+    text: &str,
+) -> Result<T, ManifestError> {
     text.parse().map_err(|e: T::Err| field(name, e.to_string()))
 }
 
@@ -184,6 +191,7 @@ impl TryFrom<ManifestFile> for Manifest {
                 ranges: hash("files", &file.files.ranges)?,
                 shards: hash("files", &file.files.shards)?,
             },
+            regions: file.regions.map(|regions| regions.parse(&geometry)).transpose()?,
         })
     }
 }
@@ -244,6 +252,7 @@ impl From<&Manifest> for ManifestFile {
                 ranges: m.files.ranges.to_string(),
                 shards: m.files.shards.to_string(),
             },
+            regions: m.regions.as_ref().map(RegionsFile::from),
         }
     }
 }

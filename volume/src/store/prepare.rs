@@ -3,6 +3,7 @@
 use std::fs::{self, File};
 use std::io::Write;
 use std::path::Path;
+use std::time::Instant;
 
 use super::brick_ranges::RangeBuilder;
 use super::error::StoreError;
@@ -10,8 +11,15 @@ use super::hash::ContentHash;
 use super::histogram::Histogram;
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
 use super::manifest_file::MAX_TEXT;
-use super::profile::{ARRAY_FILE, CHUNK_EDGE, GROUP_FILE, MANIFEST_FILE, RANGES_FILE, SHARDS_FILE, ShardGrid};
+use super::plane_read::CodePlanes;
+use super::prepare_options::{Phase, PrepareOptions, PrepareSummary, Progress};
+use super::profile::{
+    ARRAY_FILE, CHUNK_EDGE, GROUP_FILE, MANIFEST_FILE, RANGES_FILE, SHARDS_FILE, ShardGrid, StoreArray,
+};
 use super::quantise::{Quantiser, Scan};
+use super::region_write::{Written, write_regions};
+use super::segment::{self, Segmenter};
+use super::shard_read::Shards;
 use super::shard_table::{self, ShardRecord};
 use super::shard_write::ShardWriter;
 use super::value_map::{ValueMap, check_range};
@@ -21,63 +29,12 @@ use super::zarr_json;
 use crate::brick::BrickGrid;
 use crate::format::{SourceHeader, VolumeSource};
 use crate::ids::StoreHash;
-
-/// How a store is made.
-#[derive(Debug, Clone, PartialEq)]
-pub struct PrepareOptions {
-    /// Voxels per brick edge, a power of two in 8..=512. Shards and inner chunks do not depend on it.
-    pub brick_size: u32,
-    /// Values, in the file's units, that codes 0 and 65535 stand for; by default the smallest and largest voxel.
-    pub range: Option<(f64, f64)>,
-    /// Replace a store that is there already; at the end, not before.
-    pub force: bool,
-    /// Name of the input for the manifest; directories are left out.
-    pub source_name: Option<String>,
-    /// Size of the input in bytes for the manifest.
-    pub source_bytes: Option<u64>,
-}
-
-impl Default for PrepareOptions {
-    fn default() -> Self {
-        Self { brick_size: 64, range: None, force: false, source_name: None, source_bytes: None }
-    }
-}
-
-/// What [`prepare`] or [`super::Store::verify`] is at.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Phase {
-    /// First pass over a 32-bit input: its bounds.
-    Scan,
-    /// Voxels are read, compressed and written.
-    Write,
-    /// The last files are written and all is brought to the disk.
-    Finish,
-    /// Shards of a finished store are read and checked.
-    Verify,
-}
-
-/// How far it is: z-planes for scan and write, shards for verify.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Progress {
-    pub phase: Phase,
-    pub done: u64,
-    pub total: u64,
-}
-
-/// What was made.
-#[derive(Debug, Clone)]
-pub struct PrepareSummary {
-    pub hash: StoreHash,
-    pub manifest: Manifest,
-    /// Bytes of all files of the store.
-    pub store_bytes: u64,
-    /// What was guessed, mapped or left aside, for people.
-    pub notes: Vec<String>,
-}
+use crate::regions::code::{MAX_DENSITY, density_of_code};
 
 /// Makes the store `out` of an input that stands at its first plane. The same input and options give the same bytes.
 ///
-/// Memory: 16 planes in the stored type, one plane of the input, and 64 KiB per shard of one z-row.
+/// Memory: 16 planes in the stored type, one plane of the input, and 64 KiB per shard of one z-row. With regions also 16
+/// planes of codes, labels and distances, and the components that are open: see [`super::segment`].
 ///
 /// # Errors
 /// An input that cannot be read, a target that exists or is no store, options that do not fit, a failing disk. Nothing is
@@ -94,6 +51,7 @@ pub fn prepare(
     if let Some((lo, hi)) = options.range {
         check_range(lo, hi)?;
     }
+    options.regions.as_ref().map(segment::checked).transpose()?;
     let work = WorkDir::create(out, options.force)?;
     let mut pass = Pass { source, header: &header, plane: Vec::new(), progress };
     let mapping = pass.mapping(options.range)?;
@@ -108,11 +66,16 @@ pub fn prepare(
             Some((_, q)) => job.write(&mut pass, &root, |bytes, out| q.map(header.voxel_type, bytes, out))?,
         },
     };
+    let mut manifest = job.manifest(&gathered.histogram)?;
+    let started = Instant::now();
+    let regions = job.regions(&gathered, &manifest, &work, pass.progress)?;
+    let region_seconds = started.elapsed().as_secs_f64();
     pass.report(Phase::Finish, 0);
-    let summary = job.finish(gathered, &root)?;
+    manifest.regions = regions.as_ref().map(|r| r.entry.clone());
+    let summary = job.finish(gathered, manifest, regions, &root)?;
     work.publish()?;
     pass.report(Phase::Finish, header.geometry.dims().z);
-    Ok(summary)
+    Ok(PrepareSummary { region_seconds, ..summary })
 }
 
 /// What the manifest of a store made of this input would say, without writing one: the hashes of its files are zero.
@@ -209,7 +172,7 @@ impl Job<'_> {
         let dims = self.header.geometry.dims().to_array().map(|n| n as usize);
         let (plane, nz) = (dims[0] * dims[1], self.header.geometry.dims().z);
         let mut slab = zeroed_slab::<T>(plane * dims[2].min(CHUNK_EDGE as usize))?;
-        let mut writer = ShardWriter::new(root, self.shards, dims);
+        let mut writer = ShardWriter::new(root, StoreArray::Voxels, self.shards, dims);
         let (mut histogram, mut ranges) = (Histogram::new(), RangeBuilder::new(self.grid));
         for (cz, z0) in (0..nz).step_by(CHUNK_EDGE as usize).enumerate() {
             let planes = CHUNK_EDGE.min(nz - z0);
@@ -238,10 +201,40 @@ impl Job<'_> {
         Ok(histogram)
     }
 
+    /// Finds regions in the voxels just written, where they were asked for.
+    fn regions(
+        &self,
+        gathered: &Gathered,
+        manifest: &Manifest,
+        work: &WorkDir,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Option<Written>, StoreError> {
+        let Some(options) = &self.options.regions else { return Ok(None) };
+        let map = manifest.value_map();
+        let root = work.store();
+        let shards =
+            Shards::new(&root, StoreArray::Voxels, self.shards, gathered.shards.clone(), manifest.stored_type.bytes());
+        let mut histogram = vec![0; usize::from(MAX_DENSITY) + 1];
+        for (code, count) in map.code_of_ordinal_table().into_iter().zip(gathered.histogram.counts()) {
+            histogram[usize::from(density_of_code(code))] += count;
+        }
+        let code_of_bits = map.code_of_bits_table();
+        let voxels = CodePlanes { shards: &shards, volume_dims: manifest.geometry.dims(), code_of_bits: &code_of_bits };
+        let scratch = work.scratch();
+        let mut segmenter = Segmenter { options, geometry: manifest.geometry, scratch: &scratch, voxels, progress };
+        let found = segmenter.find(&histogram)?;
+        write_regions(&mut segmenter, found, segment::checked(options)?, manifest, &root).map(Some)
+    }
+
     /// Writes the small files, the manifest last.
-    fn finish(&self, gathered: Gathered, root: &Path) -> Result<PrepareSummary, StoreError> {
-        let Gathered { histogram, ranges, shards } = gathered;
-        let mut manifest = self.manifest(&histogram)?;
+    fn finish(
+        &self,
+        gathered: Gathered,
+        mut manifest: Manifest,
+        regions: Option<Written>,
+        root: &Path,
+    ) -> Result<PrepareSummary, StoreError> {
+        let Gathered { ranges, shards, .. } = gathered;
         let code_of_ordinal = manifest.value_map().code_of_ordinal_table();
         let ranges = ranges.finish(&code_of_ordinal).to_bytes();
         let table = shard_table::to_bytes(&shards);
@@ -256,19 +249,20 @@ impl Job<'_> {
         // What was just written must be readable: the same checks that every reader makes.
         let manifest = Manifest::from_bytes(&bytes)?;
         let mut store_bytes: u64 = shards.iter().map(|s| s.bytes).sum();
-        let files = [
-            (GROUP_FILE, &group),
-            (ARRAY_FILE, &array),
-            (RANGES_FILE, &ranges),
-            (SHARDS_FILE, &table),
-            (MANIFEST_FILE, &bytes),
-        ];
+        let hash = StoreHash::of(&bytes);
+        let mut notes = self.notes(&manifest);
+        let mut files = vec![(GROUP_FILE, group), (ARRAY_FILE, array), (RANGES_FILE, ranges), (SHARDS_FILE, table)];
+        if let Some(regions) = regions {
+            files.extend(regions.files);
+            store_bytes += regions.shard_bytes;
+            notes.extend(regions.note);
+        }
+        files.push((MANIFEST_FILE, bytes));
         for (name, content) in files {
-            write_synced(&root.join(name), content)?;
+            write_synced(&root.join(name), &content)?;
             store_bytes += content.len() as u64;
         }
-        let notes = self.notes(&manifest);
-        Ok(PrepareSummary { hash: StoreHash::of(&bytes), manifest, store_bytes, notes })
+        Ok(PrepareSummary { hash, manifest, store_bytes, region_seconds: 0.0, notes })
     }
 
     /// The manifest without the hashes of the files.
@@ -312,6 +306,7 @@ impl Job<'_> {
             quantiles,
             histogram: histogram.binned(HISTOGRAM_BINS, |ordinal| usize::from(code(ordinal) >> 8)),
             files: FileHashes { group: unknown, array: unknown, ranges: unknown, shards: unknown },
+            regions: None,
         })
     }
 

@@ -30,17 +30,60 @@ pub(super) const GROUP_FILE: &str = "zarr.json";
 pub(super) const ARRAY_FILE: &str = "0/zarr.json";
 pub(super) const RANGES_FILE: &str = "bricks.bin";
 pub(super) const SHARDS_FILE: &str = "shards.bin";
+/// Files of stores with regions.
+pub(super) const LABELS_GROUP_FILE: &str = "labels/zarr.json";
+pub(super) const LABEL_IMAGE_FILE: &str = "labels/regions/zarr.json";
+pub(super) const LABEL_ARRAY_FILE: &str = "labels/regions/0/zarr.json";
+pub(super) const DISTANCE_ARRAY_FILE: &str = "distances/zarr.json";
+pub(super) const REGIONS_FILE: &str = "regions.bin";
+pub(super) const REGION_BRICKS_FILE: &str = "region_bricks.bin";
+pub(super) const LABEL_SHARDS_FILE: &str = "label_shards.bin";
+pub(super) const DISTANCE_SHARDS_FILE: &str = "distance_shards.bin";
+
+/// An array of a store; all have the same dims, shards and inner chunks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum StoreArray {
+    /// The volume's voxels.
+    Voxels,
+    /// Labels of regions, u32.
+    Labels,
+    /// Distances to the nearest voxel of another label, u8.
+    Distances,
+}
+
+impl StoreArray {
+    /// The array's path below the store.
+    #[must_use]
+    pub fn path(self) -> &'static str {
+        match self {
+            Self::Voxels => "0",
+            Self::Labels => "labels/regions/0",
+            Self::Distances => "distances",
+        }
+    }
+}
+
+impl fmt::Display for StoreArray {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.path())
+    }
+}
 
 /// A shard's position in the grid of shards, `[x, y, z]`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct ShardIndex(pub [u32; 3]);
 
 impl ShardIndex {
-    /// The shard's path below the store: Zarr's default chunk key, slowest axis first.
+    /// The shard's path below its array: Zarr's default chunk key, slowest axis first.
     #[must_use]
     pub fn key(self) -> String {
         let [x, y, z] = self.0;
-        format!("0/c/{z}/{y}/{x}")
+        format!("c/{z}/{y}/{x}")
+    }
+
+    /// The shard's path below the store.
+    pub(super) fn path(self, array: StoreArray) -> String {
+        format!("{array}/{self}")
     }
 }
 
@@ -144,7 +187,7 @@ mod tests {
         assert_eq!(chunk.shard(), ShardIndex([1, 2, 3]));
         assert_eq!(chunk.slot(), 1 + 16 * (2 + 16 * 15));
         assert_eq!(InnerChunk::at(chunk.shard(), chunk.slot()), chunk);
-        assert_eq!(chunk.shard().key(), "0/c/3/2/1");
+        assert_eq!(chunk.shard().key(), "c/3/2/1");
         let grid = ShardGrid::new(UVec3::new(257, 513, 1025)).unwrap();
         for linear in 0..grid.count() as usize {
             assert_eq!(grid.linear(grid.at(linear)), linear);

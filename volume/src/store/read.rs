@@ -5,19 +5,19 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::{IVec3, UVec3};
-
 use super::brick_ranges::BrickRanges;
-use super::cache::{ChunkCache, Decoded};
+use super::cache::ChunkCache;
 use super::codec;
 use super::error::StoreError;
 use super::hash::ContentHash;
 use super::manifest::Manifest;
 use super::profile::{
-    ARRAY_FILE, CHUNK_EDGE, CHUNK_VOXELS, GROUP_FILE, InnerChunk, MANIFEST_FILE, RANGES_FILE, SHARDS_FILE, ShardGrid,
+    ARRAY_FILE, CHUNK_VOXELS, GROUP_FILE, InnerChunk, MANIFEST_FILE, RANGES_FILE, SHARDS_FILE, ShardGrid, StoreArray,
 };
+use super::region_read::StoreRegions;
 use super::shard_read::Shards;
 use super::shard_table;
+use super::window::{RowDecoder, ToCodes, Window};
 use crate::brick::StoredBox;
 use crate::ids::{BrickIndex, StoreHash};
 
@@ -45,6 +45,7 @@ struct Inner {
     manifest_bytes: Vec<u8>,
     ranges: BrickRanges,
     shards: Shards,
+    regions: Option<StoreRegions>,
     /// Stretched code of every bit pattern of the stored type.
     codes: Vec<u16>,
 }
@@ -73,19 +74,13 @@ impl Store {
         let ranges = read_exactly(&path.join(RANGES_FILE), manifest.grid.brick_count() * 4)?;
         let ranges = BrickRanges::from_bytes(&manifest, &ranges)?;
         let grid = ShardGrid::new(manifest.geometry.dims())?;
-        let table_path = path.join(SHARDS_FILE);
-        let table = read_exactly(&table_path, shard_table::table_bytes(&grid))?;
-        check_hash(&table_path, &table, manifest.files.shards)?;
         let voxel_bytes = manifest.stored_type.bytes();
-        let table = shard_table::from_bytes(&grid, &table, codec::encoded_bound(CHUNK_VOXELS * voxel_bytes))?;
-        let shards = Shards::new(path, grid, table, voxel_bytes);
-        for linear in 0..shards.table.len() {
-            shards.check_length(grid.at(linear))?;
-        }
+        let shards = open_shards(path, StoreArray::Voxels, grid, (SHARDS_FILE, manifest.files.shards), voxel_bytes)?;
+        let regions = StoreRegions::open(path, &manifest, grid)?;
         let codes = manifest.value_map().code_of_bits_table();
         let hash = StoreHash::of(&manifest_bytes);
         let path = path.to_path_buf();
-        Ok(Self { inner: Arc::new(Inner { path, hash, manifest, manifest_bytes, ranges, shards, codes }) })
+        Ok(Self { inner: Arc::new(Inner { path, hash, manifest, manifest_bytes, ranges, shards, regions, codes }) })
     }
 
     #[must_use]
@@ -123,8 +118,14 @@ impl Store {
         Some((manifest.value_of_code(min), manifest.value_of_code(max)))
     }
 
-    pub(super) fn shards(&self) -> &Shards {
-        &self.inner.shards
+    /// The store's arrays.
+    pub(super) fn arrays(&self) -> Vec<&Shards> {
+        let regions = self.regions().into_iter().flat_map(|r| [&r.labels, &r.distances]);
+        std::iter::once(&self.inner.shards).chain(regions).collect()
+    }
+
+    pub(super) fn regions(&self) -> Option<&StoreRegions> {
+        self.inner.regions.as_ref()
     }
 
     /// The brick's owned box grown by `ghost`, clamped at the volume's edge; neighbours' voxels come through `cache`.
@@ -134,6 +135,13 @@ impl Store {
     /// # Errors
     /// A broken or missing chunk, by name.
     pub fn read_brick(&self, brick: BrickIndex, ghost: u32, cache: &ChunkCache) -> Result<BrickVoxels, StoreError> {
+        let stored = self.stored_box(brick, ghost)?;
+        let codes = self.read_box(&self.inner.shards, stored, cache, &ToCodes(&self.inner.codes))?;
+        Ok(BrickVoxels { stored, codes })
+    }
+
+    /// The owned box of a brick grown by `ghost`, if both can be.
+    pub(super) fn stored_box(&self, brick: BrickIndex, ghost: u32) -> Result<StoredBox, StoreError> {
         let grid = &self.inner.manifest.grid;
         if !grid.contains(brick) {
             return Err(StoreError::BrickOutside { brick, dims: grid.dims().to_array() });
@@ -141,103 +149,52 @@ impl Store {
         if ghost > MAX_GHOST {
             return Err(StoreError::Ghost { ghost, max: MAX_GHOST });
         }
-        let stored = grid.owned_box(brick).stored(ghost);
-        let mut window = Window::new(stored, grid.volume_dims());
-        let (first, last) = (window.lo / CHUNK_EDGE, (window.hi - 1) / CHUNK_EDGE);
+        Ok(grid.owned_box(brick).stored(ghost))
+    }
+
+    /// The elements of one array in a box, clamped at the volume's edge.
+    pub(super) fn read_box<T: Copy + Default>(
+        &self,
+        shards: &Shards,
+        stored: StoredBox,
+        cache: &ChunkCache,
+        decoder: &impl RowDecoder<T>,
+    ) -> Result<Vec<T>, StoreError> {
+        let mut window = Window::new(stored, self.inner.manifest.grid.volume_dims());
+        let (first, last) = window.chunks();
         for z in first.z..=last.z {
             for y in first.y..=last.y {
                 for x in first.x..=last.x {
                     let chunk = InnerChunk([x, y, z]);
-                    let load = || self.inner.shards.read_chunk(chunk);
-                    let decoded = cache.get(self.inner.hash, chunk, load)?;
-                    window.fill(chunk, &decoded, &self.inner.codes);
+                    let decoded = cache.get(self.inner.hash, shards.array, chunk, || shards.read_chunk(chunk))?;
+                    window.fill(chunk, (*decoded).as_deref(), decoder);
                 }
             }
         }
-        window.clamp_to_edge();
-        Ok(BrickVoxels { stored, codes: window.codes })
+        Ok(window.clamped_to_edge())
     }
 }
 
-/// A stored box being filled.
-struct Window {
-    stored: StoredBox,
-    /// Size of the stored box.
-    dims: [usize; 3],
-    /// The part of the stored box inside the volume, half-open.
-    lo: UVec3,
-    hi: UVec3,
-    codes: Vec<u16>,
+/// The shards of an array, after checking their table and that each is there in its full length.
+pub(super) fn open_shards(
+    root: &Path,
+    array: StoreArray,
+    grid: ShardGrid,
+    (table_file, table_hash): (&str, ContentHash),
+    voxel_bytes: usize,
+) -> Result<Shards, StoreError> {
+    let table_path = root.join(table_file);
+    let table = read_exactly(&table_path, shard_table::table_bytes(&grid))?;
+    check_hash(&table_path, &table, table_hash)?;
+    let table = shard_table::from_bytes(array, &grid, &table, codec::encoded_bound(CHUNK_VOXELS * voxel_bytes))?;
+    let shards = Shards::new(root, array, grid, table, voxel_bytes);
+    for linear in 0..shards.table.len() {
+        shards.check_length(grid.at(linear))?;
+    }
+    Ok(shards)
 }
 
-impl Window {
-    fn new(stored: StoredBox, volume_dims: UVec3) -> Self {
-        let lo = stored.lo.max(IVec3::ZERO).as_uvec3();
-        let hi = stored.hi.min(volume_dims.as_ivec3()).as_uvec3();
-        let dims = stored.dims().to_array().map(|n| n as usize);
-        Self { stored, dims, lo, hi, codes: vec![0; dims.iter().product()] }
-    }
-
-    /// Copies the voxels of an inner chunk that are inside, row by row.
-    fn fill(&mut self, chunk: InnerChunk, decoded: &Decoded, code_of_bits: &[u16]) {
-        let origin = chunk.lo();
-        let (lo, hi) = (self.lo.max(origin), self.hi.min(origin + CHUNK_EDGE));
-        let from = (lo - origin).to_array().map(|v| v as usize);
-        let to = (lo.as_ivec3() - self.stored.lo).to_array().map(|v| v as usize);
-        let [width, height, depth] = (hi - lo).to_array().map(|v| v as usize);
-        let edge = CHUNK_EDGE as usize;
-        for z in 0..depth {
-            for y in 0..height {
-                let start = ((to[2] + z) * self.dims[1] + to[1] + y) * self.dims[0] + to[0];
-                let row = &mut self.codes[start..][..width];
-                let voxel = ((from[2] + z) * edge + from[1] + y) * edge + from[0];
-                match decoded {
-                    None => row.fill(code_of_bits[0]),
-                    Some(bytes) if code_of_bits.len() == 256 => {
-                        let bits = &bytes[voxel..][..width];
-                        row.iter_mut().zip(bits).for_each(|(code, b)| *code = code_of_bits[usize::from(*b)]);
-                    }
-                    Some(bytes) => {
-                        let bits = bytes[2 * voxel..][..2 * width].as_chunks::<2>().0;
-                        row.iter_mut()
-                            .zip(bits)
-                            .for_each(|(code, b)| *code = code_of_bits[usize::from(u16::from_le_bytes(*b))]);
-                    }
-                }
-            }
-        }
-    }
-
-    /// Beyond the volume every voxel is the nearest one inside: along x, then whole rows, then whole planes.
-    fn clamp_to_edge(&mut self) {
-        let inside = |a: usize| {
-            let lo = (self.lo[a] as i32 - self.stored.lo[a]) as usize;
-            lo..(self.hi[a] as i32 - self.stored.lo[a]) as usize
-        };
-        let (xs, ys, zs) = (inside(0), inside(1), inside(2));
-        let [width, height, depth] = self.dims;
-        for z in zs.clone() {
-            for y in ys.clone() {
-                let row = &mut self.codes[(z * height + y) * width..][..width];
-                let (first, last) = (row[xs.start], row[xs.end - 1]);
-                row[..xs.start].fill(first);
-                row[xs.end..].fill(last);
-            }
-            let plane = &mut self.codes[z * height * width..][..height * width];
-            for y in (0..height).filter(|y| !ys.contains(y)) {
-                let from = y.clamp(ys.start, ys.end - 1) * width;
-                plane.copy_within(from..from + width, y * width);
-            }
-        }
-        let plane = height * width;
-        for z in (0..depth).filter(|z| !zs.contains(z)) {
-            let from = z.clamp(zs.start, zs.end - 1) * plane;
-            self.codes.copy_within(from..from + plane, z * plane);
-        }
-    }
-}
-
-fn read_at_most(path: &Path, max: u64) -> Result<Vec<u8>, StoreError> {
+pub(super) fn read_at_most(path: &Path, max: u64) -> Result<Vec<u8>, StoreError> {
     let mut bytes = Vec::new();
     let read = File::open(path).and_then(|file| file.take(max).read_to_end(&mut bytes));
     read.map_err(StoreError::io("read", path))?;
@@ -245,7 +202,7 @@ fn read_at_most(path: &Path, max: u64) -> Result<Vec<u8>, StoreError> {
 }
 
 /// Reads a file whose length is known beforehand.
-fn read_exactly(path: &Path, want: u64) -> Result<Vec<u8>, StoreError> {
+pub(super) fn read_exactly(path: &Path, want: u64) -> Result<Vec<u8>, StoreError> {
     let got = std::fs::metadata(path).map_err(StoreError::io("read", path))?.len();
     let bytes = if got == want { read_at_most(path, want)? } else { Vec::new() };
     match bytes.len() as u64 {
@@ -254,7 +211,7 @@ fn read_exactly(path: &Path, want: u64) -> Result<Vec<u8>, StoreError> {
     }
 }
 
-fn check_hash(path: &Path, bytes: &[u8], want: ContentHash) -> Result<(), StoreError> {
+pub(super) fn check_hash(path: &Path, bytes: &[u8], want: ContentHash) -> Result<(), StoreError> {
     match ContentHash::of(bytes) {
         got if got == want => Ok(()),
         got => Err(StoreError::FileHash { path: path.to_path_buf(), got, want }),

@@ -9,16 +9,17 @@ use std::sync::{Arc, Mutex, PoisonError};
 use super::codec;
 use super::error::{IndexFault, StoreError};
 use super::hash::ContentHash;
-use super::profile::{ABSENT, CHUNK_VOXELS, INDEX_BYTES, InnerChunk, ShardGrid, ShardIndex};
+use super::profile::{ABSENT, CHUNK_VOXELS, INDEX_BYTES, InnerChunk, ShardGrid, ShardIndex, StoreArray};
 use super::shard_table::ShardRecord;
 
-/// Shards of one store that are open at once: a file and 64 KiB of index each.
+/// Shards of one array that are open at once: a file and 64 KiB of index each.
 const MAX_OPEN: usize = 32;
 
-/// The shards of a store.
+/// The shards of one array of a store.
 #[derive(Debug)]
 pub(super) struct Shards {
     root: PathBuf,
+    pub(super) array: StoreArray,
     pub(super) grid: ShardGrid,
     pub(super) table: Vec<ShardRecord>,
     voxel_bytes: usize,
@@ -35,6 +36,7 @@ struct OpenShards {
 /// An open shard with its index, checked.
 #[derive(Debug)]
 pub(super) struct OpenShard {
+    array: StoreArray,
     shard: ShardIndex,
     path: PathBuf,
     file: File,
@@ -43,8 +45,14 @@ pub(super) struct OpenShard {
 }
 
 impl Shards {
-    pub(super) fn new(root: &Path, grid: ShardGrid, table: Vec<ShardRecord>, voxel_bytes: usize) -> Self {
-        Self { root: root.to_path_buf(), grid, table, voxel_bytes, open: Mutex::default() }
+    pub(super) fn new(
+        root: &Path,
+        array: StoreArray,
+        grid: ShardGrid,
+        table: Vec<ShardRecord>,
+        voxel_bytes: usize,
+    ) -> Self {
+        Self { root: root.to_path_buf(), array, grid, table, voxel_bytes, open: Mutex::default() }
     }
 
     /// Bytes of a decoded inner chunk.
@@ -53,18 +61,18 @@ impl Shards {
     }
 
     pub(super) fn path(&self, shard: ShardIndex) -> PathBuf {
-        self.root.join(shard.key())
+        self.root.join(shard.path(self.array))
     }
 
     /// Checks without opening it that the shard is there and as long as promised.
     pub(super) fn check_length(&self, shard: ShardIndex) -> Result<(), StoreError> {
-        let path = self.path(shard);
+        let (array, path) = (self.array, self.path(shard));
         let want = self.table[self.grid.linear(shard)].bytes;
         match std::fs::metadata(&path) {
             Ok(m) if m.is_file() && m.len() == want => Ok(()),
-            Ok(m) if m.is_file() => Err(StoreError::ShardLength { shard, path, got: m.len(), want }),
-            Ok(_) => Err(StoreError::ShardMissing { shard, path }),
-            Err(e) if e.kind() == io::ErrorKind::NotFound => Err(StoreError::ShardMissing { shard, path }),
+            Ok(m) if m.is_file() => Err(StoreError::ShardLength { array, shard, path, got: m.len(), want }),
+            Ok(_) => Err(StoreError::ShardMissing { array, shard, path }),
+            Err(e) if e.kind() == io::ErrorKind::NotFound => Err(StoreError::ShardMissing { array, shard, path }),
             Err(e) => Err(StoreError::io("look at", &path)(e)),
         }
     }
@@ -96,8 +104,8 @@ impl Shards {
         read_exact_at(&file, &mut bytes, data).map_err(StoreError::io("read", &path))?;
         let index = parse_index(shard, &bytes, &record, codec::encoded_bound(self.chunk_bytes()) as u64);
         match index {
-            Ok(index) => Ok(OpenShard { shard, path, file, index }),
-            Err(fault) => Err(StoreError::ShardIndex { shard, path, fault }),
+            Ok(index) => Ok(OpenShard { array: self.array, shard, path, file, index }),
+            Err(fault) => Err(StoreError::ShardIndex { array: self.array, shard, path, fault }),
         }
     }
 }
@@ -132,6 +140,7 @@ impl OpenShard {
         let mut bytes = vec![0; length as usize];
         read_exact_at(&self.file, &mut bytes, offset).map_err(StoreError::io("read", &self.path))?;
         codec::decode(&bytes, raw).map(Some).map_err(|fault| StoreError::Chunk {
+            array: self.array,
             shard: self.shard,
             path: self.path.clone(),
             chunk,

@@ -2,7 +2,7 @@
 
 use super::error::StoreError;
 use super::hash::ContentHash;
-use super::profile::{CHUNKS_PER_SHARD, INDEX_BYTES, ShardGrid};
+use super::profile::{CHUNKS_PER_SHARD, INDEX_BYTES, ShardGrid, StoreArray};
 
 /// One line of the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -35,7 +35,12 @@ pub(super) fn to_bytes(table: &[ShardRecord]) -> Vec<u8> {
 
 /// `chunk_bound` is the longest that an inner chunk can be: no shard is longer than its inner chunks and index.
 /// The length of `bytes` must have been checked.
-pub(super) fn from_bytes(grid: &ShardGrid, bytes: &[u8], chunk_bound: usize) -> Result<Vec<ShardRecord>, StoreError> {
+pub(super) fn from_bytes(
+    array: StoreArray,
+    grid: &ShardGrid,
+    bytes: &[u8],
+    chunk_bound: usize,
+) -> Result<Vec<ShardRecord>, StoreError> {
     let most = (CHUNKS_PER_SHARD * chunk_bound + INDEX_BYTES) as u64;
     let records = bytes.as_chunks::<RECORD_BYTES>().0.iter().enumerate().map(|(linear, b)| {
         let (length, hashes) = b.split_at(8);
@@ -49,7 +54,7 @@ pub(super) fn from_bytes(grid: &ShardGrid, bytes: &[u8], chunk_bound: usize) -> 
         if (INDEX_BYTES as u64..=most).contains(&record.bytes) {
             Ok(record)
         } else {
-            Err(StoreError::ShardTable { shard: grid.at(linear), bytes: record.bytes })
+            Err(StoreError::ShardTable { array, shard: grid.at(linear), bytes: record.bytes })
         }
     });
     records.collect()
@@ -67,11 +72,14 @@ mod tests {
         let table = [record(70_000), record(INDEX_BYTES as u64)];
         let bytes = to_bytes(&table);
         assert_eq!(bytes.len() as u64, table_bytes(&grid));
-        assert_eq!(from_bytes(&grid, &bytes, 100).unwrap(), table);
+        assert_eq!(from_bytes(StoreArray::Voxels, &grid, &bytes, 100).unwrap(), table);
         let index = INDEX_BYTES as u64;
         for bad in [0, index - 1, index + CHUNKS_PER_SHARD as u64 * 100 + 1, u64::MAX] {
             let bytes = to_bytes(&[record(70_000), record(bad)]);
-            assert!(matches!(from_bytes(&grid, &bytes, 100), Err(StoreError::ShardTable { .. })), "{bad}");
+            assert!(
+                matches!(from_bytes(StoreArray::Voxels, &grid, &bytes, 100), Err(StoreError::ShardTable { .. })),
+                "{bad}"
+            );
         }
     }
 }

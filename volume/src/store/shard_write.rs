@@ -12,14 +12,16 @@ use super::codec;
 use super::error::StoreError;
 use super::hash::ContentHash;
 use super::profile::{
-    ABSENT, CHUNK_EDGE, CHUNK_VOXELS, CHUNKS_PER_EDGE, CHUNKS_PER_SHARD, INDEX_BYTES, InnerChunk, ShardGrid, ShardIndex,
+    ABSENT, CHUNK_EDGE, CHUNK_VOXELS, CHUNKS_PER_EDGE, CHUNKS_PER_SHARD, INDEX_BYTES, InnerChunk, ShardGrid,
+    ShardIndex, StoreArray,
 };
 use super::shard_table::ShardRecord;
-use super::voxel::Voxel;
+use super::voxel::Cell;
 
-/// Writes the array's shards in the order of their slabs.
+/// Writes an array's shards in the order of their slabs.
 pub(super) struct ShardWriter {
     root: PathBuf,
+    array: StoreArray,
     grid: ShardGrid,
     volume_dims: [usize; 3],
     /// The row being written, x fastest; empty between rows.
@@ -37,12 +39,12 @@ struct OpenShard {
 }
 
 impl ShardWriter {
-    pub(super) fn new(root: &Path, grid: ShardGrid, volume_dims: [usize; 3]) -> Self {
-        Self { root: root.to_path_buf(), grid, volume_dims, row: Vec::new(), table: Vec::new() }
+    pub(super) fn new(root: &Path, array: StoreArray, grid: ShardGrid, volume_dims: [usize; 3]) -> Self {
+        Self { root: root.to_path_buf(), array, grid, volume_dims, row: Vec::new(), table: Vec::new() }
     }
 
     /// Takes the whole planes of the `cz`-th layer of inner chunks, x fastest; layers come in order.
-    pub(super) fn add<T: Voxel>(&mut self, cz: u32, slab: &[T]) -> Result<(), StoreError> {
+    pub(super) fn add<T: Cell>(&mut self, cz: u32, slab: &[T]) -> Result<(), StoreError> {
         if cz.is_multiple_of(CHUNKS_PER_EDGE) {
             self.start_row(cz / CHUNKS_PER_EDGE)?;
         }
@@ -77,7 +79,7 @@ impl ShardWriter {
         for y in 0..dims.y {
             for x in 0..dims.x {
                 let shard = ShardIndex([x, y, z]);
-                let path = self.root.join(shard.key());
+                let path = self.root.join(shard.path(self.array));
                 if let (0, Some(dir)) = (x, path.parent()) {
                     fs::create_dir_all(dir).map_err(StoreError::io("create", dir))?;
                 }
@@ -123,7 +125,7 @@ impl OpenShard {
 }
 
 /// Cuts an inner chunk out of its slab, padded with 0, and encodes it; nothing where it holds nothing but 0.
-fn encode_chunk<T: Voxel>(chunk: InnerChunk, dims: [usize; 3], slab: &[T]) -> Result<Option<Vec<u8>>, StoreError> {
+fn encode_chunk<T: Cell>(chunk: InnerChunk, dims: [usize; 3], slab: &[T]) -> Result<Option<Vec<u8>>, StoreError> {
     let [nx, ny, _] = dims;
     let planes = slab.len() / (nx * ny);
     let edge = CHUNK_EDGE as usize;

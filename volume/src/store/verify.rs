@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::error::StoreError;
 use super::hash::ContentHash;
-use super::prepare::{Phase, Progress};
+use super::prepare_options::{Phase, Progress};
 use super::profile::{CHUNKS_PER_SHARD, InnerChunk};
 use super::read::Store;
 
@@ -18,10 +18,11 @@ impl Store {
     /// # Errors
     /// The first damage found.
     pub fn verify(&self, progress: &mut dyn FnMut(Progress)) -> Result<(), StoreError> {
-        let shards = self.shards();
-        let total = shards.table.len() as u64;
-        for (linear, record) in shards.table.iter().enumerate() {
-            progress(Progress { phase: Phase::Verify, done: linear as u64, total });
+        let arrays = self.arrays();
+        let total = arrays.iter().map(|shards| shards.table.len() as u64).sum();
+        let all = arrays.iter().flat_map(|shards| shards.table.iter().enumerate().map(move |(i, r)| (shards, i, r)));
+        for (done, (shards, linear, record)) in (0..).zip(all) {
+            progress(Progress { phase: Phase::Verify, done, total });
             let shard = shards.grid.at(linear);
             let open = shards.open_new(shard)?;
             (0..CHUNKS_PER_SHARD).into_par_iter().try_for_each(|slot| {

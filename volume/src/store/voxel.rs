@@ -86,13 +86,24 @@ pub(super) const SOURCE_TYPES: [(VoxelType, &str); 7] = [
     (VoxelType::F32, "float32"),
 ];
 
+/// An element of one of a store's arrays, in memory.
+pub(super) trait Cell: Pod + PartialEq + Send + Sync {
+    /// This host's byte order to little endian or back: nothing on nearly all hosts.
+    fn swapped_le(self) -> Self;
+}
+
 /// A voxel in memory. `ordinal` is order-preserving and starts at 0 for the type's smallest value.
-pub(super) trait Voxel: Pod + Ord + Send + Sync {
+pub(super) trait Voxel: Cell + Ord {
     const MIN: Self;
     const MAX: Self;
     fn ordinal(self) -> u16;
-    /// This host's byte order to little endian or back: nothing on nearly all hosts.
-    fn swapped_le(self) -> Self;
+}
+
+impl Cell for u32 {
+    #[inline(always)]
+    fn swapped_le(self) -> Self {
+        self.to_le()
+    }
 }
 
 macro_rules! voxel {
@@ -105,7 +116,9 @@ macro_rules! voxel {
             fn ordinal(self) -> u16 {
                 (self as u16).wrapping_add($bias)
             }
+        }
 
+        impl Cell for $t {
             #[inline(always)]
             fn swapped_le(self) -> Self {
                 self.to_le()
@@ -120,7 +133,7 @@ voxel!(u16, 0);
 voxel!(i16, 0x8000);
 
 /// Little-endian voxels into memory; both sides hold equally many.
-pub(super) fn read_le<T: Voxel>(bytes: &[u8], out: &mut [T]) {
+pub(super) fn read_le<T: Cell>(bytes: &[u8], out: &mut [T]) {
     bytemuck::cast_slice_mut::<T, u8>(out).copy_from_slice(bytes);
     if cfg!(target_endian = "big") {
         out.iter_mut().for_each(|v| *v = v.swapped_le());

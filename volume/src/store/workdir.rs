@@ -1,6 +1,6 @@
 //! A store is finished or absent: it is written in a working directory beside its target and renamed at the end.
 //!
-//! `.NAME.brickcast-tmp-PID-N/` holds `lock` (held while its writer lives), `store/` (being written) and, for the moment
+//! `.NAME.brickcast-tmp-PID-N/` holds `lock` (held while its writer lives), `store/` (being written), scratch files and, for the moment
 //! of replacing one, `old/`. A working directory whose lock is free was left by a writer that was killed: the next
 //! writer for the same target puts `old/` back where the target is gone, and removes the rest.
 
@@ -66,6 +66,11 @@ impl WorkDir {
     /// Where the store's files are written until it is published.
     pub(super) fn store(&self) -> PathBuf {
         self.dir.join("store")
+    }
+
+    /// Where files are that live no longer than the work.
+    pub(super) fn scratch(&self) -> PathBuf {
+        self.dir.clone()
     }
 
     /// Makes the finished store appear at its target, in place of an old one where that was allowed.

@@ -1,4 +1,4 @@
-//! The two `zarr.json` files: the OME-Zarr 0.5 group and the array of the profile.
+//! The `zarr.json` files: OME-Zarr 0.5 groups and the arrays of the profile.
 //!
 //! Written as text in a fixed order, so that the same volume always gives the same bytes.
 
@@ -39,6 +39,36 @@ fn ome_unit(unit: &str) -> Option<&'static str> {
 
 /// `zarr.json` of the store itself.
 pub(super) fn group(m: &Manifest) -> Vec<u8> {
+    image(m, m.source.name.as_deref().unwrap_or("volume"), "")
+}
+
+/// `labels/zarr.json`: which label images there are.
+pub(super) fn labels_group() -> Vec<u8> {
+    br#"{
+  "zarr_format": 3,
+  "node_type": "group",
+  "attributes": {
+    "ome": {
+      "version": "0.5",
+      "labels": ["regions"]
+    }
+  }
+}
+"#
+    .to_vec()
+}
+
+/// `labels/regions/zarr.json`: the label image.
+pub(super) fn label_image(m: &Manifest) -> Vec<u8> {
+    let source = r#",
+      "image-label": {
+        "source": { "image": "../../" }
+      }"#;
+    image(m, "regions", source)
+}
+
+/// An image of one resolution, in the array `0` below it; `more` goes on with the attributes of `ome`.
+fn image(m: &Manifest, name: &str, more: &str) -> Vec<u8> {
     let unit = m.space_unit.as_deref().and_then(ome_unit);
     let unit = unit.map_or(String::new(), |u| format!(r#", "unit": "{u}""#));
     let axes = ["z", "y", "x"].map(|axis| format!(r#"            {{ "name": "{axis}", "type": "space"{unit} }}"#));
@@ -65,12 +95,12 @@ pub(super) fn group(m: &Manifest) -> Vec<u8> {
             }}
           ]
         }}
-      ]
+      ]{more}
     }}
   }}
 }}
 "#,
-        name = quoted(m.source.name.as_deref().unwrap_or("volume")),
+        name = quoted(name),
         axes = axes.join(",\n"),
         scale = zyx(m.geometry.spacing().to_array()),
         origin = zyx(m.geometry.origin().to_array()),
@@ -80,6 +110,29 @@ pub(super) fn group(m: &Manifest) -> Vec<u8> {
 
 /// `0/zarr.json`. The attribute `brickcast` tells other readers how stored numbers become values.
 pub(super) fn array(m: &Manifest) -> Vec<u8> {
+    let attributes = format!(
+        r#"
+    "brickcast": {{ "scale": {scale}, "offset": {offset}, "range": [{lo}, {hi}] }}
+  "#,
+        scale = number(m.scale),
+        offset = number(m.offset),
+        lo = number(m.range.0),
+        hi = number(m.range.1),
+    );
+    profile_array(m, m.stored_type.name(), &attributes)
+}
+
+/// `labels/regions/0/zarr.json`.
+pub(super) fn label_array(m: &Manifest) -> Vec<u8> {
+    profile_array(m, "uint32", "")
+}
+
+/// `distances/zarr.json`.
+pub(super) fn distance_array(m: &Manifest) -> Vec<u8> {
+    profile_array(m, "uint8", "")
+}
+
+fn profile_array(m: &Manifest, data_type: &str, attributes: &str) -> Vec<u8> {
     let d = m.geometry.dims();
     format!(
         r#"{{
@@ -109,22 +162,15 @@ pub(super) fn array(m: &Manifest) -> Vec<u8> {
     }}
   ],
   "dimension_names": ["z", "y", "x"],
-  "attributes": {{
-    "brickcast": {{ "scale": {scale}, "offset": {offset}, "range": [{lo}, {hi}] }}
-  }}
+  "attributes": {{{attributes}}}
 }}
 "#,
         nz = d.z,
         ny = d.y,
         nx = d.x,
-        data_type = m.stored_type.name(),
         shard = SHARD_EDGE,
         chunk = CHUNK_EDGE,
         level = ZSTD_LEVEL,
-        scale = number(m.scale),
-        offset = number(m.offset),
-        lo = number(m.range.0),
-        hi = number(m.range.1),
     )
     .into_bytes()
 }

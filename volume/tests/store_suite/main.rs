@@ -6,5 +6,6 @@
 mod damage;
 mod mutations;
 mod outcome;
+mod regions;
 mod round_trip;
 mod support;

@@ -1,0 +1,66 @@
+//! Planes of given labels, from a label volume or from a flood fill.
+
+use std::path::Path;
+
+use super::error::StoreError;
+use super::region_error::RegionsError;
+use crate::format::{self, FormatError, RawHints, VolumeSource, VoxelType};
+use crate::space::Geometry;
+
+/// Labels in file order; a pass starts at plane 0.
+#[derive(Debug)]
+pub(super) enum LabelPlanes {
+    File(Box<dyn VolumeSource>),
+    Memory(Vec<u32>),
+}
+
+impl LabelPlanes {
+    pub(super) fn open(path: &Path, hints: &RawHints, geometry: &Geometry) -> Result<Self, StoreError> {
+        let source = format::open(path, hints)?;
+        let header = source.header();
+        let (got, want) = (header.geometry.dims().to_array(), geometry.dims().to_array());
+        if got != want {
+            return Err(RegionsError::LabelDims { got, want }.into());
+        }
+        match header.voxel_type {
+            VoxelType::F32 => Err(RegionsError::LabelType { got: header.voxel_type.name() }.into()),
+            _ => Ok(Self::File(source)),
+        }
+    }
+
+    /// Starts over at plane 0.
+    pub(super) fn rewind(&mut self) -> Result<(), FormatError> {
+        match self {
+            Self::File(source) => source.rewind(),
+            Self::Memory(_) => Ok(()),
+        }
+    }
+
+    /// Replaces `labels` by those of the planes `z0..z1`, which must be the next; a plane has `plane` voxels. Labels of
+    /// signed types are told apart by their bits.
+    pub(super) fn read(&mut self, z0: u32, z1: u32, plane: usize, labels: &mut Vec<u32>) -> Result<(), StoreError> {
+        labels.clear();
+        let source = match self {
+            Self::Memory(all) => {
+                labels.extend_from_slice(&all[z0 as usize * plane..z1 as usize * plane]);
+                return Ok(());
+            }
+            Self::File(source) => source,
+        };
+        let voxel_type = source.header().voxel_type;
+        let mut bytes = Vec::new();
+        for z in z0..z1 {
+            source.read_planes(1, &mut bytes)?;
+            let want = plane * voxel_type.bytes();
+            if bytes.len() != want {
+                return Err(StoreError::SourceLength { plane: z, got: bytes.len(), want });
+            }
+            match voxel_type.bytes() {
+                1 => labels.extend(bytes.iter().map(|b| u32::from(*b))),
+                2 => labels.extend(bytes.as_chunks::<2>().0.iter().map(|b| u32::from(u16::from_le_bytes(*b)))),
+                _ => labels.extend(bytes.as_chunks::<4>().0.iter().map(|b| u32::from_le_bytes(*b))),
+            }
+        }
+        Ok(())
+    }
+}

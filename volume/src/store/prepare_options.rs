@@ -1,0 +1,92 @@
+//! How a store is made, how far that is, and what came of it.
+
+use std::path::PathBuf;
+
+use super::manifest::Manifest;
+use crate::format::RawHints;
+use crate::ids::StoreHash;
+
+/// How a store is made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PrepareOptions {
+    /// Voxels per brick edge, a power of two in 8..=512. Shards and inner chunks do not depend on it.
+    pub brick_size: u32,
+    /// Values, in the file's units, that codes 0 and 65535 stand for; by default the smallest and largest voxel.
+    pub range: Option<(f64, f64)>,
+    /// Replace a store that is there already; at the end, not before.
+    pub force: bool,
+    /// Name of the input for the manifest; directories are left out.
+    pub source_name: Option<String>,
+    /// Size of the input in bytes for the manifest.
+    pub source_bytes: Option<u64>,
+    /// Find regions that rays leap through; by default none.
+    pub regions: Option<RegionOptions>,
+}
+
+/// How regions are found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RegionOptions {
+    pub segmentation: Segmentation,
+    /// Regions of fewer voxels are left out; 0 and 1 leave out none.
+    pub min_region: u64,
+}
+
+/// Where regions come from; `range` is the largest difference within a region, a share (above 0, at most 1) of the range
+/// that the store's codes are stretched over.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Segmentation {
+    /// Components of value windows, which are placed at the histogram's masses.
+    Windows { range: f64 },
+    /// The paper's seeded flood fill in raster order, in memory, for comparison.
+    Flood { range: f64 },
+    /// A label volume, taken as it is; 0 is no region.
+    Labels { path: PathBuf, hints: RawHints },
+}
+
+impl Default for PrepareOptions {
+    fn default() -> Self {
+        Self { brick_size: 64, range: None, force: false, source_name: None, source_bytes: None, regions: None }
+    }
+}
+
+/// What [`super::prepare`] or [`super::Store::verify`] is at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// First pass over a 32-bit input: its bounds.
+    Scan,
+    /// Voxels are read, compressed and written.
+    Write,
+    /// A flood fill in memory, where one was asked for.
+    Flood,
+    /// Distances to other labels: a sweep forward, a sweep backward.
+    Distances,
+    /// Components are told apart.
+    Regions,
+    /// Labels and distances are compressed and written; once more where small regions had to go.
+    Labels,
+    /// The last files are written and all is brought to the disk.
+    Finish,
+    /// Shards of a finished store are read and checked.
+    Verify,
+}
+
+/// How far it is: shards for verify, z-planes for all else.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Progress {
+    pub phase: Phase,
+    pub done: u64,
+    pub total: u64,
+}
+
+/// What was made.
+#[derive(Debug, Clone)]
+pub struct PrepareSummary {
+    pub hash: StoreHash,
+    pub manifest: Manifest,
+    /// Bytes of all files of the store.
+    pub store_bytes: u64,
+    /// Seconds that regions took.
+    pub region_seconds: f64,
+    /// What was guessed, mapped or left aside, for people.
+    pub notes: Vec<String>,
+}

@@ -1,0 +1,32 @@
+//! What can go wrong with regions.
+
+use super::hash::ContentHash;
+use crate::ids::BrickIndex;
+use crate::regions::MAX_FLOOD_VOXELS;
+
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum RegionsError {
+    #[error("a segmentation range of {0}: must be above 0 and at most 1, a share of the store's range")]
+    SegmentationRange(f64),
+    #[error("the label volume has {got:?} voxels, the volume {want:?}; labels must lie on the volume's own grid")]
+    LabelDims { got: [u32; 3], want: [u32; 3] },
+    #[error("the label volume holds {got}; labels must be whole numbers: uint8, int8, uint16, int16, uint32 or int32")]
+    LabelType { got: &'static str },
+    #[error("the label volume has more than {max} labels; leave those of few voxels out (0 is no region)")]
+    TooManyLabels { max: usize },
+    #[error(
+        "a flood fill holds the whole volume in memory and takes at most {MAX_FLOOD_VOXELS} voxels, not {voxels}; \
+         use --segmentation windows"
+    )]
+    FloodTooLarge { voxels: u64 },
+    #[error("this store has no regions; prepare it with --segmentation-range")]
+    None,
+    #[error("the table of bricks has {got} bytes, {bricks} bricks need {want}; prepare the store again")]
+    Length { got: usize, want: u64, bricks: u64 },
+    #[error("the table of bricks has hash {got}, the manifest promises {want}; prepare the store again")]
+    Hash { got: ContentHash, want: ContentHash },
+    #[error("the table of bricks says of brick {brick} what cannot be; prepare the store again")]
+    Facts { brick: BrickIndex },
+    #[error("the table of regions says of region {label} what cannot be; prepare the store again")]
+    Region { label: u32 },
+}

@@ -1,0 +1,95 @@
+//! The regions of an open store.
+
+use std::path::Path;
+
+use super::cache::ChunkCache;
+use super::error::StoreError;
+use super::facts_table::{BrickFactsTable, FACTS_BYTES, REGION_BYTES, regions_from_bytes};
+use super::manifest::Manifest;
+use super::profile::{
+    DISTANCE_ARRAY_FILE, DISTANCE_SHARDS_FILE, LABEL_ARRAY_FILE, LABEL_IMAGE_FILE, LABEL_SHARDS_FILE,
+    LABELS_GROUP_FILE, REGION_BRICKS_FILE, REGIONS_FILE, ShardGrid, StoreArray,
+};
+use super::read::{Store, check_hash, open_shards, read_at_most, read_exactly};
+use super::region_error::RegionsError;
+use super::shard_read::Shards;
+use super::window::{ToDistances, ToLabels};
+use crate::ids::BrickIndex;
+use crate::regions::{BrickFacts, BrickRegions, RegionTable};
+
+#[derive(Debug)]
+pub(super) struct StoreRegions {
+    table: RegionTable,
+    facts: BrickFactsTable,
+    pub(super) labels: Shards,
+    pub(super) distances: Shards,
+}
+
+impl StoreRegions {
+    /// Checks all that [`Store::open`] checks of the volume; nothing where the store has no regions.
+    pub(super) fn open(root: &Path, manifest: &Manifest, grid: ShardGrid) -> Result<Option<Self>, StoreError> {
+        let Some(entry) = &manifest.regions else { return Ok(None) };
+        let files = &entry.files;
+        let described = [
+            (LABELS_GROUP_FILE, files.group),
+            (LABEL_IMAGE_FILE, files.image),
+            (LABEL_ARRAY_FILE, files.labels),
+            (DISTANCE_ARRAY_FILE, files.distances),
+        ];
+        for (name, want) in described {
+            let path = root.join(name);
+            check_hash(&path, &read_at_most(&path, Manifest::MAX_BYTES)?, want)?;
+        }
+        let path = root.join(REGIONS_FILE);
+        let bytes = read_exactly(&path, u64::from(entry.count) * REGION_BYTES as u64)?;
+        check_hash(&path, &bytes, files.regions)?;
+        let table = regions_from_bytes(manifest.geometry.voxel_count(), &bytes)?;
+        let path = root.join(REGION_BRICKS_FILE);
+        let bytes = read_exactly(&path, manifest.grid.brick_count() * FACTS_BYTES as u64)?;
+        check_hash(&path, &bytes, files.bricks)?;
+        let facts = BrickFactsTable::from_bytes(manifest, &bytes)?;
+        let labels = (LABEL_SHARDS_FILE, files.label_shards);
+        let labels = open_shards(root, StoreArray::Labels, grid, labels, size_of::<u32>())?;
+        let distances = (DISTANCE_SHARDS_FILE, files.distance_shards);
+        let distances = open_shards(root, StoreArray::Distances, grid, distances, size_of::<u8>())?;
+        Ok(Some(Self { table, facts, labels, distances }))
+    }
+}
+
+impl Store {
+    /// Nothing where the store was made without regions.
+    #[must_use]
+    pub fn region_table(&self) -> Option<&RegionTable> {
+        self.regions().map(|r| &r.table)
+    }
+
+    /// In the grid's linear order; nothing where the store was made without regions.
+    #[must_use]
+    pub fn brick_facts(&self) -> Option<&[BrickFacts]> {
+        self.brick_facts_table().map(|table| table.0.as_slice())
+    }
+
+    /// The same, as it travels.
+    #[must_use]
+    pub fn brick_facts_table(&self) -> Option<&BrickFactsTable> {
+        self.regions().map(|r| &r.facts)
+    }
+
+    /// Labels and distances of the brick's owned box grown by `margin`, clamped at the volume's edge; neighbours' voxels
+    /// come through `cache`. Distances are those of the whole volume.
+    ///
+    /// # Errors
+    /// A store without regions; a broken or missing chunk, by name.
+    pub fn read_brick_regions(
+        &self,
+        brick: BrickIndex,
+        margin: u32,
+        cache: &ChunkCache,
+    ) -> Result<BrickRegions, StoreError> {
+        let regions = self.regions().ok_or(RegionsError::None)?;
+        let covered = self.stored_box(brick, margin)?;
+        let labels = self.read_box(&regions.labels, covered, cache, &ToLabels)?;
+        let distances = self.read_box(&regions.distances, covered, cache, &ToDistances)?;
+        Ok(BrickRegions { covered, labels, distances })
+    }
+}
