@@ -13,8 +13,9 @@ pub const NEVER: f32 = 2.0;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct FrameUniform {
+    /// Where the ray through the picture's middle starts: the eye, or a whole number of steps from it.
     pub eye: [f32; 3],
-    /// Delta: sample k lies at `t = k * step`.
+    /// Delta: sample k lies at `t = k * step`, both counted from where rays start.
     pub step: f32,
     pub ray_forward: [f32; 3],
     /// Rays stop at this accumulated opacity; [`NEVER`] where early termination is off.
@@ -32,6 +33,9 @@ pub struct FrameUniform {
     pub table_first: f32,
     /// Entries per code: `(entries - 1) / (c_last - c_first)`.
     pub table_scale: f32,
+    /// How far apart rays start: see `KernelView`.
+    pub fan: [f32; 3],
+    pub reserved: u32,
 }
 
 /// One brick's dispatch over the pixels of one rectangle.
@@ -77,6 +81,8 @@ impl FrameUniform {
             height: view.height as i32,
             table_first: table.c_first,
             table_scale: last / (table.c_last - table.c_first),
+            fan: view.fan.into(),
+            reserved: 0,
         }
     }
 }

@@ -14,6 +14,8 @@ struct FrameUniform {
     height: i32,
     table_first: f32,
     table_scale: f32,
+    fan: vec3<f32>,
+    reserved: u32,
 }
 
 struct BrickUniform {
