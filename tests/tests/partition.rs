@@ -171,8 +171,8 @@ fn the_same_bits_from_any_number_of_nodes() {
 }
 
 /// Every sample has one owner, on either kernel: rays along z in steps of a tenth of a voxel meet every brick face with a
-/// sample that f32 places a hair before or behind it. A kernel that adds up t instead of multiplying, or takes planes from a
-/// brick's own corner, counts such samples twice or never, for whole pictures of rays, and by another number in other bricks.
+/// sample that f32 places a hair before or behind it. A kernel that adds up t instead of multiplying
+/// counts such samples twice or never, for whole pictures of rays, and by another number in other bricks.
 #[test]
 fn samples_on_faces_are_counted_once_in_any_bricks() {
     let folder = tempfile::tempdir().unwrap();
