@@ -14,8 +14,9 @@ pub const NEVER: f32 = 2.0;
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 pub struct FrameUniform {
+    /// Where the ray through the picture's middle starts: the eye, or a whole number of steps from it.
     pub eye: [f32; 3],
-    /// Delta: sample k lies at `t = k * step`.
+    /// Delta: sample k lies at `t = k * step`, both counted from where rays start.
     pub step: f32,
     pub ray_forward: [f32; 3],
     /// Rays stop at this accumulated opacity; [`NEVER`] where early termination is off.
@@ -33,12 +34,14 @@ pub struct FrameUniform {
     pub table_first: f32,
     /// Entries per code: `(entries - 1) / (c_last - c_first)`.
     pub table_scale: f32,
-    /// The same two of the table for samples in regions; where there is none, the first table's.
-    pub region_first: f32,
-    pub region_scale: f32,
+    /// How far apart rays start: see `KernelView`.
+    pub fan: [f32; 3],
     /// Bit 0: samples outside regions are shown, bit 1: samples in regions are.
     pub shown: u32,
-    pub reserved: u32,
+    /// As `table_first` and `table_scale` of the table for samples in regions; where there is none, the first table's.
+    pub region_first: f32,
+    pub region_scale: f32,
+    pub reserved: [u32; 2],
 }
 
 /// [`FrameUniform::shown`] for samples outside regions.
@@ -118,10 +121,11 @@ impl FrameUniform {
             height: view.height as i32,
             table_first: table.c_first,
             table_scale: last / (table.c_last - table.c_first),
+            fan: view.fan.into(),
+            shown: SHOWS_RESIDUAL | SHOWS_REGIONS,
             region_first: table.c_first,
             region_scale: last / (table.c_last - table.c_first),
-            shown: SHOWS_RESIDUAL | SHOWS_REGIONS,
-            reserved: 0,
+            reserved: [0; 2],
         }
     }
 

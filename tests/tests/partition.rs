@@ -170,6 +170,41 @@ fn the_same_bits_from_any_number_of_nodes() {
     });
 }
 
+/// Every sample has one owner, on either kernel: rays along z in steps of a tenth of a voxel meet every brick face with a
+/// sample that f32 places a hair before or behind it. A kernel that adds up t instead of multiplying
+/// counts such samples twice or never, for whole pictures of rays, and by another number in other bricks.
+#[test]
+fn samples_on_faces_are_counted_once_in_any_bricks() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = volume_file(folder.path());
+    runtime().block_on(async {
+        for kernel in kernels() {
+            for eye_z in [300.0, 300.3, 211.7] {
+                let mut first = None;
+                for brick_size in [16, 32, 64] {
+                    let path = folder.path().join(format!("field-{brick_size}"));
+                    let store = if path.is_dir() {
+                        Store::open(&path).unwrap()
+                    } else {
+                        store(folder.path(), &input, brick_size)
+                    };
+                    let at = |z| store.manifest().geometry.world_from_voxel(DVec3::new(64.3, 57.1, z));
+                    let parallel = Projection::Parallel { parallel_scale: 60.0 };
+                    let camera = Camera::new(at(eye_z), at(50.0), DVec3::Y, parallel).unwrap();
+                    let mut scene = scene(&store, camera, (41, 37), true);
+                    (scene.step, scene.early_termination) = (0.1, 1.0);
+                    let nodes = EmbeddedNodes::start(&kernel, 2, &store.path(), 1 << 30).await.unwrap();
+                    let mut session = Session::open(&nodes.addresses(), StoreChoice::Hash(store.hash())).await.unwrap();
+                    let samples = render(&mut session, &scene, Transport::F32).await.stats.samples;
+                    let what = format!("{:?}: eye at {eye_z}, bricks of {brick_size}", kernel.describe());
+                    assert!(samples > 500_000, "{what}: {samples}");
+                    assert_eq!(*first.get_or_insert(samples), samples, "{what}");
+                }
+            }
+        }
+    });
+}
+
 #[test]
 fn brick_size_transport_and_mode_change_less_than_one_step_of_eight_bits() {
     let folder = tempfile::tempdir().unwrap();

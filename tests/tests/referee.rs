@@ -112,21 +112,24 @@ fn random_scenes_agree() {
     }
 }
 
-/// A long lens from 56,000 voxels away: t is large, its rounding too, but between the volume's faces (which decide about one
-/// sample of many rays here) the picture stands, and bricks lose and double nothing.
+/// Long lenses, the last near the farthest that is allowed: distance costs no precision, since rays start near the volume. So
+/// the pixels that may differ are the near eye's few, not the 0.4 % (at 56,000 voxels) to 1 % (at the limit) that f32 would
+/// round to the other side of the volume's faces from the eye.
 #[test]
-fn far_eyes_agree_between_the_faces() {
+fn far_eyes_agree() {
     for backend in Backend::ALL {
         let Some(raycaster) = product::raycaster(backend, "far eyes") else { continue };
-        for step in [0.5, 0.7] {
+        for (view_angle, step) in [(5.0, 0.5), (0.1, 0.5), (0.1, 0.7), (0.03, 0.5), (0.022, 0.7), (0.022, 0.25)] {
             let mut scene = scenes::oblique(step);
-            scene.truth.camera = referee::Camera::orbit(&scene.truth.volume, 35.0, 25.0, 1.0, 0.1);
+            scene.truth.camera = referee::Camera::orbit(&scene.truth.volume, 35.0, 25.0, 1.0, view_angle);
             let truth = referee::render(&scene.truth);
-            let judged = truth.doubtful.iter().zip(&truth.picture.pixels).filter(|(d, p)| !**d && p[3] > 0.1).count();
-            assert!(judged > 500, "{judged} pixels are judged");
+            assert!(truth.picture.max_alpha() > 0.3);
             let [(small, a), (large, b)] = [8, 64].map(|size| product::load(raycaster, &scene, size).render(&scene));
-            let what = format!("{backend:?}, far {}", scene.name);
-            assert_within_where(&what, &truth.picture, &small, &Tolerance::GPU_AGAINST_TWIN, |i| !truth.doubtful[i]);
+            let what = format!("{backend:?}, angle {view_angle}, far {}", scene.name);
+            let few = Tolerance { outlier_share: 1e-4, ..Tolerance::GPU_AGAINST_TWIN };
+            let d = assert_within(&what, &truth.picture, &small, &few);
+            eprintln!("{what}: {d}");
+            assert!(a.abs_diff(truth.samples) <= 2, "{what}: {a} samples, {} are owned", truth.samples);
             assert_within(&what, &large, &small, &Tolerance::OTHER_BRICKS);
             assert_eq!(a, b, "{what}: bricks change the number of samples");
         }

@@ -11,7 +11,9 @@ use crate::space::Geometry;
 pub const MAX_PIXELS: u64 = 1 << 26;
 /// The longest side of a picture.
 pub const MAX_SIDE: u32 = 16_384;
-/// The farthest that a ray may reach, in units of the smallest spacing: beyond it f32 positions err by more than 1/32 voxel.
+/// The farthest that a ray may reach, in units of the smallest spacing. Rays start near the volume ([`KernelView::eye`]), so
+/// that distance costs no precision; where a volume is seen far off the picture's middle, this keeps its f32 positions within
+/// 1/32 voxel.
 pub const MAX_REACH: f64 = 262_144.0;
 
 /// Width and height in pixels, neither zero.
@@ -116,7 +118,7 @@ impl PixelRect {
 /// - perspective: origin `eye`, direction `normalize(ray_forward + q)`
 /// - parallel: origin `eye + q voxels_per_unit`, direction `ray_forward`
 ///
-/// and the direction in index space is that direction times `voxels_per_unit`.
+/// [`KernelView`] starts the same rays a whole number of steps later. And the direction in index space is that direction times `voxels_per_unit`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     size: PictureSize,
@@ -129,12 +131,24 @@ pub struct View {
     ray_up: DVec3,
     /// Index-space length of one unit of t along each axis: smallest spacing / spacing.
     voxels_per_unit: DVec3,
+    /// No ray meets the volume before this sample: the kernels count k from it.
+    first_sample: f64,
 }
 
 /// [`View`] rounded once to f32, as both kernels take it.
+///
+/// Where the eye is far away, k, t and the origin would be large beside a voxel and f32 would round samples to the wrong side
+/// of the volume's faces. So all rays start at the same sample, `start = first_sample step` along, short of the volume: t
+/// and k count from there. With `s = 1 / |ray_forward + q|` a ray's origin is then
+/// `eye + start normalize(ray_forward + q) = (eye + start ray_forward) + start (q s + ray_forward (s - 1))`: the first part is
+/// made in f64, the second is as small as the picture of the volume is wide, because `s - 1` is computed without cancellation
+/// as `-q.q s / (1 + 1 / s)`. The same for all bricks and nodes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KernelView {
+    /// Where the ray through the picture's middle starts, index space.
     pub eye: Vec3,
+    /// Index-space offset of a ray's origin for each unit of `q s + ray_forward (s - 1)` (perspective) or of `q` (parallel).
+    pub fan: Vec3,
     pub ray_forward: Vec3,
     pub ray_right: Vec3,
     pub ray_up: Vec3,
@@ -162,7 +176,7 @@ impl View {
             Projection::Perspective { view_angle } => ((view_angle.to_radians() * 0.5).tan(), false),
             Projection::Parallel { parallel_scale } => (parallel_scale / unit, true),
         };
-        let view = Self {
+        let mut view = Self {
             size,
             step,
             parallel,
@@ -171,17 +185,32 @@ impl View {
             ray_right: right * (half_height * aspect),
             ray_up: up * half_height,
             voxels_per_unit: unit / geometry.spacing(),
+            first_sample: 0.0,
         };
+        let near = view.nearest(geometry.dims().as_dvec3());
+        // One step short: rounding must not put the volume's first sample before the start.
+        view.first_sample = (near / step - 1.0).floor().max(0.0);
         let reach = (0..8)
             .map(|corner| {
                 ((corner_of(DVec3::ZERO, geometry.dims().as_dvec3(), corner) - view.eye) / view.voxels_per_unit)
                     .length()
             })
             .fold(0.0, f64::max);
-        if reach > MAX_REACH || reach / step > 16_000_000.0 {
+        if reach > MAX_REACH || reach / step - view.first_sample > 16_000_000.0 {
             return Err(ViewError::TooFar { reach });
         }
         Ok(view)
+    }
+
+    /// The smallest t at which a ray can be in the volume of `dims` voxels; negative where that is behind the eye.
+    fn nearest(&self, dims: DVec3) -> f64 {
+        let from_eye = |p: DVec3| (p - self.eye) / self.voxels_per_unit;
+        if self.parallel {
+            let depth = |corner| from_eye(corner_of(DVec3::ZERO, dims, corner)).dot(self.ray_forward);
+            (0..8).map(depth).fold(f64::INFINITY, f64::min)
+        } else {
+            from_eye(self.eye.clamp(DVec3::ZERO, dims)).length()
+        }
     }
 
     #[must_use]
@@ -206,8 +235,10 @@ impl View {
 
     #[must_use]
     pub fn kernel(&self) -> KernelView {
+        let start = self.first_sample * self.step;
         KernelView {
-            eye: self.eye.as_vec3(),
+            eye: (self.eye + self.ray_forward * self.voxels_per_unit * start).as_vec3(),
+            fan: (self.voxels_per_unit * if self.parallel { 1.0 } else { start }).as_vec3(),
             ray_forward: self.ray_forward.as_vec3(),
             ray_right: self.ray_right.as_vec3(),
             ray_up: self.ray_up.as_vec3(),

@@ -2,6 +2,7 @@ use std::any::Any;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use super::*;
+use crate::recipe::Recipe;
 
 #[derive(Debug)]
 struct Brick(u64);
@@ -17,7 +18,7 @@ impl ResidentBrick for Brick {
 }
 
 fn want(bricks: &[u32]) -> Vec<Wanted> {
-    let key = |&brick: &u32| BrickKey { store: StoreHash(1), brick, ghost: 1 };
+    let key = |&brick: &u32| BrickKey { store: StoreHash(1), brick, ghost: 1, recipe: Recipe::default() };
     bricks.iter().map(|b| Wanted { key: key(b), bytes: 10 }).collect()
 }
 

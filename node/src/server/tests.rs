@@ -3,7 +3,8 @@
 use std::sync::atomic::Ordering;
 
 use brickcast_proto::{FramePart, NodeState, Part, PrepareRequest, Receipt, RenderOrder, StoreQuery};
-use brickcast_volume::scene::Filter;
+use brickcast_volume::scene::Scene;
+use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use brickcast_volume::{MergeTree, Orbit, StoreHash};
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
@@ -102,6 +103,13 @@ async fn stores_are_described_prepared_and_refused_by_name() {
     assert_eq!((node.resident_bricks, node.memory_used), (175, receipt.resident_bytes));
     assert_eq!((node.state, node.protocol), (NodeState::Serving, brickcast_proto::PROTOCOL_VERSION));
     assert_eq!(node.stores[0].name, "ramp");
+}
+
+/// Opacity for every value, so that every brick is loaded.
+fn everything_shown() -> Scene {
+    let color = vec![ColorPoint { x: 0.0, rgb: [1.0; 3] }];
+    let transfer_function = TransferFunction::new(color, vec![OpacityPoint { x: 0.0, opacity: 0.5 }]).unwrap();
+    Scene { transfer_function, ..scene(64, 64, Orbit::default()) }
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -36,20 +36,26 @@ pub fn pixel_ray(frame: &FrameUniform, x: u32, y: u32) -> Ray {
     let u = (2 * x as i32 + 1 - frame.width) as f32 * frame.inverse_width;
     let v = (frame.height - 1 - 2 * y as i32) as f32 * frame.inverse_height;
     let q: [f32; 3] = std::array::from_fn(|a| frame.ray_right[a] * u + frame.ray_up[a] * v);
-    let mut origin = frame.eye;
     let mut direction = frame.ray_forward;
-    if frame.parallel != 0 {
-        origin = std::array::from_fn(|a| origin[a] + q[a] * frame.voxels_per_unit[a]);
-    } else {
+    let mut aside = q;
+    if frame.parallel == 0 {
         direction = std::array::from_fn(|a| direction[a] + q[a]);
-        let [dx, dy, dz] = direction;
-        let scale = 1.0 / (dx * dx + dy * dy + dz * dz).sqrt();
+        let far = dot(direction, direction).sqrt();
+        let scale = 1.0 / far;
+        // Without cancellation: scale - 1 = -q.q scale / (1 + far).
+        let back = dot(q, q) * scale / (1.0 + far);
+        aside = std::array::from_fn(|a| q[a] * scale - frame.ray_forward[a] * back);
         direction = direction.map(|d| d * scale);
     }
+    let origin = std::array::from_fn(|a| frame.eye[a] + aside[a] * frame.fan[a]);
     direction = std::array::from_fn(|a| direction[a] * frame.voxels_per_unit[a]);
     direction = direction.map(|d| if d.abs() < PARALLEL_TO_PLANE { 0.0 } else { d });
     let inverse = direction.map(|d| if d == 0.0 { 0.0 } else { 1.0 / d });
     Ray { origin, direction, inverse }
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// The samples of `ray` in the brick's owned box (conventions.md, "Sampling grid"); `None` where there are none.

@@ -14,10 +14,11 @@ struct FrameUniform {
     height: i32,
     table_first: f32,
     table_scale: f32,
+    fan: vec3<f32>,
+    shown: u32,
     region_first: f32,
     region_scale: f32,
-    shown: u32,
-    reserved: u32,
+    reserved: vec2<u32>,
 }
 
 struct BrickUniform {

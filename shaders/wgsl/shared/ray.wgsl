@@ -1,5 +1,6 @@
 // Rays, and the samples of a ray that a brick owns (conventions.md, "Sampling grid"). Everything is global: the same
-// expression for a plane gives the same t in every brick, so that each sample has exactly one owner.
+// expression for a plane gives the same t in every brick, so that each sample has exactly one owner. t and k count from a
+// common start near the volume (KernelView says why).
 
 // Slower than this per unit of t, a ray moves by less than 3e-7 voxel over the longest reach: it runs inside the plane.
 const PARALLEL_TO_PLANE: f32 = 1e-12;
@@ -25,14 +26,17 @@ fn pixel_ray(frame: FrameUniform, x: i32, y: i32) -> Ray {
     let u = f32(2 * x + 1 - frame.width) * frame.inverse_width;
     let v = f32(frame.height - 1 - 2 * y) * frame.inverse_height;
     let q = frame.ray_right * u + frame.ray_up * v;
-    var origin = frame.eye;
     var direction = frame.ray_forward;
-    if frame.parallel != 0u {
-        origin += q * frame.voxels_per_unit;
-    } else {
+    var aside = q;
+    if frame.parallel == 0u {
         direction += q;
-        direction *= 1.0 / sqrt(dot(direction, direction));
+        let far = sqrt(dot(direction, direction));
+        let scale = 1.0 / far;
+        // Without cancellation: scale - 1 = -q.q scale / (1 + far).
+        aside = q * scale - frame.ray_forward * (dot(q, q) * scale / (1.0 + far));
+        direction *= scale;
     }
+    let origin = frame.eye + aside * frame.fan;
     direction *= frame.voxels_per_unit;
     let flat = abs(direction) < vec3(PARALLEL_TO_PLANE);
     direction = select(direction, vec3(0.0), flat);
