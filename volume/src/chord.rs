@@ -12,9 +12,9 @@ pub fn most_samples(view: &KernelView, x: u32, y: u32, voxels: &OwnedBox) -> u32
     let (u, v) = ((f64::from(x) + 0.5) * 2.0 / size.x - 1.0, 1.0 - (f64::from(y) + 0.5) * 2.0 / size.y);
     let q = view.ray_right.as_dvec3() * u + view.ray_up.as_dvec3() * v;
     let (eye, forward) = (view.eye.as_dvec3(), view.ray_forward.as_dvec3());
-    let scale = view.voxels_per_unit.as_dvec3();
-    let (origin, direction) =
-        if view.parallel { (eye + q * scale, forward * scale) } else { (eye, (forward + q).normalize() * scale) };
+    let direction = if view.parallel { forward } else { (forward + q).normalize() };
+    let aside = if view.parallel { q } else { direction - forward };
+    let (origin, direction) = (eye + aside * view.fan.as_dvec3(), direction * view.voxels_per_unit.as_dvec3());
     let (lo, hi) = (voxels.lo.as_dvec3(), voxels.hi.as_dvec3());
     let (mut enter, mut leave) = (0.0_f64, f64::MAX);
     for a in 0..3 {
@@ -48,6 +48,11 @@ mod tests {
         let whole = OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(32) };
         let middle = most_samples(&view, 16, 16, &whole);
         assert!((64..=67).contains(&middle), "{middle}");
+        // Far from the middle, where rays no longer start at the eye: the box's own corner, in perspective.
+        let corners = [(0, 0), (32, 0), (0, 32), (32, 32)];
+        assert!(corners.into_iter().all(|(x, y)| most_samples(&view, x, y, &whole) <= 2));
+        let across: u32 = (0..33).map(|x| u32::from(most_samples(&view, x, 16, &whole) > 60)).sum();
+        assert!((12..=20).contains(&across), "{across} of 33 pixels see the box");
         assert_eq!(most_samples(&view, 0, 0, &OwnedBox { lo: UVec3::splat(12), hi: UVec3::splat(20) }), 0);
         assert!(most_samples(&view, 16, 16, &OwnedBox { lo: UVec3::splat(12), hi: UVec3::splat(20) }) <= 19);
     }

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use brickcast_volume::Premul;
-use brickcast_volume::store::ChunkCache;
+use brickcast_volume::regions::Region;
+use brickcast_volume::store::{ChunkCache, Store};
 
 use super::plan::{FramePlan, Unit};
 use super::{MAX_BATCH_BYTES, Workshop};
@@ -120,14 +121,34 @@ pub(crate) fn load_bricks<'a>(
     } else {
         let manifest = store.store.manifest();
         let grid = manifest.grid;
-        let owned = |key: &BrickKey| grid.owned_box(grid.brick_at(key.brick as usize)).voxel_count();
+        let owned = |key: &BrickKey| {
+            let voxels = grid.owned_box(grid.brick_at(key.brick as usize)).voxel_count();
+            voxels * bytes_read(key, &store.store)
+        };
         LoadMeter {
             time: started.elapsed(),
             decoded_bytes: workshop.cache.decoded_bytes().saturating_sub(decoded),
-            owned_bytes: lease.loaded().iter().map(owned).sum::<u64>() * manifest.stored_type.bytes() as u64,
+            owned_bytes: lease.loaded().iter().map(owned).sum(),
         }
     };
     Ok((lease, meter))
+}
+
+/// The region that a flattened brick lies in with all that it stores, if it does: its mean is all there is to load.
+fn only_region(key: &BrickKey, store: &Store) -> Option<Region> {
+    key.recipe.guard?;
+    let facts = store.brick_facts()?.get(key.brick as usize)?;
+    store.region_table()?.get(facts.only_region).copied()
+}
+
+/// Bytes that a voxel of the brick has in the arrays that are read for it.
+fn bytes_read(key: &BrickKey, store: &Store) -> u64 {
+    if only_region(key, store).is_some() {
+        return 0;
+    }
+    // Labels are 32 bits, distances 8.
+    let regions = key.recipe.guard.is_some() || key.recipe.region_flags;
+    store.manifest().stored_type.bytes() as u64 + if regions { 5 } else { 0 }
 }
 
 fn load_brick(
@@ -144,10 +165,7 @@ fn load_brick(
         true => store.region_table(),
         false => None,
     };
-    let only_region = store.brick_facts().and_then(|facts| facts.get(key.brick as usize)).map(|f| f.only_region);
-    if let (Some(table), true, Some(label)) = (table, recipe.guard.is_some(), only_region)
-        && let Some(region) = table.get(label)
-    {
+    if let Some(region) = only_region(&key, store) {
         return Ok(raycaster.upload_uniform(owned, region.mean())?);
     }
     let voxels = store.read_brick(index, key.ghost, cache).map_err(broken)?;

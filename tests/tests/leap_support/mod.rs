@@ -15,12 +15,12 @@ use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport
 use brickcast_volume::store::{PrepareOptions, RegionOptions, Segmentation, Store, prepare};
 use brickcast_volume::transfer_function::TransferFunction;
 
-pub fn runtime() -> tokio::runtime::Runtime {
+pub(crate) fn runtime() -> tokio::runtime::Runtime {
     tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap()
 }
 
 /// The CPU's, and the GPU's where there is one.
-pub fn kernels() -> Vec<Kernel> {
+pub(crate) fn kernels() -> Vec<Kernel> {
     let mut kernels = vec![Kernel::open(BackendArg::Cpu).unwrap()];
     match Kernel::open(BackendArg::Gpu) {
         Ok(gpu) => kernels.push(gpu),
@@ -32,7 +32,7 @@ pub fn kernels() -> Vec<Kernel> {
     kernels
 }
 
-pub fn phantom(folder: &Path, name: &str, dims: [u32; 3], pores: u32, noise: f64) -> PathBuf {
+pub(crate) fn phantom(folder: &Path, name: &str, dims: [u32; 3], pores: u32, noise: f64) -> PathBuf {
     let path = folder.join(format!("{name}.nrrd"));
     let options = PhantomOptions { dims, pores, noise, ..PhantomOptions::default() };
     write_phantom(&path, &options, &mut |_, _| {}).unwrap();
@@ -40,7 +40,7 @@ pub fn phantom(folder: &Path, name: &str, dims: [u32; 3], pores: u32, noise: f64
 }
 
 /// A store of `input`, made once.
-pub fn prepared(input: &Path, folder: &Path, brick_size: u32, segmentation_range: Option<f64>) -> Store {
+pub(crate) fn prepared(input: &Path, folder: &Path, brick_size: u32, segmentation_range: Option<f64>) -> Store {
     let stem = input.file_stem().unwrap().to_string_lossy().into_owned();
     let target = folder.join(format!("{stem}-{brick_size}-{segmentation_range:?}"));
     if !target.is_dir() {
@@ -56,12 +56,12 @@ pub fn prepared(input: &Path, folder: &Path, brick_size: u32, segmentation_range
     Store::open(&target).unwrap()
 }
 
-pub fn orbit(store: &Store, orbit: Orbit) -> Camera {
+pub(crate) fn orbit(store: &Store, orbit: Orbit) -> Camera {
     Camera::orbit(&store.manifest().geometry, orbit).unwrap()
 }
 
 /// The plain loop at step 0.5.
-pub fn scene(store: &Store, camera: Camera, transfer_function: TransferFunction) -> Scene {
+pub(crate) fn scene(store: &Store, camera: Camera, transfer_function: TransferFunction) -> Scene {
     Scene {
         camera,
         size: PictureSize::new(96, 80).unwrap(),
@@ -78,38 +78,39 @@ pub fn scene(store: &Store, camera: Camera, transfer_function: TransferFunction)
 }
 
 /// Nodes inside this process and a session with them.
-pub struct Rig {
-    pub session: Session,
+#[derive(Debug)]
+pub(crate) struct Rig {
+    pub(crate) session: Session,
     _nodes: EmbeddedNodes,
 }
 
 impl Rig {
-    pub async fn start(kernel: &Kernel, store: &Store, count: usize) -> Self {
+    pub(crate) async fn start(kernel: &Kernel, store: &Store, count: usize) -> Self {
         let nodes = EmbeddedNodes::start(kernel, count, &store.path(), 1 << 30).await.unwrap();
         let session = Session::open(&nodes.addresses(), StoreChoice::Hash(store.hash())).await.unwrap();
         Self { session, _nodes: nodes }
     }
 
-    pub async fn render(&mut self, scene: &Scene) -> Frame {
+    pub(crate) async fn render(&mut self, scene: &Scene) -> Frame {
         let frame = self.session.render(scene, Transport::F32, Duration::from_secs(120)).await.unwrap();
         assert!(frame.complete, "{:?}", frame.problems);
         frame
     }
 }
 
-pub fn bits(picture: &Picture) -> Vec<[u32; 4]> {
+pub(crate) fn bits(picture: &Picture) -> Vec<[u32; 4]> {
     picture.pixels().iter().map(|p| p.to_array().map(f32::to_bits)).collect()
 }
 
 /// The largest difference of any channel.
-pub fn worst(a: &Picture, b: &Picture) -> f32 {
+pub(crate) fn worst(a: &Picture, b: &Picture) -> f32 {
     let pairs = a.pixels().iter().zip(b.pixels());
     pairs.flat_map(|(p, q)| (0..4).map(move |c| (p.to_array()[c] - q.to_array()[c]).abs())).fold(0.0, f32::max)
 }
 
 /// Pixels in which the pores show plainly (opacity with them against without, by more than noise could), and those of them in
 /// which the fast pictures show less than half of it.
-pub fn contrast(
+pub(crate) fn contrast(
     plain_with: &Picture,
     plain_without: &Picture,
     fast_with: &Picture,
