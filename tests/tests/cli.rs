@@ -75,6 +75,57 @@ fn info_speaks_of_inputs_and_stores_alike() {
     assert!(brickcast_ok(at, &["info", "part"]).contains("48 x 40 x 44"));
 }
 
+/// With regions, `info` says so; the cache tells regions, labels and none apart.
+#[test]
+fn regions_are_asked_for_by_range_or_label_volume() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    part(at);
+    let said = brickcast_ok(at, &["prepare", "part.nrrd", "part", "--brick", "16", "--segmentation-range", "0.2"]);
+    assert!(said.contains("regions (windows of range 0.2"), "{said}");
+    let info: serde_json::Value = serde_json::from_str(&brickcast_ok(at, &["info", "part", "--json"])).unwrap();
+    let regions = &info["regions"];
+    assert_eq!((&regions["method"], regions["segmentation_range"].as_f64()), (&"windows".into(), Some(0.2)));
+    assert!(regions["count"].as_u64() > Some(0) && regions["share"].as_f64() > Some(0.1), "{regions}");
+    // A mean is no further than the range from any voxel of its region.
+    let deviation = regions["largest_deviation"].as_f64().unwrap();
+    let [lo, hi] = [0, 1].map(|i| info["range"][i].as_f64().unwrap());
+    assert!(deviation > 0.0 && deviation <= 0.2 * (hi - lo), "{regions}");
+    assert!(brickcast_ok(at, &["info", "part"]).contains("windows of range 0.2"));
+
+    brickcast_ok(at, &["prepare", "part.nrrd", "none", "--brick", "16", "--segmentation-range", "0"]);
+    brickcast_ok(at, &["prepare", "part.nrrd", "plain", "--brick", "16"]);
+    let manifest = |store: &str| std::fs::read(at.join(store).join("brickcast.json")).unwrap();
+    assert_eq!(manifest("none"), manifest("plain"));
+
+    std::fs::write(at.join("l_48x40x44_uint8.raw"), vec![5; 48 * 40 * 44]).unwrap();
+    let said = brickcast_ok(at, &["prepare", "part.nrrd", "given", "--labels", "l_48x40x44_uint8.raw"]);
+    assert!(said.contains("1 regions (labels") && said.contains("100.0 % of the voxels"), "{said}");
+
+    for (args, says) in [
+        (&["--segmentation-range", "1.5"][..], "from 0 to 1"),
+        (&["--min-region", "9"], "--segmentation-range"),
+        (&["--segmentation", "flood"], "--segmentation-range"),
+        (&["--labels", "x.raw", "--segmentation-range", "0.1"], "cannot be used with"),
+    ] {
+        let (code, error) = fails(at, &[&["prepare", "part.nrrd", "bad"], args].concat());
+        assert!(code == 2 && error.contains(says), "{code}: {error}");
+    }
+
+    let dry = |more: &[&str]| {
+        let args = ["render", "part.nrrd", "--dry-run", "--brick", "16", "--cache-dir", "cache", "--backend", "cpu"];
+        brickcast_ok(at, &[&args[..], more].concat());
+        std::fs::read_dir(at.join("cache")).unwrap().count()
+    };
+    assert_eq!(dry(&[]), 1);
+    assert_eq!(dry(&["--segmentation-range", "0.2"]), 2);
+    assert_eq!(dry(&["--segmentation-range", "0.2", "--min-region", "9"]), 3);
+    assert_eq!(dry(&["--labels", "l_48x40x44_uint8.raw"]), 4);
+    assert_eq!(dry(&["--segmentation-range", "0.2"]), 4);
+    std::fs::write(at.join("l_48x40x44_uint8.raw"), vec![0; 48 * 40 * 44]).unwrap();
+    assert_eq!(dry(&["--labels", "l_48x40x44_uint8.raw"]), 5);
+}
+
 #[test]
 fn usage_errors_exit_with_two_and_name_the_operand() {
     let folder = tempfile::tempdir().unwrap();

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use brickcast_volume::format::{FormatError, SourceHeader, VolumeSource, VoxelType};
 use brickcast_volume::space::Geometry;
-use brickcast_volume::store::{PrepareOptions, prepare};
+use brickcast_volume::store::{ChunkCache, PrepareOptions, RegionOptions, Segmentation, Store, prepare};
 use zarrs::array::{Array, ElementOwned, FromArrayBytes};
 use zarrs::filesystem::FilesystemStore;
 
@@ -59,8 +59,34 @@ fn make_store(path: &Path, voxel_type: VoxelType, bytes: Vec<u8>) {
     let geometry = Geometry::new(DIMS, [0.25, 0.5, 1.5], [1.0, -2.0, 3.5]).unwrap();
     let header =
         SourceHeader { geometry, voxel_type, format: "memory", space_unit: Some("mm".into()), notes: Vec::new() };
-    let options = PrepareOptions { source_name: Some("a \"quoted\" name.nrrd".into()), ..PrepareOptions::default() };
+    let segmentation = Segmentation::Windows { range: 0.4 };
+    let options = PrepareOptions {
+        source_name: Some("a \"quoted\" name.nrrd".into()),
+        regions: Some(RegionOptions { segmentation, min_region: 0 }),
+        ..PrepareOptions::default()
+    };
     prepare(&mut MemorySource { header, bytes, next: 0 }, path, &options, &mut |_| {}).unwrap();
+}
+
+/// Labels and distances of the whole store as we read them, x fastest.
+fn our_regions(path: &Path) -> (Vec<u32>, Vec<u8>) {
+    let store = Store::open(path).unwrap();
+    let grid = store.manifest().grid;
+    let voxels = DIMS.iter().product::<u32>() as usize;
+    let (mut labels, mut distances) = (vec![0; voxels], vec![0; voxels]);
+    let cache = ChunkCache::new(1 << 24);
+    for brick in grid.bricks() {
+        let read = store.read_brick_regions(brick, 0, &cache).unwrap();
+        let (lo, d) = (read.covered.lo.as_uvec3(), read.covered.dims());
+        for i in 0..read.labels.len() as u32 {
+            let [x, y, z] = [lo.x + i % d.x, lo.y + i / d.x % d.y, lo.z + i / d.x / d.y];
+            let to = (x + DIMS[0] * (y + DIMS[1] * z)) as usize;
+            labels[to] = read.labels[i as usize];
+            distances[to] = read.distances[i as usize];
+        }
+    }
+    assert!(labels.contains(&1) && labels.contains(&0), "the test's volume must have voxels in and outside regions");
+    (labels, distances)
 }
 
 fn zarrs_reads<T>(voxel_type: VoxelType, voxels: &[T], to_le: impl Fn(&T) -> Vec<u8>)
@@ -77,6 +103,12 @@ where
     assert_eq!(names, ["z", "y", "x"]);
     let read: Vec<T> = array.retrieve_array_subset(&array.subset_all()).unwrap();
     assert!(read == voxels, "zarrs reads other voxels of {voxel_type:?}");
+    let (labels, distances) = our_regions(&path);
+    let store = Arc::new(FilesystemStore::new(&path).unwrap());
+    let array = Array::open(store.clone(), "/labels/regions/0").unwrap();
+    assert!(array.retrieve_array_subset::<Vec<u32>>(&array.subset_all()).unwrap() == labels, "other labels");
+    let array = Array::open(store, "/distances").unwrap();
+    assert!(array.retrieve_array_subset::<Vec<u8>>(&array.subset_all()).unwrap() == distances, "other distances");
 }
 
 #[test]
@@ -94,7 +126,7 @@ fn zarrs_reads_equal_voxels() {
 /// Opens the store at argv[1] by its metadata alone, and compares its voxels with the raw file at argv[2] of dtype argv[3].
 const PYTHON: &str = r#"
 import sys, numpy, zarr
-store, raw, dtype = sys.argv[1:4]
+store, raw, dtype, labels, distances = sys.argv[1:6]
 group = zarr.open_group(store, mode="r")
 (image,) = group.attrs["ome"]["multiscales"]
 assert group.attrs["ome"]["version"] == "0.5", group.attrs["ome"]
@@ -111,6 +143,18 @@ assert array.attrs["brickcast"]["scale"] == 1.0
 want = numpy.fromfile(raw, dtype=dtype).reshape(array.shape)
 assert numpy.array_equal(array[...], want), "other voxels"
 assert numpy.array_equal(array[30:41, 3:4, 250:], want[30:41, 3:4, 250:]), "other voxels in part"
+assert group["labels"].attrs["ome"] == {"version": "0.5", "labels": ["regions"]}, group["labels"].attrs["ome"]
+label = group["labels/regions"]
+(levels,) = label.attrs["ome"]["multiscales"]
+assert label.attrs["ome"]["image-label"] == {"source": {"image": "../../"}}, label.attrs["ome"]
+assert levels["axes"] == image["axes"] and len(levels["datasets"]) == len(image["datasets"])
+assert levels["datasets"][0]["coordinateTransformations"] == dataset["coordinateTransformations"]
+array = label[levels["datasets"][0]["path"]]
+assert array.dtype == numpy.uint32 and array.shape == want.shape
+assert numpy.array_equal(array[...], numpy.fromfile(labels, dtype="<u4").reshape(array.shape)), "other labels"
+array = group["distances"]
+assert array.dtype == numpy.uint8
+assert numpy.array_equal(array[...], numpy.fromfile(distances, dtype="u1").reshape(array.shape)), "other distances"
 "#;
 
 fn python_reads(voxel_type: VoxelType, dtype: &str, bytes: Vec<u8>) {
@@ -118,8 +162,13 @@ fn python_reads(voxel_type: VoxelType, dtype: &str, bytes: Vec<u8>) {
     let (store, raw) = (dir.path().join("s.zarr"), dir.path().join("raw"));
     std::fs::write(&raw, &bytes).unwrap();
     make_store(&store, voxel_type, bytes);
+    let (labels, distances) = our_regions(&store);
+    let (label_file, distance_file) = (dir.path().join("labels"), dir.path().join("distances"));
+    std::fs::write(&label_file, labels.iter().flat_map(|l| l.to_le_bytes()).collect::<Vec<_>>()).unwrap();
+    std::fs::write(&distance_file, distances).unwrap();
     let mut python = Command::new("python3");
-    let output = python.args(["-c", PYTHON]).arg(&store).arg(&raw).arg(dtype).output().unwrap();
+    python.args(["-c", PYTHON]).arg(&store).arg(&raw).arg(dtype).args([label_file, distance_file]);
+    let output = python.output().unwrap();
     assert!(output.status.success(), "{dtype}: {}", String::from_utf8_lossy(&output.stderr));
 }
 

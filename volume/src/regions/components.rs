@@ -50,16 +50,18 @@ impl Components {
     /// Takes the next slab; slabs come in order, each [`BLOCK_EDGE`] planes but for the last.
     pub(crate) fn add(&mut self, slab: &Slab<'_>, tables: &CodeTables) -> Record {
         let [bx, by] = slab.blocks();
-        let blocks: Vec<BlockNodes> = (0..bx * by)
+        let mut blocks: Vec<BlockNodes> = (0..bx * by)
             .into_par_iter()
             .map_init(BlockSpace::default, |space, i| space.find(slab, i, tables))
             .collect();
         let mut parts = std::mem::take(&mut self.open);
         let carried = parts.len();
         let mut starts = Vec::with_capacity(blocks.len());
-        for block in &blocks {
+        parts.reserve_exact(blocks.iter().map(|b| b.nodes.len()).sum());
+        for block in &mut blocks {
             starts.push(parts.len() as u32);
-            parts.extend_from_slice(&block.nodes);
+            // Frees the block's: in noise they are most of what a slab holds.
+            parts.append(&mut std::mem::take(&mut block.nodes));
         }
         let mut parents: Vec<u32> = (0..parts.len() as u32).collect();
         let mut joiner = Joiner { parts: &parts, parents: &mut parents, last: None };

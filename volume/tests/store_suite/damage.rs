@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use brickcast_volume::format::VoxelType;
 use brickcast_volume::store::{ChunkCache, ChunkFault, IndexFault, PrepareOptions, ShardIndex, Store, StoreError};
 
-use crate::support::{files_of, noisy};
+use crate::regions::windows;
+use crate::support::{Volume, files_of, noisy};
 
 /// Offset and length of each of the 16^3 inner chunks of a shard, and a crc32c.
 const INDEX_BYTES: usize = 16 * 4096 + 4;
@@ -19,21 +20,43 @@ fn store_in(dir: &Path) -> PathBuf {
     path
 }
 
+/// A store with regions: two halves with noise between them, in two shards.
+fn store_with_regions(dir: &Path) -> PathBuf {
+    let path = dir.join("r");
+    let halves = Volume::new([270, 9, 40], VoxelType::U16, |p| match p[0] {
+        0..100 => 1000.0,
+        112.. => 50_000.0,
+        _ => f64::from(crate::support::noise(p)),
+    });
+    halves.prepare(&path, &windows(32, 0.02)).unwrap();
+    path
+}
+
 /// Opens the store and reads all of it, as bricks.
 fn read_all(path: &Path) -> Result<(), StoreError> {
     let store = Store::open(path)?;
     let cache = ChunkCache::new(1 << 20);
-    store.manifest().grid.bricks().try_for_each(|b| store.read_brick(b, 1, &cache).map(drop))
+    store.manifest().grid.bricks().try_for_each(|b| {
+        store.read_brick(b, 1, &cache)?;
+        if store.region_table().is_some() { store.read_brick_regions(b, 1, &cache).map(drop) } else { Ok(()) }
+    })
 }
 
 #[test]
 fn a_flipped_bit_anywhere_is_found() {
     let dir = tempfile::tempdir().unwrap();
-    let path = store_in(dir.path());
-    read_all(&path).unwrap();
-    for file in files_of(&path) {
+    for path in [store_in(dir.path()), store_with_regions(dir.path())] {
+        flip_bits(&path);
+    }
+}
+
+fn flip_bits(path: &Path) {
+    read_all(path).unwrap();
+    for file in files_of(path) {
         let good = fs::read(&file).unwrap();
-        let is_shard = file.strip_prefix(&path).unwrap().starts_with("0/c");
+        let within = file.strip_prefix(path).unwrap();
+        let array = ["0", "labels/regions/0", "distances"].into_iter().find(|a| within.starts_with(format!("{a}/c")));
+        let is_shard = array.is_some();
         // Every part of the file, at odd places.
         let step = [1, 7, 211][usize::from(good.len() > 100) + usize::from(good.len() > 4000)];
         for at in (0..good.len()).step_by(step) {
@@ -42,13 +65,14 @@ fn a_flipped_bit_anywhere_is_found() {
             fs::write(&file, &bad).unwrap();
             if file.ends_with("brickcast.json") {
                 // The hash by which the store is known changes, so it is at most another store.
-                let reopened = Store::open(&path);
+                let reopened = Store::open(path);
                 assert!(reopened.is_err() || reopened.unwrap().manifest_bytes() == bad);
                 continue;
             }
-            let Err(error) = read_all(&path) else { panic!("{file:?} byte {at}: not found") };
+            let Err(error) = read_all(path) else { panic!("{file:?} byte {at}: not found") };
             match error {
-                StoreError::Chunk { start, end, fault: ChunkFault::Crc { .. }, .. } => {
+                StoreError::Chunk { array: a, start, end, fault: ChunkFault::Crc { .. }, .. } => {
+                    assert_eq!(Some(a.path()), array);
                     assert!(is_shard && (start..end).contains(&(at as u64)), "{file:?} byte {at}");
                 }
                 StoreError::ShardIndex { .. } => {
@@ -58,6 +82,49 @@ fn a_flipped_bit_anywhere_is_found() {
             }
         }
         fs::write(&file, &good).unwrap();
+    }
+    read_all(path).unwrap();
+}
+
+#[test]
+fn damaged_regions_are_named_by_array_and_file() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = store_with_regions(dir.path());
+    for (shard, array) in [("labels/regions/0/c/0/0/1", "labels/regions/0"), ("distances/c/0/0/1", "distances")] {
+        let good = fs::read(path.join(shard)).unwrap();
+        let mut bad = good.clone();
+        bad[10] ^= 4;
+        fs::write(path.join(shard), &bad).unwrap();
+        let text = read_all(&path).unwrap_err().to_string();
+        for part in [&format!("shard {array}/c/0/0/1"), "inner chunk", "crc32c", "prepare it again"] {
+            assert!(text.contains(part), "{text}");
+        }
+        assert_eq!(Store::open(&path).unwrap().verify(&mut |_| {}).unwrap_err().to_string(), text);
+        fs::write(path.join(shard), &good[1..]).unwrap();
+        assert!(Store::open(&path).unwrap_err().to_string().contains(shard));
+        fs::remove_file(path.join(shard)).unwrap();
+        assert!(matches!(Store::open(&path), Err(StoreError::ShardMissing { .. })));
+        fs::write(path.join(shard), good).unwrap();
+    }
+    let small = [
+        "labels/zarr.json",
+        "labels/regions/zarr.json",
+        "labels/regions/0/zarr.json",
+        "distances/zarr.json",
+        "regions.bin",
+        "region_bricks.bin",
+        "label_shards.bin",
+        "distance_shards.bin",
+    ];
+    for name in small {
+        let good = fs::read(path.join(name)).unwrap();
+        for bad in [&good[1..], &[&good[..], &[0]].concat()] {
+            fs::write(path.join(name), bad).unwrap();
+            assert!(Store::open(&path).unwrap_err().to_string().contains(name), "{name}");
+        }
+        fs::remove_file(path.join(name)).unwrap();
+        assert!(Store::open(&path).unwrap_err().to_string().contains(name));
+        fs::write(path.join(name), good).unwrap();
     }
     read_all(&path).unwrap();
 }

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod damage;
+mod labels;
 mod mutations;
 mod outcome;
 mod regions;

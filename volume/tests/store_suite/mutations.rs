@@ -3,10 +3,11 @@
 use std::sync::LazyLock;
 
 use brickcast_volume::format::VoxelType;
-use brickcast_volume::store::{BrickRanges, HISTOGRAM_BINS, Manifest, PrepareOptions, Store};
+use brickcast_volume::store::{BrickFactsTable, BrickRanges, HISTOGRAM_BINS, Manifest, PrepareOptions, Store};
 use proptest::prelude::*;
 
-use crate::support::noisy;
+use crate::regions::windows;
+use crate::support::{Volume, noisy};
 
 static GOOD: LazyLock<(Vec<u8>, Vec<u8>)> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
@@ -15,6 +16,17 @@ static GOOD: LazyLock<(Vec<u8>, Vec<u8>)> = LazyLock::new(|| {
     noisy([40, 9, 20], VoxelType::F32).prepare(&path, &options).unwrap();
     let store = Store::open(&path).unwrap();
     (store.manifest_bytes().to_vec(), store.brick_ranges().to_bytes())
+});
+
+/// Manifest and table of bricks of a store with regions.
+static WITH_REGIONS: LazyLock<(Vec<u8>, Vec<u8>)> = LazyLock::new(|| {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("s");
+    let halves = Volume::new([40, 9, 20], VoxelType::U16, |[x, _, _]| if x < 17 { 100.0 } else { 50_000.0 });
+    halves.prepare(&path, &windows(8, 0.1)).unwrap();
+    let store = Store::open(&path).unwrap();
+    assert_eq!(store.region_table().unwrap().0.len(), 2);
+    (store.manifest_bytes().to_vec(), store.brick_facts_table().unwrap().to_bytes())
 });
 
 /// Values that break arithmetic, types or assumptions.
@@ -106,8 +118,11 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 12_000, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn mutated_manifests_are_refused_or_valid(mutations in prop::collection::vec(mutation(), 1..4)) {
-        let bytes = mutated(&GOOD.0, &mutations);
+    fn mutated_manifests_are_refused_or_valid(
+        mutations in prop::collection::vec(mutation(), 1..4),
+        with_regions in any::<bool>(),
+    ) {
+        let bytes = mutated(if with_regions { &WITH_REGIONS.0 } else { &GOOD.0 }, &mutations);
         if let Ok(manifest) = Manifest::from_bytes(&bytes) {
             let (lo, hi) = manifest.range;
             prop_assert!(lo.is_finite() && hi.is_finite() && lo < hi);
@@ -117,6 +132,10 @@ proptest! {
             prop_assert_eq!(manifest.code_of_value(hi), 65535);
             prop_assert!(manifest.value_of_code(777).is_finite());
             prop_assert!(manifest.grid.brick_count() <= 1 << 22);
+            if let Some(r) = &manifest.regions {
+                prop_assert!(r.voxels <= manifest.geometry.voxel_count() && u64::from(r.count) <= r.voxels);
+                prop_assert!(r.segmentation_range.is_none_or(|w| w > 0.0 && w <= 1.0));
+            }
             let again = Manifest::from_bytes(&manifest.to_bytes().unwrap()).unwrap();
             prop_assert_eq!(again, manifest);
         }
@@ -130,6 +149,15 @@ proptest! {
     }
 
     #[test]
+    fn mutated_tables_of_bricks_are_refused(mutations in prop::collection::vec(mutation(), 1..4)) {
+        let manifest = Manifest::from_bytes(&WITH_REGIONS.0).unwrap();
+        let bytes = mutated(&WITH_REGIONS.1, &mutations);
+        prop_assert_eq!(BrickFactsTable::from_bytes(&manifest, &bytes).is_ok(), bytes == WITH_REGIONS.1);
+        let plain = Manifest::from_bytes(&GOOD.0).unwrap();
+        prop_assert!(BrickFactsTable::from_bytes(&plain, &bytes).is_err());
+    }
+
+    #[test]
     fn bytes_of_any_kind_are_no_manifest(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
         prop_assert!(Manifest::from_bytes(&bytes).is_err());
     }
@@ -138,18 +166,22 @@ proptest! {
 /// The mutations above must reach past the JSON parser, else they test serde alone.
 #[test]
 fn replaced_numbers_reach_the_field_checks() {
-    let places = numbers(&GOOD.0).len();
-    let (mut valid, mut refused_by_field) = (0, 0);
+    let places = numbers(&WITH_REGIONS.0).len();
+    let (mut valid, mut refused_by_field, mut for_regions) = (0, 0, 0);
     for at in 0..places {
         for with in 0..HOSTILE.len() {
-            match Manifest::from_bytes(&mutated(&GOOD.0, &[Mutation::Replace(at, with)])) {
+            match Manifest::from_bytes(&mutated(&WITH_REGIONS.0, &[Mutation::Replace(at, with)])) {
                 Ok(_) => valid += 1,
-                Err(e) if !e.to_string().contains(" line ") => refused_by_field += 1,
+                Err(e) if !e.to_string().contains(" line ") => {
+                    refused_by_field += 1;
+                    for_regions += u32::from(e.to_string().contains("`regions"));
+                }
                 Err(_) => {}
             }
         }
     }
     assert!(valid > 50 && refused_by_field > 1000, "{valid} valid, {refused_by_field} refused by a check");
+    assert!(for_regions > 20, "{for_regions} refused for the entry of regions");
 }
 
 #[test]
