@@ -1,6 +1,6 @@
 //! What leaping and skipping gain: a synthetic casting of 256^3 in bricks of 64, 512 x 512, step 0.5.
 //!
-//! `cargo run --release -p brickcast-node --example accelerated [-- FRAMES [BACKEND]]` prints a row for each way to accelerate:
+//! `cargo run --release -p brickcast-node --example accelerated [-- FRAMES [BACKEND [WAYS]]]` prints a row for each way to accelerate:
 //! milliseconds a frame, and million reads, positions and positions leapt. Regions are known here, not segmented.
 
 #![allow(clippy::print_stdout)]
@@ -127,6 +127,13 @@ fn ways() -> [(&'static str, bool, Recipe); 5] {
     ]
 }
 
+/// Processor seconds of this process, user and system.
+fn cpu_seconds() -> Option<f64> {
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    let ticks = stat.rsplit(')').next()?.split_whitespace().skip(11).take(2).map(str::parse::<f64>);
+    ticks.sum::<Result<f64, _>>().ok().map(|ticks| ticks / 100.0)
+}
+
 fn measure(raycaster: &dyn Raycaster, filter: Filter, casting: &Casting, frames: u32) -> Result<()> {
     debug_assert_eq!(GUARD.map(u32::from), Some(guard_width(STEP, 0)));
     let geometry = Geometry::new([EDGE as u32; 3], [1.0; 3], [0.0; 3])?;
@@ -139,8 +146,13 @@ fn measure(raycaster: &dyn Raycaster, filter: Filter, casting: &Casting, frames:
         ("clear air, faint metal", table(0.0, 0.02)?),
         ("clear air, opaque metal", table(0.0, 0.8)?),
         ("faint air and metal", table(0.0005, 0.02)?),
+        ("nothing", table(0.0, 0.0)?),
     ];
+    let only = std::env::args().nth(3);
     for (what, skip_empty, recipe) in ways() {
+        if only.as_ref().is_some_and(|only| !only.contains(what)) {
+            continue;
+        }
         let upload = |b| {
             let owned = grid.owned_box(b);
             let (voxels, regions) = (casting.voxels(owned.stored(1)), casting.regions(owned.stored(1)));
@@ -153,14 +165,16 @@ fn measure(raycaster: &dyn Raycaster, filter: Filter, casting: &Casting, frames:
             let scene = KernelScene { skip_empty, ..plain };
             raycaster.render(&scene, &jobs)?;
             let mut counts = BrickCounts::default();
-            let started = Instant::now();
+            let (started, processor) = (Instant::now(), cpu_seconds());
             for _ in 0..frames {
                 counts = raycaster.render(&scene, &jobs)?[0].total();
             }
             let ms = started.elapsed().as_secs_f64() * 1e3 / f64::from(frames);
+            let processor = processor.zip(cpu_seconds()).map_or(0.0, |(before, after)| after - before);
+            let cpu_ms = processor * 1e3 / f64::from(frames);
             let [reads, positions, leapt] = [counts.samples, counts.positions, counts.leapt].map(|n| n as f64 / 1e6);
             println!(
-                "{} {filter:?} {name:24} {what:6} {ms:8.1} ms, {reads:6.2} M reads, {positions:6.2} M positions, \
+                "{} {filter:?} {name:24} {what:6} {ms:7.1} ms, {cpu_ms:7.1} CPU ms, {reads:6.2} M reads, {positions:6.2} M positions, \
                  {leapt:6.2} M leapt",
                 raycaster.info().backend
             );

@@ -6,6 +6,8 @@ use brickcast_volume::visibility::KernelView;
 use brickcast_volume::{OwnedBox, StoredBox};
 use bytemuck::{Pod, Zeroable};
 
+use crate::Features;
+
 /// An accumulated opacity that no ray reaches: early termination switched off.
 pub const NEVER: f32 = 2.0;
 
@@ -147,6 +149,12 @@ impl FrameUniform {
 }
 
 impl BrickUniform {
+    /// True where the kernels count reads only, since each position is one.
+    #[must_use]
+    pub const fn reads_every_position(&self, features: Features) -> bool {
+        !features.leap && !features.regions && (!features.map || self.map_mask <= MAP_EMPTY)
+    }
+
     /// The brick's boxes; rectangle, accumulator and counter still zero.
     #[must_use]
     pub fn of_boxes(owned: &OwnedBox, stored: &StoredBox) -> Self {

@@ -27,18 +27,18 @@ const MARGIN: f32 = 1e-3;
 const MARGIN_SHARE: f32 = 1e-6;
 // Turns of a loop before the others have theirs: rays that wait for a neighbour do not wait for long.
 const PROBE_TURNS: u32 = 4u;
-const SAMPLE_TURNS: u32 = 8u;
+const SAMPLE_TURNS: f32 = 32.0;
 
 // The first sample that the brick does not own: the first k with k * step >= t_out.
 fn first_outside(step: f32, k: f32, t_out: f32) -> f32 {
     var k_out = max(ceil(t_out / step), k + 1.0);
     // The quotient errs by a few units in the last place, the product decides.
-    for (var i = 0; i < 4; i++) {
+    for (var i = 0; i < 2; i++) {
         if k_out > k + 1.0 && (k_out - 1.0) * step >= t_out {
             k_out -= 1.0;
         }
     }
-    for (var i = 0; i < 4; i++) {
+    for (var i = 0; i < 2; i++) {
         if k_out * step < t_out {
             k_out += 1.0;
         }
@@ -110,22 +110,21 @@ fn accelerated(
     let margin = max(MARGIN, MARGIN_SHARE * max(max(far_corner.x, far_corner.y), far_corner.z));
     let asks_always = brick.map_mask > 0xffu;
 
+    let k_out = first_outside(frame.step, owned.k, owned.t_out);
     var k = owned.k;
-    // Lowered to k where the ray is finished.
-    var k_out = first_outside(frame.step, k, owned.t_out);
     var probes = ENTRY_PROBES;
     // The last value, at first far from all others: nothing is like it.
     var last = 9.0;
     // The first sample at which the map may say something new, and whether it is asked there.
     var k_look = k;
     var look = MAP;
-    // Reads of texels, positions, positions leapt.
-    var reads = 0u;
-    var positions = 0.0;
+    // Reads of texels; positions skipped and leapt.
+    var reads = 0.0;
+    var skipped = 0.0;
     var leapt = 0.0;
-    while k < k_out {
+    while k < k_out && sum.a < frame.stop_alpha {
         if MAP {
-            while look && k < k_out {
+            while look && k < k_out && sum.a < frame.stop_alpha {
                 let p = ray.origin + k * frame.step * ray.direction;
                 let cell = clamp((vec3<i32>(p) >> vec3(brick.cell_shift)) - brick.cell_lo, vec3(0), last_cell);
                 let texel = textureLoad(map, cell, 0).x & brick.map_mask;
@@ -140,6 +139,7 @@ fn accelerated(
                 let t_exit = leaves(ray, center, reach * cell_edge);
                 let k_exit = max(min(ceil(t_exit / frame.step), k_out), k + 1.0);
                 if empty > 0u {
+                    skipped += k_exit - k;
                     k = k_exit;
                     probes = ENTRY_PROBES;
                 } else {
@@ -151,9 +151,7 @@ fn accelerated(
                         let weight = (1.0 - sum.a) * opacity_of(sample.a, n);
                         sum += vec4(sample.rgb * weight, weight);
                         k = k_exit;
-                        positions += n;
                         leapt += n;
-                        k_out = select(k_out, k, sum.a >= frame.stop_alpha);
                     }
                 }
             }
@@ -161,12 +159,15 @@ fn accelerated(
         // The filter may read here.
         var safe = !LEAP || probes == 0u;
         if LEAP {
-            for (var turn = 0u; turn < PROBE_TURNS && !safe && !look && k < k_out; turn++) {
+            for (var turn = 0u; turn < PROBE_TURNS; turn++) {
+                if safe || look || k >= k_out || sum.a >= frame.stop_alpha {
+                    break;
+                }
                 let p = ray.origin + k * frame.step * ray.direction;
                 let voxel = vec3<i32>(p);
                 let at = clamp(voxel - brick.stored_lo, vec3(0), last_texel);
                 let texel = u32(textureLoad(volume, at, 0).r * 65535.0 + 0.5);
-                reads++;
+                reads += 1.0;
                 let is_leap = (texel & 0x8000u) != 0u;
                 safe = (texel & 0x8001u) == 0u;
                 if !safe {
@@ -180,49 +181,54 @@ fn accelerated(
                     let weight = (1.0 - sum.a) * opacity_of(sample.a, n);
                     sum += vec4(sample.rgb * weight, weight);
                     k += n;
-                    positions += n;
                     leapt += select(0.0, n, is_leap);
                     last = code;
                     probes = max(probes, 2u) - 1u;
                     if MAP {
                         look = k >= k_look && (asks_always || sample.a == 0.0);
                     }
-                    k_out = select(k_out, k, sum.a >= frame.stop_alpha);
                 }
             }
         }
-        for (var turn = 0u; turn < SAMPLE_TURNS && safe && !look && k < k_out; turn++) {
-            let p = ray.origin + k * frame.step * ray.direction;
-            let code = read_volume(reader, p) * brick.code_scale;
-            reads++;
-            var in_region = false;
-            if REGIONS {
-                in_region = brick.region_flags == 1u;
-                if brick.region_flags == 2u {
-                    let at = clamp(vec3<i32>(p) - brick.stored_lo, vec3(0), last_texel);
-                    in_region = textureLoad(flags, at, 0).x != 0u;
-                    reads++;
+        if safe && !look && k < k_out && sum.a < frame.stop_alpha {
+            let k_first = k;
+            let k_turn = min(k + SAMPLE_TURNS, k_out);
+            loop {
+                let p = ray.origin + k * frame.step * ray.direction;
+                let code = read_volume(reader, p) * brick.code_scale;
+                var in_region = false;
+                if REGIONS {
+                    in_region = brick.region_flags == 1u;
+                    if brick.region_flags == 2u {
+                        let at = clamp(vec3<i32>(p) - brick.stored_lo, vec3(0), last_texel);
+                        in_region = textureLoad(flags, at, 0).x != 0u;
+                        reads += 1.0;
+                    }
+                }
+                let sample = shown(reader, code, in_region);
+                let weight = (1.0 - sum.a) * sample.a;
+                sum += vec4(sample.rgb * weight, weight);
+                k += 1.0;
+                if LEAP {
+                    let is_equal = abs(code - last) <= NEARLY_EQUAL;
+                    probes = max(max(probes, 1u) - 1u, select(0u, 1u, is_equal));
+                    last = code;
+                }
+                if MAP {
+                    look = k >= k_look && (asks_always || sample.a == 0.0);
+                }
+                if k >= k_turn || sum.a >= frame.stop_alpha || (LEAP && probes > 0u) || (MAP && look) {
+                    break;
                 }
             }
-            let sample = shown(reader, code, in_region);
-            let weight = (1.0 - sum.a) * sample.a;
-            sum += vec4(sample.rgb * weight, weight);
-            k += 1.0;
-            positions += 1.0;
-            if LEAP {
-                let is_equal = abs(code - last) <= NEARLY_EQUAL;
-                probes = max(max(probes, 1u) - 1u, select(0u, 1u, is_equal));
-                safe = probes == 0u;
-                last = code;
-            }
-            if MAP {
-                look = k >= k_look && (asks_always || sample.a == 0.0);
-            }
-            k_out = select(k_out, k, sum.a >= frame.stop_alpha);
+            reads += k - k_first;
         }
     }
     accumulator[slot] = sum;
-    atomicAdd(&counters[4u * brick.counter], reads);
-    atomicAdd(&counters[4u * brick.counter + 1u], u32(positions));
-    atomicAdd(&counters[4u * brick.counter + 2u], u32(leapt));
+    atomicAdd(&counters[4u * brick.counter], u32(reads));
+    // Else every position is one read (layout.rs, `reads_every_position`).
+    if LEAP || REGIONS || asks_always {
+        atomicAdd(&counters[4u * brick.counter + 1u], u32(k - owned.k - skipped));
+        atomicAdd(&counters[4u * brick.counter + 2u], u32(leapt));
+    }
 }

@@ -281,8 +281,7 @@ fn collect(
         }
         for (dispatch, counter) in dispatches.iter().zip(counters.as_chunks::<16>().0) {
             let number = |i: usize| u64::from(u32::from_le_bytes(counter.as_chunks::<4>().0[i]));
-            // The plain kernel reads once at every position.
-            let positions = number(if dispatch.features == Features::PLAIN { 0 } else { 1 });
+            let positions = number(usize::from(!dispatch.uniform.reads_every_position(dispatch.features)));
             let counts = &mut images[dispatch.job].counts[dispatch.brick];
             *counts = counts.plus(BrickCounts { samples: number(0), positions, leapt: number(2) });
         }

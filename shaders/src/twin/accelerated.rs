@@ -250,12 +250,12 @@ pub fn accelerated_ray<W: Watch>(
 fn first_outside(frame: &FrameUniform, k: f32, t_out: f32) -> f32 {
     let mut k_out = (t_out / frame.step).ceil().max(k + 1.0);
     // The quotient errs by a unit in the last place, the product decides.
-    for _ in 0..4 {
+    for _ in 0..2 {
         if k_out > k + 1.0 && (k_out - 1.0) * frame.step >= t_out {
             k_out -= 1.0;
         }
     }
-    for _ in 0..4 {
+    for _ in 0..2 {
         if k_out * frame.step < t_out {
             k_out += 1.0;
         }

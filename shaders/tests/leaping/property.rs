@@ -85,7 +85,7 @@ fn worst(seed: u64, broken: Broken) -> (f64, String) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(3000))]
+    #![proptest_config(ProptestConfig::with_cases(1500))]
     #[test]
     fn accelerated_samples_are_those_of_the_flattened_volume(seed: u64) {
         let (worst, what) = worst(seed, Broken::Nothing);
@@ -93,34 +93,34 @@ proptest! {
     }
 }
 
-/// In how many of the volumes a broken rule shows.
-fn shows(broken: Broken) -> usize {
-    (0..600).filter(|&seed| worst(seed * 7919 + 1, broken).0 > HALF_CODE).count()
+/// Does a broken rule show in any of the volumes?
+fn shows(broken: Broken) -> bool {
+    (0..1500).any(|seed| worst(seed * 7919 + 1, broken).0 > HALF_CODE)
 }
 
 #[test]
 fn guards_one_layer_thinner_are_noticed() {
-    assert!(shows(Broken::ThinGuard) > 0);
+    assert!(shows(Broken::ThinGuard));
 }
 
 #[test]
 fn leaps_one_sample_longer_are_noticed() {
-    assert!(shows(Broken::LongLeap) > 0);
+    assert!(shows(Broken::LongLeap));
 }
 
 #[test]
 fn a_wrong_slot_is_noticed() {
-    assert!(shows(Broken::WrongSlot) > 0);
+    assert!(shows(Broken::WrongSlot));
 }
 
 #[test]
 fn a_brick_entered_without_probes_is_noticed() {
-    assert!(shows(Broken::NoEntryProbes) > 0);
+    assert!(shows(Broken::NoEntryProbes));
 }
 
 #[test]
 fn densities_that_do_not_stretch_are_noticed() {
-    assert!(shows(Broken::Unstretched) > 0);
+    assert!(shows(Broken::Unstretched));
 }
 
 /// The paper's leaps are as right, but shorter: what the way out of the cube gains.
@@ -133,7 +133,7 @@ fn leaps_out_of_the_cube_read_less_than_isotropic_ones() {
     let rays = rays([64; 3], DVec3::ONE);
     let [cube, isotropic] = [Broken::Nothing, Broken::Isotropic].map(|rule| compare(&field, 32, 0.5, &rays, rule));
     assert!(cube.worst <= HALF_CODE && isotropic.worst <= HALF_CODE);
-    assert_eq!((cube.positions, cube.positions), (isotropic.positions, cube.positions));
-    println!("reads: {} out of the cube, {} isotropic; {} positions", cube.samples, isotropic.samples, cube.positions);
+    assert_eq!(cube.positions, isotropic.positions);
+    eprintln!("reads: {} out of the cube, {} isotropic; {} positions", cube.samples, isotropic.samples, cube.positions);
     assert!(cube.samples < isotropic.samples, "{cube:?} {isotropic:?}");
 }

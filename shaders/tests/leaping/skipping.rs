@@ -36,36 +36,52 @@ fn grains() -> Field {
     })
 }
 
-/// A ray through one brick, plain, and with a map of cells of `edge` voxels.
-fn both(
-    field: &Field,
-    owned: &OwnedBox,
-    table: &TransferTable,
-    step: f32,
-    edge: u32,
-    width: Option<u16>,
-    ray: &Ray,
-    watch: &mut impl Watch,
-) -> [(Premul, RayCounts); 2] {
-    let frame = frame_of(table, step);
-    let stored = owned.stored(1);
-    let codes = field.voxels(stored).codes;
-    let cells = Macrocells::of(owned, &stored, &codes, edge);
-    let distances = empty_distances(&table.opaque_counts(), &cells.ranges, cells.dims.into());
-    let mut map: Vec<u32> = distances.iter().map(|&d| u32::from(d)).collect();
-    let mut uniform = BrickUniform::of_boxes(owned, &stored);
-    uniform.cell_lo = cells.lo.into();
-    uniform.cell_shift = edge.trailing_zeros();
-    uniform.map_mask = MAP_EMPTY;
-    if let Some(width) = width {
-        uniform.map_mask = MAP_HOMOGENEOUS;
-        map.iter_mut().zip(cells.homogeneous(width)).for_each(|(texel, cube)| *texel |= packed(cube));
+/// A brick with a map of its macrocells.
+struct Mapped<'a> {
+    table: &'a TransferTable,
+    frame: FrameUniform,
+    uniform: BrickUniform,
+    codes: Vec<u16>,
+    map: Vec<u32>,
+    dims: [u32; 3],
+}
+
+impl<'a> Mapped<'a> {
+    /// Cells of `edge` voxels; leapt through where they span at most `width`, else skipped where empty.
+    fn new(
+        field: &Field,
+        owned: &OwnedBox,
+        (table, counts): (&'a TransferTable, &[[u32; 2]]),
+        step: f32,
+        edge: u32,
+        width: Option<u16>,
+    ) -> Self {
+        let stored = owned.stored(1);
+        let codes = field.voxels(stored).codes;
+        let cells = Macrocells::of(owned, &stored, &codes, edge);
+        let mut uniform = BrickUniform::of_boxes(owned, &stored);
+        uniform.cell_lo = cells.lo.into();
+        uniform.cell_shift = edge.trailing_zeros();
+        let dims = cells.dims.into();
+        let distances = empty_distances(counts, &cells.ranges, dims);
+        let mut map: Vec<u32> = distances.iter().map(|&d| u32::from(d)).collect();
+        uniform.map_mask = MAP_EMPTY;
+        if let Some(width) = width {
+            uniform.map_mask = MAP_HOMOGENEOUS;
+            map.iter_mut().zip(cells.homogeneous(width)).for_each(|(texel, cube)| *texel |= packed(cube));
+        }
+        Self { table, frame: frame_of(table, step), uniform, codes, map, dims }
     }
-    let data = BrickData { texels: &codes, means: None, map: Some((&map, cells.dims.into())), flags: &[] };
-    let tables = Tables { table: &table.entries, region: None };
-    let (plain, n) = raycast_ray(&frame, &uniform, &codes, &table.entries, ray, Premul::CLEAR);
-    let counts = RayCounts { samples: n, positions: n, leapt: 0 };
-    [(plain, counts), accelerated_ray(&frame, &uniform, &data, &tables, ray, Premul::CLEAR, watch)]
+
+    /// A ray, plain and by the map.
+    fn both(&self, ray: &Ray, watch: &mut impl Watch) -> [(Premul, RayCounts); 2] {
+        let Self { table, frame, uniform, codes, map, dims } = self;
+        let data = BrickData { texels: codes, means: None, map: Some((map, *dims)), flags: &[] };
+        let tables = Tables { table: &table.entries, region: None };
+        let (plain, n) = raycast_ray(frame, uniform, codes, &table.entries, ray, Premul::CLEAR);
+        let counts = RayCounts { samples: n, positions: n, leapt: 0 };
+        [(plain, counts), accelerated_ray(frame, uniform, &data, &tables, ray, Premul::CLEAR, watch)]
+    }
 }
 
 /// The same bits, and fewer samples the emptier the picture.
@@ -75,11 +91,13 @@ fn skipping_changes_no_bit() {
     let rays = rays(field.dims.into(), DVec3::ONE);
     for (from, share) in [(0.01, 1.0), (0.05, 0.95), (0.15, 0.6), (0.95, 0.001)] {
         let table = table(from);
+        let counts = table.opaque_counts();
         for (step, edge, size) in [(0.5, 4, 16), (1.0, 8, 64), (0.25, 4, 64), (2.0, 4, 8)] {
             let (mut plain_samples, mut samples) = (0, 0);
             for owned in field.bricks(size) {
+                let brick = Mapped::new(&field, &owned, (&table, &counts), step, edge, None);
                 for ray in &rays {
-                    let [plain, skipping] = both(&field, &owned, &table, step, edge, None, ray, &mut Unwatched);
+                    let [plain, skipping] = brick.both(ray, &mut Unwatched);
                     assert_eq!(plain.0, skipping.0, "from {from}, step {step}, cells of {edge}");
                     plain_samples += plain.1.samples;
                     samples += skipping.1.samples;
@@ -134,13 +152,15 @@ fn homogeneous_cells_err_by_no_more_than_their_width() {
     let field = grains();
     let rays = rays(field.dims.into(), DVec3::ONE);
     let table = table(0.01);
+    let counts = table.opaque_counts();
     let own = |p: IVec3| f64::from(field.own_code(p));
     for width in [0, 1500, 4000] {
         let mut leapt = 0;
         for owned in field.bricks(16) {
+            let brick = Mapped::new(&field, &owned, (&table, &counts), 0.5, 4, Some(width));
             for ray in &rays {
                 let mut values = Values::default();
-                let [plain, leaping] = both(&field, &owned, &table, 0.5, 4, Some(width), ray, &mut values);
+                let [plain, leaping] = brick.both(ray, &mut values);
                 assert_eq!(leaping.1.positions, plain.1.positions);
                 leapt += leaping.1.leapt;
                 for (k, n, value) in values.0 {
