@@ -9,17 +9,13 @@ use brickcast::plan::Assignment;
 use brickcast_volume::MergeTree;
 use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::regions::code::{code_of_density, density_of_code};
-use brickcast_volume::scene::{Acceleration, Filter, Leap, Transport};
+use brickcast_volume::scene::{Acceleration, Filter, Leap, MacrocellEdge, Transport};
 use brickcast_volume::store::{ChunkCache, Store};
 use brickcast_volume::transfer_function::{Colormap, TransferFunction};
 use leap_support::{Rig, contrast, kernels, orbit, phantom, prepared, runtime, scene, worst};
 
-const ALL: Acceleration = Acceleration {
-    skip_empty: true,
-    leap: Leap::Regions,
-    macrocell: brickcast_volume::scene::MacrocellEdge::Four,
-    leap_tolerance: None,
-};
+const ALL: Acceleration =
+    Acceleration { skip_empty: true, leap: Leap::Regions, macrocell: MacrocellEdge::Four, leap_tolerance: None };
 
 /// Five views: along an axis, oblique, from below, close, and grazing.
 fn views() -> Vec<Orbit> {
@@ -147,7 +143,7 @@ fn no_defect_is_lost() {
                 let (lo, hi) = bad.manifest().range;
                 // Material half transparent over the whole part, so that single voxels of air show.
                 let function =
-                    TransferFunction::window(lo + 0.3 * (hi - lo), lo + 0.7 * (hi - lo), 0.02, Colormap::Grayscale);
+                    TransferFunction::window(lo + 0.3 * (hi - lo), lo + 0.7 * (hi - lo), 0.01, Colormap::Grayscale);
                 let mut plain = scene(&bad, orbit(&bad, view), function.unwrap());
                 plain.size = brickcast_volume::PictureSize::new(176, 176).unwrap();
                 let mut fast = plain.clone();
@@ -163,7 +159,7 @@ fn no_defect_is_lost() {
                 let report = audit::compare(&f1.picture, &p1.picture, &bounds, &fast, Transport::F32);
                 assert!(report.bound_held && report.largest_bound < 0.9, "{report:?}");
                 let (shown, lost) = contrast(&p1.picture, &p0.picture, &f1.picture, &f0.picture);
-                assert!(shown > 1000, "the plain picture hardly shows pores: {shown} pixels");
+                assert!(shown > 400, "the plain picture hardly shows pores: {shown} pixels");
                 assert_eq!(lost, 0, "bricks of {brick_size}, {count} nodes, {view:?}: of {shown} pixels");
             }
         }
@@ -215,7 +211,7 @@ fn views_and_region_transfer_functions_split_the_picture() {
 #[test]
 fn skipping_changes_no_picture_and_macrocells_keep_their_bound() {
     let folder = tempfile::tempdir().unwrap();
-    let input = phantom(folder.path(), "part", [90, 70, 80], 12, 0.5);
+    let input = phantom(folder.path(), "part", [90, 70, 80], 12, 0.1);
     let store = prepared(&input, folder.path(), 32, None);
     runtime().block_on(async {
         for kernel in kernels() {
@@ -225,9 +221,7 @@ fn skipping_changes_no_picture_and_macrocells_keep_their_bound() {
             for view in views() {
                 let plain = scene(&store, orbit(&store, view), function.clone());
                 let reference = rig.render(&plain).await;
-                for edge in
-                    [brickcast_volume::scene::MacrocellEdge::Four, brickcast_volume::scene::MacrocellEdge::Eight]
-                {
+                for edge in [MacrocellEdge::Four, MacrocellEdge::Eight] {
                     let mut skipping = plain.clone();
                     skipping.acceleration =
                         Acceleration { skip_empty: true, macrocell: edge, ..Acceleration::default() };
@@ -239,7 +233,8 @@ fn skipping_changes_no_picture_and_macrocells_keep_their_bound() {
                     let frame = rig.render(&rival).await;
                     // 2 % of the range on a ramp of opacity 0.1 over half of it, 0.5 voxels a step, some 200 samples.
                     assert!(worst(&reference.picture, &frame.picture) <= 0.1, "{view:?}");
-                    assert!(frame.stats.leapt_positions > 0);
+                    // With their apron, cells of 8 do not fit into the walls of so small a part.
+                    assert!(edge == MacrocellEdge::Eight || frame.stats.leapt_positions > 0, "{view:?}");
                 }
             }
         }
