@@ -35,6 +35,9 @@ pub struct CpuRaycaster {
     emptiness: EmptinessCache,
 }
 
+/// What a map was built for, and its texels.
+type BuiltMap = (Option<Arc<Emptiness>>, Arc<Vec<u32>>);
+
 #[derive(Debug)]
 struct CpuBrick {
     owned: OwnedBox,
@@ -43,8 +46,8 @@ struct CpuBrick {
     means: Option<Vec<f32>>,
     cells: Option<PreparedCells>,
     flags: Vec<u8>,
-    /// The macrocell map and what it was built for.
-    map: Mutex<Option<(Option<Arc<Emptiness>>, Arc<Vec<u32>>)>>,
+    /// The macrocell map of the last scene.
+    map: Mutex<Option<BuiltMap>>,
     bytes: u64,
 }
 

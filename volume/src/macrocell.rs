@@ -160,7 +160,7 @@ mod tests {
         let ranges: Vec<[u16; 2]> = (0..count)
             .map(|i| {
                 let n = noise(i);
-                let min = if n % 61 == 0 { 30_000 } else { 1000 + n % 50 };
+                let min = if n.is_multiple_of(61) { 30_000 } else { 1000 + n % 50 };
                 [min, min + n % 40]
             })
             .collect();

@@ -1,9 +1,10 @@
 //! Recording a call's dispatches, and bringing accumulators and counters back.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
-use brickcast_shaders::{Features, FrameUniform, RaycastVariant, WORKGROUP_PIXELS};
+use brickcast_shaders::{FrameUniform, RaycastVariant, WORKGROUP_PIXELS};
 use brickcast_volume::PixelRect;
 use brickcast_volume::transfer_function::TransferTable;
 
@@ -205,8 +206,8 @@ fn run(
     }
     let mut pipelines = HashMap::new();
     for dispatch in &*dispatches {
-        if !pipelines.contains_key(&dispatch.features) {
-            pipelines.insert(dispatch.features, call.kernels.pipeline(gpu, call.variant, dispatch.features)?);
+        if let Entry::Vacant(vacant) = pipelines.entry(dispatch.features) {
+            vacant.insert(call.kernels.pipeline(gpu, call.variant, dispatch.features)?);
         }
     }
     let runs = submissions(dispatches);

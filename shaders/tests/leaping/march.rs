@@ -64,7 +64,6 @@ pub(crate) struct Brick {
     uniform: BrickUniform,
     texels: Vec<u16>,
     means: Option<Vec<f32>>,
-    pub(crate) owned: OwnedBox,
 }
 
 impl Brick {
@@ -90,7 +89,7 @@ impl Brick {
         if means.is_some() {
             uniform.code_scale = if broken == Broken::Unstretched { 2.0 } else { CODED_SCALE };
         }
-        Self { uniform, texels, means, owned }
+        Self { uniform, texels, means }
     }
 
     pub(crate) fn march(&self, frame: &FrameUniform, ray: &Ray, broken: Broken) -> (Taken, RayCounts) {
