@@ -2,7 +2,8 @@
 // of the flattened volume, several positions at once where they are known to have one value
 // (docs/adr/0002-leaping.md). shaders/src/twin/accelerated.rs is the same on the CPU.
 //
-// Three loops take turns, so that each is short where neighbouring rays do alike: the map, probes, samples.
+// One flat loop: a turn takes a skip, a leap or a sample. Loops within would each run at least once a turn where a driver does
+// not branch around what no lane takes (software ones do not), and share less of what follows.
 
 // Texels hold leaps.
 override LEAP: bool;
@@ -25,9 +26,6 @@ const NEARLY_EQUAL: f32 = 1.25 / 16383.0;
 // Voxels that a leap ends before the last place that is known; more where positions are large numbers.
 const MARGIN: f32 = 1e-3;
 const MARGIN_SHARE: f32 = 1e-6;
-// Turns of a loop before the others have theirs: rays that wait for a neighbour do not wait for long.
-const PROBE_TURNS: u32 = 4u;
-const SAMPLE_TURNS: f32 = 32.0;
 
 // The first sample that the brick does not own: the first k with k * step >= t_out.
 fn first_outside(step: f32, k: f32, t_out: f32) -> f32 {
@@ -86,6 +84,7 @@ fn accelerated(
     @builtin(workgroup_id) workgroup: vec3<u32>,
     @builtin(local_invocation_id) lane: vec3<u32>,
 ) {
+    load_uniforms();
     // Within the rectangle.
     let place = workgroup.xy * 16u + pixel_of_lane(lane.xy);
     if any(place >= brick.rect_size) {
@@ -123,106 +122,75 @@ fn accelerated(
     var skipped = 0.0;
     var leapt = 0.0;
     while k < k_out && sum.a < frame.stop_alpha {
-        if MAP {
-            while look && k < k_out && sum.a < frame.stop_alpha {
-                let p = ray.origin + k * frame.step * ray.direction;
-                let cell = clamp((vec3<i32>(p) >> vec3(brick.cell_shift)) - brick.cell_lo, vec3(0), last_cell);
-                let texel = textureLoad(map, cell, 0).x & brick.map_mask;
-                let empty = texel & 0xffu;
-                var alike = (texel >> 8u) & 0xffu;
-                if REGIONS && brick.region_flags == 2u {
-                    // Cells know no regions: their samples may need different tables.
-                    alike = 0u;
-                }
-                let reach = f32(select(max(alike, 1u), empty, empty > 0u)) - 0.5;
-                let center = (vec3<f32>(cell + brick.cell_lo) + 0.5) * cell_edge;
-                let t_exit = leaves(ray, center, reach * cell_edge);
-                let k_exit = max(min(ceil(t_exit / frame.step), k_out), k + 1.0);
-                if empty > 0u {
-                    skipped += k_exit - k;
-                    k = k_exit;
-                    probes = ENTRY_PROBES;
-                } else {
-                    k_look = k_exit;
-                    look = alike > 0u;
-                    if alike > 0u {
-                        let n = k_exit - k;
-                        let sample = shown(reader, f32(texel >> 16u) * (1.0 / 65535.0), brick.region_flags == 1u);
-                        let weight = (1.0 - sum.a) * opacity_of(sample.a, n);
-                        sum += vec4(sample.rgb * weight, weight);
-                        k = k_exit;
-                        leapt += n;
-                    }
-                }
+        // Always the product, never accumulated: the same sample in every brick.
+        let p = ray.origin + k * frame.step * ray.direction;
+        let voxel = vec3<i32>(p);
+        var code = 0.0;
+        var is_empty = false;
+        var is_alike = false;
+        var is_leap = false;
+        var is_inner = false;
+        // The cube about `center` that one answer is good for.
+        var center = vec3(0.0);
+        var half = 0.0;
+        if MAP && look {
+            let cell = clamp((voxel >> vec3(brick.cell_shift)) - brick.cell_lo, vec3(0), last_cell);
+            let texel = textureLoad(map, cell, 0).x & brick.map_mask;
+            let empty = texel & 0xffu;
+            // Cells know no regions: their samples may need different tables.
+            let alike = select((texel >> 8u) & 0xffu, 0u, REGIONS && brick.region_flags == 2u);
+            is_empty = empty > 0u;
+            is_alike = !is_empty && alike > 0u;
+            code = f32(texel >> 16u) * (1.0 / 65535.0);
+            center = (vec3<f32>(cell + brick.cell_lo) + 0.5) * cell_edge;
+            half = (f32(select(max(alike, 1u), empty, is_empty)) - 0.5) * cell_edge;
+        }
+        if LEAP && probes > 0u && !(is_empty || is_alike) {
+            let at = clamp(voxel - brick.stored_lo, vec3(0), last_texel);
+            let texel = u32(textureLoad(volume, at, 0).r * 65535.0 + 0.5);
+            reads += 1.0;
+            is_leap = (texel & 0x8000u) != 0u;
+            is_inner = (texel & 0x8001u) == 1u;
+            if is_leap {
+                code = textureLoad(means, vec2<u32>(texel & 0x7fu, 0u), 0).r;
+                center = vec3<f32>(voxel) + 0.5;
+                half = f32((texel >> 7u) & 0xffu) - 1.0 - margin;
+            } else {
+                code = f32(texel >> 1u) * (1.0 / 16383.0);
             }
         }
-        // The filter may read here.
-        var safe = !LEAP || probes == 0u;
-        if LEAP {
-            for (var turn = 0u; turn < PROBE_TURNS; turn++) {
-                if safe || look || k >= k_out || sum.a >= frame.stop_alpha {
-                    break;
-                }
-                let p = ray.origin + k * frame.step * ray.direction;
-                let voxel = vec3<i32>(p);
+        let jumps = is_empty || is_alike || is_leap;
+        let k_exit = max(min(ceil(leaves(ray, center, half) / frame.step), k_out), k + 1.0);
+        let n = select(1.0, k_exit - k, jumps);
+        var in_region = is_leap || is_inner || brick.region_flags == 1u;
+        if !(jumps || is_inner) {
+            code = read_volume(reader, p) * brick.code_scale;
+            reads += 1.0;
+            if REGIONS && brick.region_flags == 2u {
                 let at = clamp(voxel - brick.stored_lo, vec3(0), last_texel);
-                let texel = u32(textureLoad(volume, at, 0).r * 65535.0 + 0.5);
+                in_region = textureLoad(flags, at, 0).x != 0u;
                 reads += 1.0;
-                let is_leap = (texel & 0x8000u) != 0u;
-                safe = (texel & 0x8001u) == 0u;
-                if !safe {
-                    let reach = f32((texel >> 7u) & 0xffu) - 1.0 - margin;
-                    let t_exit = leaves(ray, vec3<f32>(voxel) + 0.5, reach);
-                    let far = max(min(ceil(t_exit / frame.step), k_out) - k, 1.0);
-                    let n = select(1.0, far, is_leap);
-                    let mean = textureLoad(means, vec2<u32>(texel & 0x7fu, 0u), 0).r;
-                    let code = select(f32(texel >> 1u) * (1.0 / 16383.0), mean, is_leap);
-                    let sample = shown(reader, code, true);
-                    let weight = (1.0 - sum.a) * opacity_of(sample.a, n);
-                    sum += vec4(sample.rgb * weight, weight);
-                    k += n;
-                    leapt += select(0.0, n, is_leap);
-                    last = code;
-                    probes = max(probes, 2u) - 1u;
-                    if MAP {
-                        look = k >= k_look && (asks_always || sample.a == 0.0);
-                    }
-                }
             }
         }
-        if safe && !look && k < k_out && sum.a < frame.stop_alpha {
-            let k_first = k;
-            let k_turn = min(k + SAMPLE_TURNS, k_out);
-            loop {
-                let p = ray.origin + k * frame.step * ray.direction;
-                let code = read_volume(reader, p) * brick.code_scale;
-                var in_region = false;
-                if REGIONS {
-                    in_region = brick.region_flags == 1u;
-                    if brick.region_flags == 2u {
-                        let at = clamp(vec3<i32>(p) - brick.stored_lo, vec3(0), last_texel);
-                        in_region = textureLoad(flags, at, 0).x != 0u;
-                        reads += 1.0;
-                    }
-                }
-                let sample = shown(reader, code, in_region);
-                let weight = (1.0 - sum.a) * sample.a;
-                sum += vec4(sample.rgb * weight, weight);
-                k += 1.0;
-                if LEAP {
-                    let is_equal = abs(code - last) <= NEARLY_EQUAL;
-                    probes = max(max(probes, 1u) - 1u, select(0u, 1u, is_equal));
-                    last = code;
-                }
-                if MAP {
-                    look = k >= k_look && (asks_always || sample.a == 0.0);
-                }
-                if k >= k_turn || sum.a >= frame.stop_alpha || (LEAP && probes > 0u) || (MAP && look) {
-                    break;
-                }
-            }
-            reads += k - k_first;
+        let sample = shown(reader, code, in_region);
+        let opacity = select(opacity_of(sample.a, n), sample.a, n == 1.0);
+        let weight = select((1.0 - sum.a) * opacity, 0.0, is_empty);
+        sum += vec4(sample.rgb * weight, weight);
+        if MAP {
+            // A leap says nothing of its cell: the map may be asked again behind it.
+            k_look = select(k_look, select(k_exit, k, is_leap), look);
+            look = is_empty || (k + n >= k_look && (asks_always || sample.a == 0.0));
         }
+        if LEAP {
+            let is_equal = abs(code - last) <= NEARLY_EQUAL;
+            let fewer = max(probes, 1u) - 1u;
+            probes = select(max(fewer, select(0u, 1u, is_equal)), max(fewer, 1u), is_leap || is_inner);
+            probes = select(probes, ENTRY_PROBES, is_empty);
+            last = select(code, last, is_empty);
+        }
+        skipped += select(0.0, n, is_empty);
+        leapt += select(0.0, n, is_leap || is_alike);
+        k += n;
     }
     accumulator[slot] = sum;
     atomicAdd(&counters[4u * brick.counter], u32(reads));

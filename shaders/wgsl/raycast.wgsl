@@ -4,6 +4,7 @@ fn raycast(
     @builtin(workgroup_id) workgroup: vec3<u32>,
     @builtin(local_invocation_id) lane: vec3<u32>,
 ) {
+    load_uniforms();
     // Within the rectangle.
     let place = workgroup.xy * 16u + pixel_of_lane(lane.xy);
     if any(place >= brick.rect_size) {

@@ -41,8 +41,10 @@ pub(super) fn entry(binding: u32, ty: BindingType) -> BindGroupLayoutEntry {
     BindGroupLayoutEntry { binding, visibility: wgpu::ShaderStages::COMPUTE, ty, count: None }
 }
 
-fn uniform(bytes: u64, has_dynamic_offset: bool) -> BindingType {
-    BindingType::Buffer { ty: BufferBindingType::Uniform, has_dynamic_offset, min_binding_size: NonZeroU64::new(bytes) }
+/// What does not change within a dispatch.
+fn constants(bytes: u64, has_dynamic_offset: bool) -> BindingType {
+    let ty = BufferBindingType::Storage { read_only: true };
+    BindingType::Buffer { ty, has_dynamic_offset, min_binding_size: NonZeroU64::new(bytes) }
 }
 
 fn storage(read_only: bool) -> BindingType {
@@ -86,7 +88,7 @@ impl Kernels {
             let dispatch_layout = layout(
                 gpu,
                 "dispatch",
-                &[entry(0, uniform(DISPATCH_BYTES, true)), entry(1, storage(false)), entry(2, storage(false))],
+                &[entry(0, constants(DISPATCH_BYTES, true)), entry(1, storage(false)), entry(2, storage(false))],
             );
             let build = |variant| Kernel::new(gpu, variant, &dispatch_layout, &volume_layout);
             Self {
@@ -216,7 +218,7 @@ impl Kernel {
         // Loads take two dimensions: OpenGL has no other.
         let table = if filtered { wgpu::TextureViewDimension::D1 } else { wgpu::TextureViewDimension::D2 };
         let mut entries = vec![
-            entry(0, uniform(FRAME_BYTES, false)),
+            entry(0, constants(FRAME_BYTES, false)),
             entry(1, texture(table, filtered)),
             entry(3, texture(table, filtered)),
         ];

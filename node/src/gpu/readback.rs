@@ -60,10 +60,10 @@ fn buffer(gpu: &Gpu, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu:
 
 impl Scratch {
     pub(super) fn new(gpu: &Gpu) -> Result<Self, RaycastError> {
-        let alignment = u64::from(gpu.limits.min_uniform_buffer_offset_alignment);
+        let alignment = u64::from(gpu.limits.min_storage_buffer_offset_alignment);
         let dispatch_stride = DISPATCH_BYTES.next_multiple_of(alignment.max(1));
         let bytes = dispatch_stride * SUBMIT_DISPATCHES as u64;
-        let usage = wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST;
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         gpu.guarded("uniform buffers", bytes, || Self {
             frame: buffer(gpu, "frame", FRAME_BYTES, usage),
             dispatches: buffer(gpu, "dispatches", bytes, usage),

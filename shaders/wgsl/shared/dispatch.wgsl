@@ -1,10 +1,20 @@
 // What every raycast kernel binds, and which pixel is whose: one invocation a pixel.
-@group(0) @binding(0) var<uniform> frame: FrameUniform;
-@group(1) @binding(0) var<uniform> brick: BrickUniform;
+// Storage, not uniform buffers: lavapipe compiles a kernel anew for the values of uniforms that its branches depend on, again
+// and again for other bricks and views.
+@group(0) @binding(0) var<storage, read> frame_data: FrameUniform;
+@group(1) @binding(0) var<storage, read> brick_data: BrickUniform;
+// Copies: read once, not in loops.
+var<private> frame: FrameUniform;
+var<private> brick: BrickUniform;
 // Premultiplied colour and opacity.
 @group(1) @binding(1) var<storage, read_write> accumulator: array<vec4<f32>>;
 // Four for each dispatch: reads of texels, positions, positions leapt, none.
 @group(1) @binding(2) var<storage, read_write> counters: array<atomic<u32>>;
+
+fn load_uniforms() {
+    frame = frame_data;
+    brick = brick_data;
+}
 
 // Neighbouring lanes are neighbouring pixels: 4 x 2 for every 8 lanes, 8 x 8 for every 64, 16 x 16 for the workgroup.
 // Rays that end together then run together.
