@@ -84,12 +84,24 @@ impl AccelArgs {
                 "--accel: macro leaps through macrocells, leap and all through regions: choose one".to_owned(),
             );
         }
+        if self.leap_tolerance.is_some() && !self.leaps_through_regions() {
+            return usage("--leap-tolerance: nothing leaps through regions; add leap to --accel".to_owned());
+        }
+        if self.macro_range.is_some() && !self.has(&[AccelArg::Macro]) {
+            return usage("--macro-range: goes with --accel macro".to_owned());
+        }
         for (name, value) in [("leap-tolerance", self.leap_tolerance), ("macro-range", self.macro_range)] {
             if let Some(value) = value.filter(|v| !(0.0..=1.0).contains(v)) {
                 return usage(format!("--{name} {value}: must lie between 0 and 1"));
             }
         }
         self.macrocell_edge().map(drop)
+    }
+
+    /// True where rays leap through the store's regions.
+    #[must_use]
+    pub fn leaps_through_regions(&self) -> bool {
+        self.has(&[AccelArg::Leap, AccelArg::All])
     }
 
     fn macrocell_edge(&self) -> Result<MacrocellEdge, Failure> {
@@ -106,7 +118,7 @@ impl AccelArgs {
         let segmented = store.regions.as_ref().and_then(|r| r.segmentation_range).map(|share| share as f32);
         let leap = if self.has(&[AccelArg::Macro]) {
             Leap::Macrocells(self.macro_range.or(segmented).unwrap_or(DEFAULT_MACRO_RANGE))
-        } else if self.has(&[AccelArg::Leap, AccelArg::All]) {
+        } else if self.leaps_through_regions() {
             Leap::Regions
         } else {
             Leap::Off
@@ -137,9 +149,7 @@ impl AccelArgs {
     /// What to tell where something was asked of regions and the store has none.
     #[must_use]
     pub fn missing_regions(&self, store: &Manifest) -> Option<String> {
-        let asks = self.has(&[AccelArg::Leap, AccelArg::All])
-            || self.view != ViewArg::All
-            || self.region_transfer_function.is_some();
+        let asks = self.leaps_through_regions() || self.view != ViewArg::All || self.region_transfer_function.is_some();
         (asks && store.regions.is_none())
             .then(|| "the store has no regions: prepare it with --segmentation-range (e.g. 0.03) to leap".to_owned())
     }
@@ -171,6 +181,8 @@ mod tests {
         }
         assert!(AccelArgs { macrocell: 5, ..args(&[All]) }.check().is_err());
         assert!(AccelArgs { leap_tolerance: Some(f32::NAN), ..args(&[All]) }.check().is_err());
+        assert!(AccelArgs { leap_tolerance: Some(0.1), ..args(&[Macro]) }.check().is_err());
+        assert!(AccelArgs { macro_range: Some(0.1), ..args(&[All]) }.check().is_err());
     }
 
     #[test]

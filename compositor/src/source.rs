@@ -43,6 +43,11 @@ impl OnTheWayArgs {
     pub fn open(&self, path: &Path, nodes_know: bool) -> Result<Source, Failure> {
         BrickGrid::new(glam::UVec3::ONE, self.brick).map_err(Failure::usage)?;
         if path.is_dir() {
+            if self.regions.segmentation_range.is_some() || self.regions.labels.is_some() {
+                let why = "is a store, with the regions that it was prepared with: leave --segmentation-range and --labels \
+                           out, or prepare it anew";
+                return Err(Failure::usage(anyhow!("{} {why}", path.display())));
+            }
             return Ok(Source::Store(Store::open(path)?));
         }
         if path.is_file() {

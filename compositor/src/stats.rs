@@ -97,7 +97,7 @@ pub struct LoadStats {
     pub fits: bool,
 }
 
-/// What `--stats` writes: sums over the frames, and arrays where there are several.
+/// What `--stats` writes: sums over the frames, and arrays where there are several; bricks are those of the last frame.
 #[must_use]
 pub fn report(load: &LoadStats, frames: &[FrameStats], first_frame_ms: f64) -> serde_json::Value {
     let sum = |of: fn(&FrameStats) -> u64| frames.iter().map(of).sum::<u64>();

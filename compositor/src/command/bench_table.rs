@@ -66,6 +66,11 @@ pub async fn run(args: &BenchArgs, which: TableArg, quiet: bool) -> Result<(), F
         TableArg::Frey => (&FREY[..], args.ranges.clone()),
         TableArg::Krueger => (&KRUEGER[..], vec![0.0]),
     };
+    // A store has the range that it was prepared with.
+    let ranges = if args.path.is_file() { ranges } else { ranges[..1.min(ranges.len())].to_vec() };
+    if args.prepare.regions.labels.is_some() {
+        return Err(Failure::usage(anyhow!("--table segments anew for every range: leave --labels out")));
+    }
     if ranges.is_empty() || ranges.iter().any(|r| !(0.0..=1.0).contains(r)) {
         return Err(Failure::usage(anyhow!("--ranges: every segmentation range must lie between 0 and 1")));
     }
@@ -141,6 +146,10 @@ async fn measure(
         let load = session.load(&choice.scene).await?;
         // The first frame pays for caches and lazy pages: it is not timed.
         let frame = session.render(&choice.scene, transport, limit).await?;
+        if !(frame.complete && load.fits) {
+            let why = "a frame was not complete, or not all bricks fit at once: raise --memory-budget";
+            return Err(anyhow!("{why}; {}", frame.problems.join("; ")).into());
+        }
         let s = &frame.stats;
         timed.push(Timed {
             scene: choice.scene,
@@ -156,6 +165,9 @@ async fn measure(
             let frame = session.render(&one.scene, transport, limit).await?;
             if !frame.complete {
                 return Err(anyhow!("a frame was not complete: {}", frame.problems.join("; ")).into());
+            }
+            if frame.stats.nodes.iter().any(|n| n.load_ms > 0.0) {
+                return Err(anyhow!("bricks were loaded in a timed frame: raise --memory-budget").into());
             }
             one.times.push(frame.stats.frame_ms);
         }
@@ -215,7 +227,7 @@ fn table_of(rows: &[Row]) -> Table {
     ]);
     for row in rows {
         table.add_row([
-            format!("{} %", row.segmentation_range * 100.0),
+            format!("{:.0} %", row.segmentation_range * 100.0),
             row.accel.to_owned(),
             format!("{:.1}", row.frame_ms),
             format!("{:.2}", row.samples as f64 / 1e6),

@@ -44,6 +44,11 @@ fn check(args: &RenderArgs) -> Result<(), Failure> {
     if !(1..=MAX_FRAMES).contains(&args.frames) {
         return Err(Failure::usage(anyhow!("--frames {}: must lie between 1 and {MAX_FRAMES}", args.frames)));
     }
+    if args.audit && !args.scene.accel.leaps_through_regions() {
+        return Err(Failure::usage(anyhow!(
+            "--audit compares with and without leaping through regions: add leap to --accel"
+        )));
+    }
     if args.orbit.is_some_and(|d| !d.is_finite()) {
         return Err(Failure::usage(anyhow!("--orbit: must be a finite number of degrees")));
     }
@@ -123,11 +128,6 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
             first_frame_ms = started.elapsed().as_secs_f64() * 1e3;
         }
         problems.extend(frame.problems.iter().map(|p| format!("frame {i}: {p}")));
-        if args.audit {
-            let audit = audited(&mut session, &one, &frame, args.nodes.deadline).await?;
-            say(quiet, &audit.in_words())?;
-            audits.push(audit);
-        }
         writer.push(&frame.picture)?;
         let manifest = manifest(&session, &one, &frame);
         match writer.last_written() {
@@ -136,6 +136,15 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
             }
             Some(_) => {}
             None => manifests.push(manifest),
+        }
+        if args.audit {
+            match audited(&mut session, &one, &frame, args.nodes.deadline).await {
+                Ok(audit) => {
+                    say(quiet, &audit.in_words())?;
+                    audits.push(audit);
+                }
+                Err(why) => problems.push(format!("frame {i}: no audit: {why:#}")),
+            }
         }
         frames.push(frame.stats);
     }
@@ -165,7 +174,7 @@ async fn audited(
     choice: &SceneChoice,
     frame: &Frame,
     deadline: Duration,
-) -> Result<Audit, Failure> {
+) -> anyhow::Result<Audit> {
     let (store, scene) = (session.store().clone(), &choice.scene);
     let view = View::new(&store.manifest.geometry, &scene.camera, scene.size, scene.step)?;
     let bounds = audit::bounds(&store, scene, &view);
@@ -173,7 +182,7 @@ async fn audited(
     plain.acceleration.leap = Leap::Off;
     let without = session.render(&plain, choice.transport, deadline).await?;
     if !(frame.complete && without.complete) {
-        return Err(anyhow!("--audit: a frame was not complete, so there is nothing to compare").into());
+        return Err(anyhow!("a frame was not complete, so there is nothing to compare"));
     }
     Ok(audit::compare(&frame.picture, &without.picture, &bounds, scene, choice.transport))
 }

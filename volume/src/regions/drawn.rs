@@ -8,6 +8,10 @@ use crate::scene::{Leap, RegionView, Scene};
 use crate::space::Geometry;
 use crate::transfer_function::TransferTable;
 
+/// Codes by which what a brick draws of V' can differ from the codes that its facts speak of: half a density where voxels of no
+/// region keep their 16 bits or lose two, and the inner bit, another half.
+const CODED_SLACK: u16 = 4;
+
 /// The tables by which the samples of a scene are classified.
 #[derive(Debug, Clone, Copy)]
 pub struct SceneTables<'a> {
@@ -22,7 +26,7 @@ pub struct SceneTables<'a> {
 pub struct Drawn {
     /// From V', leaping where it can; else from the volume itself.
     pub flattened: bool,
-    /// It could leap, and its error bound forbids it.
+    /// It could leap, and its error bound forbids it: drawn from the volume.
     pub over_tolerance: bool,
     /// Its whole stored box is this region's, so that its mean is all there is to know.
     pub only_region: Option<u32>,
@@ -74,7 +78,7 @@ pub fn drawn(
     facts: Option<&BrickFacts>,
 ) -> Option<Drawn> {
     let candidate = facts.filter(|f| f.has_regions && scene.acceleration.leap == Leap::Regions);
-    let over_tolerance = match (candidate, scene.acceleration.leap_tolerance) {
+    let over_tolerance = match (candidate.filter(|f| f.has_leaps), scene.acceleration.leap_tolerance) {
         (Some(facts), Some(tolerance)) => {
             let samples = longest_chord(geometry, owned, scene.step * geometry.min_spacing());
             brick_change(tables, raw, facts).over(samples) > tolerance
@@ -82,7 +86,7 @@ pub fn drawn(
         _ => false,
     };
     let flat = candidate.filter(|_| !over_tolerance);
-    let range = flat.map_or(raw, |f| [f.min, f.max]);
+    let range = flat.map_or(raw, |f| [f.min.saturating_sub(CODED_SLACK), f.max.saturating_add(CODED_SLACK)]);
     if tables.is_empty_over(range, facts) {
         return None;
     }
@@ -137,6 +141,15 @@ mod tests {
         let below = BrickFacts { min: 0, max: 29_000, ..FACTS };
         assert!(decide(Leap::Regions, None, RegionView::All, [0, 31_000], below).is_none());
         assert!(decide(Leap::Off, None, RegionView::All, [0, 31_000], below).is_some_and(|d| !d.flattened));
+    }
+
+    /// Flat and plain bricks draw the volume's own 16 bits where coded ones draw 14: the range must hold both.
+    #[test]
+    fn a_voxel_at_the_edge_of_a_function_is_not_culled() {
+        let facts = BrickFacts { min: 100, max: 29_999, ..FACTS };
+        assert!(decide(Leap::Regions, None, RegionView::All, [0, 30_001], facts).is_some());
+        let below = BrickFacts { min: 100, max: 29_900, ..FACTS };
+        assert!(decide(Leap::Regions, None, RegionView::All, [0, 30_001], below).is_none());
     }
 
     #[test]
