@@ -21,6 +21,7 @@ use crate::raycaster::{
 };
 use crate::recipe::Recipe;
 use crate::texels::{PreparedBrick, PreparedCells, expected_bytes};
+use crate::worth::SkipsEnough;
 
 /// Tile edge in pixels: small enough that threads stay busy to the end, large enough that a brick's voxels are reused.
 const TILE: usize = 32;
@@ -48,6 +49,7 @@ struct CpuBrick {
     flags: Vec<u8>,
     /// The macrocell map of the last scene.
     map: Mutex<Option<BuiltMap>>,
+    skips_enough: SkipsEnough,
     bytes: u64,
 }
 
@@ -78,7 +80,24 @@ impl CpuBrick {
         };
         let (uniform, means, cells) = (prepared.uniform, prepared.means, prepared.cells);
         let flags = prepared.flags.unwrap_or_default();
-        Ok(Self { owned, uniform, texels, means, cells, flags, map: Mutex::default(), bytes })
+        Ok(Self {
+            owned,
+            uniform,
+            texels,
+            means,
+            cells,
+            flags,
+            map: Mutex::default(),
+            skips_enough: SkipsEnough::default(),
+            bytes,
+        })
+    }
+
+    /// Does skipping pay in this brick?
+    fn skips(&self, emptiness: &Arc<Emptiness>) -> bool {
+        self.cells
+            .as_ref()
+            .is_some_and(|c| c.homogeneous.is_some() || self.skips_enough.ask(emptiness, &c.cells.ranges))
     }
 
     /// The map for `emptiness`, built anew where it is another than the last one.
@@ -117,6 +136,7 @@ struct PlacedBrick<'a> {
 
 impl<'a> PlacedBrick<'a> {
     fn new(brick: &'a CpuBrick, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> Self {
+        let emptiness = emptiness.filter(|e| brick.skips(e));
         let map = brick.map(emptiness);
         let mut uniform = brick.uniform;
         uniform.map_mask = map_mask(emptiness.is_some(), brick.cells.as_ref());

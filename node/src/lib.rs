@@ -17,6 +17,7 @@ pub mod stores;
 #[cfg(test)]
 mod testing;
 mod texels;
+mod worth;
 
 pub use config::{DataRoot, NodeConfig};
 pub use error::NodeError;

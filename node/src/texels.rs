@@ -12,6 +12,7 @@ use glam::IVec3;
 
 use crate::raycaster::{BrickInput, RaycastError, check_brick};
 use crate::recipe::Recipe;
+use crate::worth::leaps_enough;
 
 /// What goes into the backend's memory.
 #[derive(Debug)]
@@ -49,7 +50,10 @@ impl<'a> PreparedBrick<'a> {
         let mut means = None;
         let mut texels = Cow::Borrowed(voxels.codes.as_slice());
         if let (Some(guard), Some((regions, table))) = (recipe.guard, regions) {
-            match classify(voxels, regions, table, u32::from(guard), 0)? {
+            // A guard as wide as distances go leaves no leap voxel: V' as plain texels.
+            let worth = leaps_enough(&voxels.stored, regions, u32::from(guard));
+            let guard = if worth { u32::from(guard) } else { u32::from(MAX_DISTANCE) };
+            match classify(voxels, regions, table, guard, 0)? {
                 Classified::Plain => {}
                 Classified::Flat { codes } => texels = Cow::Owned(codes),
                 Classified::Uniform { mean, .. } => return Ok(Self::uniform(owned, mean)),

@@ -153,7 +153,13 @@ pub(super) fn render(
         let mut dispatches = Vec::new();
         for band in &batch.bands {
             for (i, brick) in bricks[band.job].iter().enumerate() {
-                dispatches.extend(plan::dispatches(&scene.view, band, i, &brick.owned, brick.in_scene(scene)));
+                dispatches.extend(plan::dispatches(
+                    &scene.view,
+                    band,
+                    i,
+                    &brick.owned,
+                    brick.in_scene(scene, call.emptiness),
+                ));
             }
         }
         if !dispatches.is_empty() {

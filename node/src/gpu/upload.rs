@@ -13,6 +13,7 @@ use super::kernel::Kernels;
 use crate::emptiness::Emptiness;
 use crate::raycaster::{Features, KernelScene, RaycastError, ResidentBrick};
 use crate::texels::PreparedBrick;
+use crate::worth::SkipsEnough;
 
 /// Bytes of a macrocell: its range and its texel of the map.
 pub(super) const CELL_BYTES: u64 = 8;
@@ -28,6 +29,9 @@ pub(super) struct GpuBrick {
     uniform: BrickUniform,
     has_leaps: bool,
     cells: Option<CellTextures>,
+    /// Smallest and largest code of each macrocell.
+    ranges: Vec<[u16; 2]>,
+    skips_enough: SkipsEnough,
     bytes: u64,
 }
 
@@ -37,10 +41,11 @@ impl GpuBrick {
     }
 
     /// What the brick needs in this scene: its uniform and its kernel.
-    pub(super) fn in_scene(&self, scene: &KernelScene) -> (BrickUniform, Features) {
+    pub(super) fn in_scene(&self, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> (BrickUniform, Features) {
         let leaps = self.cells.as_ref().is_some_and(|c| c.has_homogeneous);
+        let skips = emptiness.is_some_and(|e| leaps || self.skips_enough.ask(e, &self.ranges));
         let mut uniform = self.uniform;
-        uniform.map_mask = (if scene.skip_empty { MAP_EMPTY } else { 0 }) | (if leaps { MAP_HOMOGENEOUS } else { 0 });
+        uniform.map_mask = (if skips { MAP_EMPTY } else { 0 }) | (if leaps { MAP_HOMOGENEOUS } else { 0 });
         let map = self.cells.is_some() && uniform.map_mask != 0;
         (uniform, Features { leap: self.has_leaps, map, regions: scene.tells_regions_apart() })
     }
@@ -117,7 +122,19 @@ pub(super) fn upload(
         (textures, cells, bind_group, gpu.queue.submit([]))
     })?;
     let (uniform, has_leaps) = (prepared.uniform, prepared.means.is_some());
-    let brick = GpuBrick { gpu: gpu.clone(), textures, bind_group, owned, uniform, has_leaps, cells, bytes };
+    let ranges = prepared.cells.as_ref().map_or_else(Vec::new, |c| c.cells.ranges.clone());
+    let brick = GpuBrick {
+        gpu: gpu.clone(),
+        textures,
+        bind_group,
+        owned,
+        uniform,
+        has_leaps,
+        cells,
+        ranges,
+        skips_enough: SkipsEnough::default(),
+        bytes,
+    };
     // Else the staging copies of many bricks would pile up.
     gpu.wait("the upload of a brick", submission)?;
     Ok(brick)
