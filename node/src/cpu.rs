@@ -1,7 +1,7 @@
 //! The raycaster on the processor: the kernel's CPU twin over screen tiles.
 
 use std::any::Any;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use brickcast_shaders::layout::{BrickUniform, FrameUniform, MAP_EMPTY, MAP_HOMOGENEOUS};
 use brickcast_shaders::twin::accelerated::{BrickData, RayCounts, Tables, Unwatched, accelerated_ray};
@@ -14,7 +14,7 @@ use brickcast_volume::{PixelRect, Premul};
 use glam::UVec2;
 use rayon::prelude::*;
 
-use crate::emptiness::{Emptiness, EmptinessCache};
+use crate::emptiness::{Emptiness, EmptinessCache, is_same};
 use crate::raycaster::{
     BackendInfo, BrickCounts, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, ResidentBrick,
     check_jobs, new_pixels,
@@ -36,8 +36,9 @@ pub struct CpuRaycaster {
     emptiness: EmptinessCache,
 }
 
-/// What a map was built for, and its texels.
-type BuiltMap = (Option<Arc<Emptiness>>, Arc<Vec<u32>>);
+/// What a map was built for, and its texels. No more than the name of the emptiness: its counts of half a megabyte must not
+/// live as long as every brick that once saw them.
+type BuiltMap = (Option<Weak<Emptiness>>, Arc<Vec<u32>>);
 
 #[derive(Debug)]
 struct CpuBrick {
@@ -107,11 +108,14 @@ impl CpuBrick {
             return None;
         }
         let mut map = self.map.lock().unwrap_or_else(PoisonError::into_inner);
-        match &*map {
-            Some((known, built)) if known.as_ref().map(Arc::as_ptr) == emptiness.map(Arc::as_ptr) => {
+        if let Some((known, built)) = &*map {
+            let is_current = match (known, emptiness) {
+                (Some(known), Some(emptiness)) => is_same(known, emptiness),
+                (known, emptiness) => known.is_none() && emptiness.is_none(),
+            };
+            if is_current {
                 return Some(built.clone());
             }
-            _ => {}
         }
         let mut texels = homogeneous.clone().unwrap_or_else(|| vec![0; cells.ranges.len()]);
         if let Some(emptiness) = emptiness {
@@ -119,7 +123,7 @@ impl CpuBrick {
             texels.iter_mut().zip(distances).for_each(|(texel, distance)| *texel |= u32::from(distance));
         }
         let texels = Arc::new(texels);
-        *map = Some((emptiness.cloned(), texels.clone()));
+        *map = Some((emptiness.map(Arc::downgrade), texels.clone()));
         Some(texels)
     }
 }
@@ -312,4 +316,48 @@ fn render_tile(
         }
     }
     counts
+}
+
+#[cfg(test)]
+mod tests {
+    use brickcast_volume::macrocell::Macrocells;
+    use bytemuck::Zeroable;
+    use glam::{IVec3, UVec3};
+
+    use super::*;
+
+    /// Of a scene in which nothing shows, or everything.
+    fn emptiness(opaque: u32) -> Arc<Emptiness> {
+        let counts = (0..=u32::from(u16::MAX)).map(|code| [code * opaque, (code + 1) * opaque]).collect();
+        Arc::new(Emptiness { counts, tables: Vec::new() })
+    }
+
+    /// A brick that was last seen with a transfer function long gone must not keep its counts, and must not take another
+    /// function for it that came to lie in the same place.
+    #[test]
+    fn bricks_do_not_keep_the_transfer_functions_that_they_were_seen_with() {
+        let cells = Macrocells { edge: 4, lo: IVec3::ZERO, dims: UVec3::ONE, ranges: vec![[100, 200]] };
+        let brick = CpuBrick {
+            owned: OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(4) },
+            uniform: BrickUniform::zeroed(),
+            texels: Vec::new(),
+            means: None,
+            cells: Some(PreparedCells { cells, homogeneous: None }),
+            flags: Vec::new(),
+            map: Mutex::default(),
+            bytes: 0,
+        };
+        let first = emptiness(0);
+        let map = brick.map(Some(&first)).unwrap();
+        assert_ne!(*map, [0], "nothing shows");
+        assert!(Arc::ptr_eq(&map, &brick.map(Some(&first)).unwrap()), "built once");
+        let counts = Arc::downgrade(&first);
+        drop(first);
+        assert_eq!(counts.strong_count(), 0);
+        drop(counts);
+        for _ in 0..100 {
+            assert_eq!(*brick.map(Some(&emptiness(1))).unwrap(), [0], "everything shows");
+            assert_ne!(*brick.map(Some(&emptiness(0))).unwrap(), [0], "nothing shows");
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! Which value ranges are empty in a scene: under every table that a sample may be read by.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use brickcast_volume::scene::RegionView;
 use brickcast_volume::transfer_function::TransferTable;
@@ -11,7 +11,13 @@ use crate::raycaster::KernelScene;
 #[derive(Debug)]
 pub(crate) struct Emptiness {
     pub(crate) counts: Vec<[u32; 2]>,
-    tables: Vec<Arc<TransferTable>>,
+    pub(crate) tables: Vec<Arc<TransferTable>>,
+}
+
+/// Is `known` the very same as `emptiness`? A dead one never is: its place is not given to another while a weak pointer is
+/// left.
+pub(crate) fn is_same(known: &Weak<Emptiness>, emptiness: &Arc<Emptiness>) -> bool {
+    std::ptr::eq(known.as_ptr(), Arc::as_ptr(emptiness))
 }
 
 /// The emptiness of the last scene that skipped: maps are built anew only when it changes.

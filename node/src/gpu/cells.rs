@@ -1,6 +1,6 @@
 //! Macrocell maps on the GPU: built anew when the transfer function changes.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use brickcast_shaders::{distance_wgsl, macrocell_wgsl};
 use wgpu::{BindingType, TextureFormat, TextureViewDimension};
@@ -8,7 +8,7 @@ use wgpu::{BindingType, TextureFormat, TextureViewDimension};
 use super::device::Gpu;
 use super::kernel::{compute_pipeline, entry, integers, layout};
 use super::upload::{GpuBrick, texture_3d};
-use crate::emptiness::Emptiness;
+use crate::emptiness::{Emptiness, is_same};
 use crate::raycaster::RaycastError;
 use crate::texels::PreparedCells;
 
@@ -25,7 +25,8 @@ pub(super) struct CellTextures {
     homogeneous: wgpu::Texture,
     pub(super) map: wgpu::Texture,
     pub(super) has_homogeneous: bool,
-    built_for: Mutex<Option<Arc<Emptiness>>>,
+    /// No more than its name: counts of half a megabyte must not live as long as every brick that once saw them.
+    built_for: Mutex<Weak<Emptiness>>,
 }
 
 impl CellTextures {
@@ -56,11 +57,11 @@ impl CellTextures {
 
     pub(super) fn is_outdated(&self, emptiness: &Arc<Emptiness>) -> bool {
         let built_for = self.built_for.lock().unwrap_or_else(PoisonError::into_inner);
-        !built_for.as_ref().is_some_and(|known| Arc::ptr_eq(known, emptiness))
+        !is_same(&built_for, emptiness)
     }
 
     fn is_built_for(&self, emptiness: &Arc<Emptiness>) {
-        *self.built_for.lock().unwrap_or_else(PoisonError::into_inner) = Some(emptiness.clone());
+        *self.built_for.lock().unwrap_or_else(PoisonError::into_inner) = Arc::downgrade(emptiness);
     }
 }
 

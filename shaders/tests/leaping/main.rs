@@ -3,6 +3,7 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
+mod extremes;
 mod field;
 mod hazards;
 mod march;

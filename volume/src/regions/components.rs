@@ -137,6 +137,11 @@ impl Components {
         fates
     }
 
+    /// How many components were kept so far.
+    pub(crate) fn kept(&self) -> usize {
+        self.kept.len()
+    }
+
     /// The components that were kept, once all slabs were added; fates count them from 1.
     pub(crate) fn finish(self) -> Vec<Part> {
         self.kept

@@ -1,18 +1,24 @@
 //! The seeded flood fill of Frey & Ertl (2009), for comparison: regions grow from seeds in raster order as long as their
 //! values' range allows. What belongs to a region depends on the order, and the whole volume must be in memory.
 
-use std::collections::VecDeque;
+use std::collections::{TryReserveError, VecDeque};
 
 use super::code::Density;
 
-/// The most voxels that a flood fill takes: it holds 6 bytes a voxel.
+/// The most voxels that a flood fill takes. It holds 6 bytes a voxel (density and label), and 4 for each voxel in the queue:
+/// a region's growing front, usually a surface, at the very worst as many as there are voxels (twice that while it grows).
 pub const MAX_FLOOD_VOXELS: u64 = 1 << 30;
 
 /// Labels 1, 2, ... in the order of seeds; 0 for regions too small to hold a leap voxel. `width` is the largest difference
-/// between two voxels of a region. Labels above `u32::MAX` cannot come about below [`MAX_FLOOD_VOXELS`].
-pub(crate) fn flood(densities: &[Density], dims: [usize; 3], width: Density) -> Vec<u32> {
+/// between two voxels of a region. Labels and voxel numbers above `u32::MAX` cannot come about below [`MAX_FLOOD_VOXELS`].
+///
+/// # Errors
+/// Memory that the system does not give.
+pub(crate) fn flood(densities: &[Density], dims: [usize; 3], width: Density) -> Result<Vec<u32>, TryReserveError> {
     const UNSEEN: u32 = u32::MAX;
-    let mut labels = vec![UNSEEN; densities.len()];
+    let mut labels = Vec::new();
+    labels.try_reserve_exact(densities.len())?;
+    labels.resize(densities.len(), UNSEEN);
     // A leap voxel needs all of a cube of five, or the three layers that a corner of the volume leaves of it.
     let smallest: usize = dims.iter().map(|n| (*n).min(3)).product();
     let strides = [1, dims[0], dims[0] * dims[1]];
@@ -24,8 +30,10 @@ pub(crate) fn flood(densities: &[Density], dims: [usize; 3], width: Density) -> 
         let (mut min, mut max) = (densities[seed], densities[seed]);
         labels[seed] = next;
         region.clear();
-        queue.push_back(seed);
+        queue.push_back(seed as u32);
         while let Some(voxel) = queue.pop_front() {
+            let voxel = voxel as usize;
+            queue.try_reserve(6)?;
             // Only small regions are taken back, so no more need be remembered.
             if region.len() < smallest {
                 region.push(voxel);
@@ -40,7 +48,7 @@ pub(crate) fn flood(densities: &[Density], dims: [usize; 3], width: Density) -> 
                     if labels[neighbour] == UNSEEN && hi - lo <= width {
                         (min, max) = (lo, hi);
                         labels[neighbour] = next;
-                        queue.push_back(neighbour);
+                        queue.push_back(neighbour as u32);
                     }
                 }
             }
@@ -51,5 +59,5 @@ pub(crate) fn flood(densities: &[Density], dims: [usize; 3], width: Density) -> 
             next += 1;
         }
     }
-    labels
+    Ok(labels)
 }

@@ -22,5 +22,5 @@ pub use classify::{Classified, ClassifyError, classify};
 pub use code::{Density, density_of_code, guard_width};
 pub use drawn::{Drawn, SceneTables, brick_change, drawn, longest_chord};
 pub use flood::MAX_FLOOD_VOXELS;
-pub use table::{BrickFacts, BrickRegions, NO_REGION, Region, RegionTable};
+pub use table::{BrickFacts, BrickRegions, MAX_REGIONS, NO_REGION, Region, RegionTable};
 pub use windows::{Windows, window_width};

@@ -6,6 +6,9 @@ use crate::brick::StoredBox;
 /// The label of voxels that belong to no region; regions are labelled 1, 2, ... in the order of their first voxel.
 pub const NO_REGION: u32 = 0;
 
+/// The most regions of a store: the table of all is in the memory of every node.
+pub const MAX_REGIONS: u32 = 1 << 24;
+
 /// One region.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Region {

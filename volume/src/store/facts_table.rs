@@ -4,7 +4,7 @@ use super::error::StoreError;
 use super::hash::ContentHash;
 use super::manifest::Manifest;
 use super::region_error::RegionsError;
-use crate::regions::{BrickFacts, Region, RegionTable};
+use crate::regions::{BrickFacts, NO_REGION, Region, RegionTable};
 
 /// Bytes of a region: root, voxels, sum (u64), min, max (u16), all little endian.
 pub(super) const REGION_BYTES: usize = 28;
@@ -44,8 +44,11 @@ impl BrickFactsTable {
             only_region: u32::from_le_bytes([b[8], b[9], b[10], b[11]]),
         });
         let facts: Vec<_> = facts.collect();
-        let sound =
-            |f: &BrickFacts| f.min <= f.max && f.only_region <= regions.count && (f.has_regions || !f.has_leaps);
+        let sound = |f: &BrickFacts| {
+            f.min <= f.max
+                && f.only_region <= regions.count
+                && (f.has_regions || (!f.has_leaps && f.only_region == NO_REGION))
+        };
         match facts.iter().position(|f| !sound(f)) {
             Some(linear) => Err(RegionsError::Facts { brick: manifest.grid.brick_at(linear) }.into()),
             None => Ok(Self(facts)),

@@ -28,6 +28,14 @@ impl LabelPlanes {
         }
     }
 
+    /// The error for more labels than `max`, by where they come from.
+    pub(super) fn too_many(&self, max: usize) -> RegionsError {
+        match self {
+            Self::File(_) => RegionsError::TooManyLabels { max },
+            Self::Memory(_) => RegionsError::TooManyFlooded { max },
+        }
+    }
+
     /// Starts over at plane 0.
     pub(super) fn rewind(&mut self) -> Result<(), FormatError> {
         match self {
@@ -62,5 +70,17 @@ impl LabelPlanes {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Nobody who floods has a label volume to change.
+    #[test]
+    fn a_flood_fill_with_too_many_regions_says_so_in_its_own_words() {
+        let says = LabelPlanes::Memory(Vec::new()).too_many(1 << 24).to_string();
+        assert!(says.contains("flood") && says.contains("--segmentation-range") && !says.contains("volume"), "{says}");
     }
 }

@@ -33,7 +33,7 @@ use crate::regions::code::{MAX_DENSITY, density_of_code};
 
 /// Makes the store `out` of an input that stands at its first plane. The same input and options give the same bytes.
 ///
-/// Memory: 16 planes in the stored type, one plane of the input, and 64 KiB per shard of one z-row. With regions also 16
+/// Memory: 16 planes in the stored type, one plane of the input, and 64 KiB per shard of one z-row. With regions also 32
 /// planes of codes, labels and distances, and the components that are open: see [`super::segment`].
 ///
 /// # Errors

@@ -2,7 +2,7 @@
 
 use super::hash::ContentHash;
 use crate::ids::BrickIndex;
-use crate::regions::MAX_FLOOD_VOXELS;
+use crate::regions::{MAX_FLOOD_VOXELS, MAX_REGIONS};
 
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RegionsError {
@@ -15,10 +15,22 @@ pub enum RegionsError {
     #[error("the label volume has more than {max} labels; leave those of few voxels out (0 is no region)")]
     TooManyLabels { max: usize },
     #[error(
+        "the flood fill found more than {max} regions; use a larger --segmentation-range, or --segmentation windows with \
+         --min-region"
+    )]
+    TooManyFlooded { max: usize },
+    #[error(
+        "a flood fill of {voxels} voxels needs 6 bytes a voxel and its queue in memory, which the system does not give; use \
+         --segmentation windows"
+    )]
+    FloodMemory { voxels: u64 },
+    #[error(
         "a flood fill holds the whole volume in memory and takes at most {MAX_FLOOD_VOXELS} voxels, not {voxels}; \
          use --segmentation windows"
     )]
     FloodTooLarge { voxels: u64 },
+    #[error("the volume has more than {MAX_REGIONS} regions; leave small ones out with a larger --min-region")]
+    TooManyRegions,
     #[error("this store has no regions; prepare it with --segmentation-range")]
     None,
     #[error("the table of bricks has {got} bytes, {bricks} bricks need {want}; prepare the store again")]

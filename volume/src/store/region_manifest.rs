@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::error::ManifestError;
 use super::hash::ContentHash;
 use super::manifest_file::{field, hash};
+use crate::regions::MAX_REGIONS;
 use crate::space::Geometry;
 
 /// How regions were found.
@@ -121,6 +122,10 @@ impl RegionsFile {
         }
         if self.min_region_asked > self.min_region {
             return Err(field("regions.min_region", "below what was asked for"));
+        }
+        if self.count > MAX_REGIONS {
+            let why = format!("{} regions, at most {MAX_REGIONS} are allowed; raise --min-region", self.count);
+            return Err(field("regions.count", why));
         }
         let count = u64::from(self.count);
         let counts_fit = self.voxels <= geometry.voxel_count()

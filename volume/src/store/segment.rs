@@ -17,8 +17,8 @@ use super::scratch::Scratch;
 use crate::regions::block::{CodeTables, Part, Slab};
 use crate::regions::components::{Components, RecordLayout, SLAB_PLANES, resolve};
 use crate::regions::distance::{BackwardSweep, ForwardSweep};
-use crate::regions::given::GivenParts;
-use crate::regions::{MAX_FLOOD_VOXELS, Windows, density_of_code, flood, window_width};
+use crate::regions::given::{GivenParts, TooManyParts};
+use crate::regions::{MAX_FLOOD_VOXELS, MAX_REGIONS, Windows, density_of_code, flood, window_width};
 use crate::space::Geometry;
 
 /// The most labels of a label volume.
@@ -77,6 +77,11 @@ pub(super) fn checked(options: &RegionOptions) -> Result<(SegmentationMethod, Op
         Some(w) if !(w > 0.0 && w <= 1.0) => Err(RegionsError::SegmentationRange(w)),
         _ => Ok((method, range)),
     }
+}
+
+/// Regions beyond what a manifest may speak of, before all of them are in memory.
+fn check_count(kept: usize) -> Result<(), RegionsError> {
+    if kept > MAX_REGIONS as usize { Err(RegionsError::TooManyRegions) } else { Ok(()) }
 }
 
 impl Segmenter<'_> {
@@ -196,7 +201,7 @@ impl Segmenter<'_> {
             file.write(offset, bytes)?;
             slabs.push(SlabRecord { offset, fates: record.fates.len(), layout: record.layout });
             offset += bytes.len() as u64;
-            Ok(())
+            Ok(check_count(components.kept())?)
         })?;
         let mut answers: Vec<u32> = Vec::new();
         for slab in slabs.iter().rev() {
@@ -215,15 +220,11 @@ impl Segmenter<'_> {
         tables: &CodeTables,
         distances: &mut Scratch,
     ) -> Result<GivenParts, StoreError> {
-        let (mut parts, mut labels) = (GivenParts::default(), Vec::new());
+        let (mut parts, mut labels) = (GivenParts::new(MAX_GIVEN_LABELS), Vec::new());
         planes.rewind()?;
         self.each_slab(Phase::Regions, distances, |this, _, (z0, z1), slab| {
             planes.read(z0, z1, this.voxels.plane(), &mut labels)?;
-            parts.add(slab, &labels, tables);
-            match parts.0.len() {
-                n if n > MAX_GIVEN_LABELS => Err(RegionsError::TooManyLabels { max: MAX_GIVEN_LABELS }.into()),
-                _ => Ok(()),
-            }
+            parts.add(slab, &labels, tables).map_err(|TooManyParts| planes.too_many(MAX_GIVEN_LABELS).into())
         })?;
         Ok(parts)
     }
@@ -234,13 +235,14 @@ impl Segmenter<'_> {
             return Err(RegionsError::FloodTooLarge { voxels }.into());
         }
         let (mut all, mut codes) = (Vec::new(), Vec::new());
-        all.try_reserve_exact(voxels as usize).map_err(|_| StoreError::Memory { bytes: voxels * 2 })?;
+        let memory = |_| RegionsError::FloodMemory { voxels };
+        all.try_reserve_exact(voxels as usize).map_err(memory)?;
         for (z0, z1) in self.slabs() {
             self.report(Phase::Flood, z0);
             self.voxels.read(z0, z1, &mut codes)?;
             all.extend(codes.iter().map(|c| density[usize::from(*c)]));
         }
-        Ok(flood::flood(&all, self.dims(), window_width(range)))
+        Ok(flood::flood(&all, self.dims(), window_width(range)).map_err(memory)?)
     }
 }
 
@@ -275,3 +277,15 @@ impl<L: Copy + Eq + Send + Sync> Forward<L> {
 
 // Slabs are written as whole layers of inner chunks.
 const _: () = assert!(SLAB_PLANES.is_multiple_of(super::profile::CHUNK_EDGE));
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// No test makes so many regions; that the limit is the manifest's own is what counts.
+    #[test]
+    fn as_many_regions_as_a_manifest_may_speak_of_and_no_more() {
+        assert_eq!(check_count(MAX_REGIONS as usize), Ok(()));
+        assert_eq!(check_count(MAX_REGIONS as usize + 1), Err(RegionsError::TooManyRegions));
+    }
+}

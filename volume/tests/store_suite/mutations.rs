@@ -3,7 +3,11 @@
 use std::sync::LazyLock;
 
 use brickcast_volume::format::VoxelType;
-use brickcast_volume::store::{BrickFactsTable, BrickRanges, HISTOGRAM_BINS, Manifest, PrepareOptions, Store};
+use brickcast_volume::regions::{BrickFacts, MAX_REGIONS};
+use brickcast_volume::store::{
+    BrickFactsTable, BrickRanges, ContentHash, HISTOGRAM_BINS, Manifest, PrepareOptions, RegionsError, Store,
+    StoreError,
+};
 use proptest::prelude::*;
 
 use crate::regions::windows;
@@ -182,6 +186,44 @@ fn replaced_numbers_reach_the_field_checks() {
     }
     assert!(valid > 50 && refused_by_field > 1000, "{valid} valid, {refused_by_field} refused by a check");
     assert!(for_regions > 20, "{for_regions} refused for the entry of regions");
+}
+
+/// A count that the volume could hold and no memory: refused before a file of that many regions is read.
+#[test]
+fn more_regions_than_any_store_may_have_are_refused_with_the_way_out() {
+    let mut manifest = Manifest::from_bytes(&WITH_REGIONS.0).unwrap();
+    manifest.regions.as_mut().unwrap().count = MAX_REGIONS + 1;
+    let error = Manifest::from_bytes(&manifest.to_bytes().unwrap()).unwrap_err().to_string();
+    assert!(error.contains("regions.count") && error.contains("16777217") && error.contains("--min-region"), "{error}");
+}
+
+/// Facts that contradict themselves or the table of regions, with the hash that the manifest promises: a hash says who
+/// wrote them, not that they make sense.
+#[test]
+fn facts_that_contradict_each_other_are_refused_by_brick() {
+    let mut manifest = Manifest::from_bytes(&WITH_REGIONS.0).unwrap();
+    let good = BrickFactsTable::from_bytes(&manifest, &WITH_REGIONS.1).unwrap();
+    let fact = BrickFacts { min: 5, max: 9, deviation: 0, has_regions: true, has_leaps: true, only_region: 2 };
+    let mut with = |fact: BrickFacts| {
+        let mut table = good.clone();
+        table.0[3] = fact;
+        let bytes = table.to_bytes();
+        manifest.regions.as_mut().unwrap().files.bricks = ContentHash::of(&bytes);
+        BrickFactsTable::from_bytes(&manifest, &bytes)
+    };
+    assert_eq!(with(fact).unwrap().0[3], fact);
+    let none = BrickFacts { has_regions: false, has_leaps: false, only_region: 0, ..fact };
+    assert_eq!(with(none).unwrap().0[3], none);
+    let contradictions = [
+        BrickFacts { only_region: 1, ..none },
+        BrickFacts { has_leaps: true, ..none },
+        BrickFacts { only_region: 3, ..fact },
+        BrickFacts { min: 10, ..fact },
+    ];
+    for wrong in contradictions {
+        let error = with(wrong).unwrap_err();
+        assert!(matches!(error, StoreError::Regions(RegionsError::Facts { .. })), "{wrong:?}: {error}");
+    }
 }
 
 #[test]
