@@ -345,6 +345,7 @@ mod tests {
             cells: Some(PreparedCells { cells, homogeneous: None }),
             flags: Vec::new(),
             map: Mutex::default(),
+            skips_enough: SkipsEnough::default(),
             bytes: 0,
         };
         let first = emptiness(0);
