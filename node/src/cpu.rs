@@ -21,7 +21,7 @@ use crate::raycaster::{
 };
 use crate::recipe::Recipe;
 use crate::texels::{PreparedBrick, PreparedCells, expected_bytes};
-use crate::worth::SkipsEnough;
+use crate::worth::{Occupancy, Occupied};
 
 /// Tile edge in pixels: small enough that threads stay busy to the end, large enough that a brick's voxels are reused.
 const TILE: usize = 32;
@@ -50,7 +50,7 @@ struct CpuBrick {
     flags: Vec<u8>,
     /// The macrocell map of the last scene.
     map: Mutex<Option<BuiltMap>>,
-    skips_enough: SkipsEnough,
+    occupancy: Occupancy,
     bytes: u64,
 }
 
@@ -89,16 +89,9 @@ impl CpuBrick {
             cells,
             flags,
             map: Mutex::default(),
-            skips_enough: SkipsEnough::default(),
+            occupancy: Occupancy::default(),
             bytes,
         })
-    }
-
-    /// Does skipping pay in this brick?
-    fn skips(&self, emptiness: &Arc<Emptiness>) -> bool {
-        self.cells
-            .as_ref()
-            .is_some_and(|c| c.homogeneous.is_some() || self.skips_enough.ask(emptiness, &c.cells.ranges))
     }
 
     /// The map for `emptiness`, built anew where it is another than the last one.
@@ -140,12 +133,18 @@ struct PlacedBrick<'a> {
 
 impl<'a> PlacedBrick<'a> {
     fn new(brick: &'a CpuBrick, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> Self {
-        let emptiness = emptiness.filter(|e| brick.skips(e));
-        let map = brick.map(emptiness);
         let mut uniform = brick.uniform;
+        let mut skips = false;
+        if let Some((emptiness, cells)) = emptiness.zip(brick.cells.as_ref()) {
+            let Occupied { bounds, skips: pays } = brick.occupancy.ask(emptiness, &brick.owned, &cells.cells);
+            skips = pays || cells.homogeneous.is_some();
+            uniform = uniform.within(&bounds);
+        }
+        let emptiness = emptiness.filter(|_| skips);
+        let map = brick.map(emptiness);
         uniform.map_mask = map_mask(emptiness.is_some(), brick.cells.as_ref());
         let is_plain = brick.means.is_none() && map.is_none() && !scene.tells_regions_apart();
-        Self { brick, projected: scene.view.project(&brick.owned), uniform, map, is_plain }
+        Self { brick, projected: scene.view.project(&uniform.owned()), uniform, map, is_plain }
     }
 
     fn data(&self) -> BrickData<'_> {
@@ -345,7 +344,7 @@ mod tests {
             cells: Some(PreparedCells { cells, homogeneous: None }),
             flags: Vec::new(),
             map: Mutex::default(),
-            skips_enough: SkipsEnough::default(),
+            occupancy: Occupancy::default(),
             bytes: 0,
         };
         let first = emptiness(0);

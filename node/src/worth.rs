@@ -5,34 +5,69 @@
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use brickcast_shaders::twin::macrocell::is_empty;
-use brickcast_volume::StoredBox;
+use brickcast_volume::macrocell::Macrocells;
 use brickcast_volume::regions::BrickRegions;
+use brickcast_volume::{OwnedBox, StoredBox};
+use glam::UVec3;
 
-use crate::emptiness::Emptiness;
+use crate::emptiness::{Emptiness, is_same};
 
-/// Of a brick's macrocells, the share that must be empty for the map to pay.
+/// Of the macrocells within the bounds of what a brick shows, the share that must be empty for the map to pay.
 const LEAST_EMPTY: f64 = 0.2;
 /// Of a brick's stored voxels, the share that must leap.
 const LEAST_LEAPS: f64 = 0.2;
 
-/// Does skipping pay? Remembered for the last transfer function.
-#[derive(Debug, Default)]
-pub(crate) struct SkipsEnough(Mutex<Option<(Weak<Emptiness>, bool)>>);
+/// What a brick has to show under a transfer function.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Occupied {
+    /// The owned box, cut to the macrocells that are not empty. Rays meet nothing outside it: its faces are planes of the
+    /// global cell grid, so the samples inside are those that the brick takes anyway, each at the same place. No extent
+    /// where all cells are empty.
+    pub(crate) bounds: OwnedBox,
+    /// Enough of its cells are empty for skipping to pay.
+    pub(crate) skips: bool,
+}
 
-impl SkipsEnough {
-    /// `ranges`: smallest and largest code of each macrocell.
-    pub(crate) fn ask(&self, emptiness: &Arc<Emptiness>, ranges: &[[u16; 2]]) -> bool {
+/// [`Occupied`], remembered for the last transfer function.
+#[derive(Debug, Default)]
+pub(crate) struct Occupancy(Mutex<Option<(Weak<Emptiness>, Occupied)>>);
+
+impl Occupancy {
+    pub(crate) fn ask(&self, emptiness: &Arc<Emptiness>, owned: &OwnedBox, cells: &Macrocells) -> Occupied {
         let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((known, answer)) = &*last
-            && known.as_ptr() == Arc::as_ptr(emptiness)
+            && is_same(known, emptiness)
         {
             return *answer;
         }
-        let empty = ranges.iter().filter(|range| is_empty(&emptiness.counts, **range)).count();
-        let answer = empty as f64 >= LEAST_EMPTY * ranges.len() as f64;
+        let answer = occupied(&emptiness.counts, owned, cells);
         *last = Some((Arc::downgrade(emptiness), answer));
         answer
     }
+}
+
+fn occupied(counts: &[[u32; 2]], owned: &OwnedBox, cells: &Macrocells) -> Occupied {
+    let (mut lo, mut hi) = (UVec3::MAX, UVec3::ZERO);
+    let mut showing = 0_u32;
+    let dims = cells.dims;
+    for (i, range) in (0..).zip(&cells.ranges) {
+        if is_empty(counts, *range) {
+            continue;
+        }
+        showing += 1;
+        let cell = UVec3::new(i % dims.x, i / dims.x % dims.y, i / (dims.x * dims.y));
+        lo = lo.min(cell);
+        hi = hi.max(cell + 1);
+    }
+    if showing == 0 {
+        return Occupied { bounds: OwnedBox { lo: owned.lo, hi: owned.lo }, skips: false };
+    }
+    let first = cells.lo.as_uvec3();
+    let bounds =
+        OwnedBox { lo: ((first + lo) * cells.edge).max(owned.lo), hi: ((first + hi) * cells.edge).min(owned.hi) };
+    // What the bounds cut off need not be skipped.
+    let within = (hi - lo).element_product();
+    Occupied { bounds, skips: f64::from(within - showing) >= LEAST_EMPTY * f64::from(within) }
 }
 
 /// Does leaping pay? `regions` covers the stored box and more.

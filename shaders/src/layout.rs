@@ -5,6 +5,7 @@ use brickcast_volume::transfer_function::TransferTable;
 use brickcast_volume::visibility::KernelView;
 use brickcast_volume::{OwnedBox, StoredBox};
 use bytemuck::{Pod, Zeroable};
+use glam::IVec3;
 
 use crate::Features;
 
@@ -153,6 +154,19 @@ impl BrickUniform {
     #[must_use]
     pub const fn reads_every_position(&self, features: Features) -> bool {
         !features.leap && !features.regions && (!features.map || self.map_mask <= MAP_EMPTY)
+    }
+
+    /// With `bounds`, a part of its owned box, in place of that.
+    #[must_use]
+    pub fn within(mut self, bounds: &OwnedBox) -> Self {
+        (self.owned_lo, self.owned_hi) = (bounds.lo.as_ivec3().into(), bounds.hi.as_ivec3().into());
+        self
+    }
+
+    /// The voxels that it integrates.
+    #[must_use]
+    pub fn owned(&self) -> OwnedBox {
+        OwnedBox { lo: IVec3::from(self.owned_lo).as_uvec3(), hi: IVec3::from(self.owned_hi).as_uvec3() }
     }
 
     /// The brick's boxes; rectangle, accumulator and counter still zero.

@@ -66,16 +66,17 @@ pub(super) fn batches(rects: &[PixelRect], capacity: u32) -> Vec<Batch> {
     batches
 }
 
-/// The dispatches of one brick over a band: its projection, cut where the samples could be too many.
+/// The dispatches of one brick over a band: the projection of the uniform's owned box, cut where the samples could be too
+/// many.
 pub(super) fn dispatches(
     view: &View,
     band: &Band,
     brick: usize,
-    owned: &OwnedBox,
     (boxes, features): (BrickUniform, Features),
 ) -> Vec<Dispatch> {
+    let owned = &boxes.owned();
     let rect = view.project(owned).intersect(&band.rect);
-    if rect.is_empty() {
+    if rect.is_empty() || owned.voxel_count() == 0 {
         return Vec::new();
     }
     let per_pixel = most_samples(view, owned);
@@ -155,7 +156,7 @@ mod tests {
         let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(512) };
         let band = Band { job: 0, rect: rect([0, 1000], [8192, 1900]), base: 77 };
         let boxes = BrickUniform::of_boxes(&owned, &owned.stored(1));
-        let pieces = dispatches(&view, &band, 3, &owned, (boxes, Features::PLAIN));
+        let pieces = dispatches(&view, &band, 3, (boxes, Features::PLAIN));
         assert!(pieces.len() > 10);
         let covered = view.project(&owned).intersect(&band.rect);
         let mut pixels = 0;

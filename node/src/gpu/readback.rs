@@ -153,13 +153,7 @@ pub(super) fn render(
         let mut dispatches = Vec::new();
         for band in &batch.bands {
             for (i, brick) in bricks[band.job].iter().enumerate() {
-                dispatches.extend(plan::dispatches(
-                    &scene.view,
-                    band,
-                    i,
-                    &brick.owned,
-                    brick.in_scene(scene, call.emptiness),
-                ));
+                dispatches.extend(plan::dispatches(&scene.view, band, i, brick.in_scene(scene, call.emptiness)));
             }
         }
         if !dispatches.is_empty() {

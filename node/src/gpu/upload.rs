@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use brickcast_shaders::layout::{BrickUniform, MAP_EMPTY, MAP_HOMOGENEOUS};
 use brickcast_volume::brick::OwnedBox;
+use brickcast_volume::macrocell::Macrocells;
 use brickcast_volume::regions::code::MAX_SLOTS;
 
 use super::cells::CellTextures;
@@ -13,7 +14,7 @@ use super::kernel::Kernels;
 use crate::emptiness::Emptiness;
 use crate::raycaster::{Features, KernelScene, RaycastError, ResidentBrick};
 use crate::texels::PreparedBrick;
-use crate::worth::SkipsEnough;
+use crate::worth::{Occupancy, Occupied};
 
 /// Bytes of a macrocell: its range and its texel of the map.
 pub(super) const CELL_BYTES: u64 = 8;
@@ -29,9 +30,8 @@ pub(super) struct GpuBrick {
     uniform: BrickUniform,
     has_leaps: bool,
     cells: Option<CellTextures>,
-    /// Smallest and largest code of each macrocell.
-    ranges: Vec<[u16; 2]>,
-    skips_enough: SkipsEnough,
+    macrocells: Option<Macrocells>,
+    occupancy: Occupancy,
     bytes: u64,
 }
 
@@ -40,11 +40,16 @@ impl GpuBrick {
         Arc::ptr_eq(&self.gpu, gpu)
     }
 
-    /// What the brick needs in this scene: its uniform and its kernel.
+    /// What the brick needs in this scene: its uniform and its kernel. The uniform's owned box is what may show something.
     pub(super) fn in_scene(&self, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> (BrickUniform, Features) {
         let leaps = self.cells.as_ref().is_some_and(|c| c.has_homogeneous);
-        let skips = emptiness.is_some_and(|e| leaps || self.skips_enough.ask(e, &self.ranges));
         let mut uniform = self.uniform;
+        let mut skips = false;
+        if let Some((emptiness, cells)) = emptiness.zip(self.macrocells.as_ref()) {
+            let Occupied { bounds, skips: pays } = self.occupancy.ask(emptiness, &self.owned, cells);
+            skips = leaps || pays;
+            uniform = uniform.within(&bounds);
+        }
         uniform.map_mask = (if skips { MAP_EMPTY } else { 0 }) | (if leaps { MAP_HOMOGENEOUS } else { 0 });
         let map = self.cells.is_some() && uniform.map_mask != 0;
         (uniform, Features { leap: self.has_leaps, map, regions: scene.tells_regions_apart() })
@@ -122,7 +127,6 @@ pub(super) fn upload(
         (textures, cells, bind_group, gpu.queue.submit([]))
     })?;
     let (uniform, has_leaps) = (prepared.uniform, prepared.means.is_some());
-    let ranges = prepared.cells.as_ref().map_or_else(Vec::new, |c| c.cells.ranges.clone());
     let brick = GpuBrick {
         gpu: gpu.clone(),
         textures,
@@ -131,8 +135,8 @@ pub(super) fn upload(
         uniform,
         has_leaps,
         cells,
-        ranges,
-        skips_enough: SkipsEnough::default(),
+        macrocells: prepared.cells.map(|c| c.cells),
+        occupancy: Occupancy::default(),
         bytes,
     };
     // Else the staging copies of many bricks would pile up.
