@@ -9,7 +9,9 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
-use brickcast_node::raycaster::{BackendChoice, BrickInput, Job, KernelScene, Raycaster, open};
+use brickcast_node::cpu::CpuRaycaster;
+use brickcast_node::gpu::{GpuOptions, GpuRaycaster};
+use brickcast_node::raycaster::{BrickInput, Job, KernelScene, Raycaster};
 use brickcast_node::recipe::Recipe;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::store::BrickVoxels;
@@ -21,7 +23,7 @@ const EDGE: u32 = 512;
 const BRICK: u32 = 64;
 const FRAMES: u32 = 8;
 
-fn measure(raycaster: &dyn Raycaster) -> Result<()> {
+fn measure(what: &str, raycaster: &dyn Raycaster) -> Result<()> {
     let geometry = Geometry::new([EDGE; 3], [1.0; 3], [0.0; 3])?;
     let view = View::new(&geometry, &Camera::orbit(&geometry, Orbit::default())?, PictureSize::new(4, 4)?, 1.0)?;
     let grid = BrickGrid::new(UVec3::splat(EDGE), BRICK)?;
@@ -53,20 +55,19 @@ fn measure(raycaster: &dyn Raycaster) -> Result<()> {
         raycaster.render(scene, &jobs)?;
     }
     let other = started.elapsed().as_secs_f64() * 1e3 / f64::from(FRAMES);
-    let backend = raycaster.info().backend;
     println!(
-        "{backend}: {other:.1} ms a frame with another function, {same:.1} ms with the same: {:.1} ms for the maps",
+        "{what}: {other:.1} ms a frame with another function, {same:.1} ms with the same: {:.1} ms for the maps",
         other - same
     );
     Ok(())
 }
 
 fn main() -> Result<()> {
-    for choice in [BackendChoice::Gpu, BackendChoice::Cpu] {
-        match open(choice) {
-            Ok(raycaster) => measure(raycaster.as_ref())?,
+    for (what, with_map_kernels) in [("gpu, maps by its kernels", true), ("gpu, maps as it chooses", false)] {
+        match GpuRaycaster::new(GpuOptions { with_map_kernels, ..GpuOptions::from_env() }) {
+            Ok(raycaster) => measure(what, &raycaster)?,
             Err(error) => println!("skipped: {error}"),
         }
     }
-    Ok(())
+    measure("cpu", &CpuRaycaster::new())
 }

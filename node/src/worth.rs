@@ -86,3 +86,43 @@ pub(crate) fn leaps_enough(stored: &StoredBox, regions: &BrickRegions, guard: u3
     }
     leaps as f64 >= LEAST_LEAPS * dims.element_product() as f64
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::IVec3;
+
+    use super::*;
+
+    /// Codes from 100 on show.
+    fn counts() -> Vec<[u32; 2]> {
+        (0..=u32::from(u16::MAX)).map(|code| [code.saturating_sub(100), (code + 1).saturating_sub(100)]).collect()
+    }
+
+    fn cells(edge: u32, lo: IVec3, dims: UVec3, shows: impl Fn(UVec3) -> bool) -> Macrocells {
+        let at = |i: u32| UVec3::new(i % dims.x, i / dims.x % dims.y, i / (dims.x * dims.y));
+        let range = |cell| if shows(cell) { [0, 100] } else { [0, 99] };
+        Macrocells { edge, lo, dims, ranges: (0..dims.element_product()).map(|i| range(at(i))).collect() }
+    }
+
+    /// Cells that the brick only shares at its low end, and cells cut at its high end.
+    #[test]
+    fn bounds_are_the_smallest_box_of_cells_that_holds_all_that_shows() {
+        let owned = OwnedBox { lo: UVec3::new(6, 8, 16), hi: UVec3::new(22, 21, 32) };
+        let dims = UVec3::new(5, 4, 4);
+        let of =
+            |shows: &dyn Fn(UVec3) -> bool| occupied(&counts(), &owned, &cells(4, IVec3::new(1, 2, 4), dims, shows));
+        assert_eq!(of(&|_| true), Occupied { bounds: owned, skips: false });
+        let nothing = of(&|_| false);
+        assert_eq!((nothing.bounds.voxel_count(), nothing.skips), (0, false));
+        for corner in 0..8_u32 {
+            let cell = UVec3::new(corner & 1, corner >> 1 & 1, corner >> 2) * (dims - 1);
+            let lo = ((UVec3::new(1, 2, 4) + cell) * 4).max(owned.lo);
+            let hi = ((UVec3::new(1, 2, 4) + cell + 1) * 4).min(owned.hi);
+            let one = of(&|c| c == cell);
+            assert_eq!(one, Occupied { bounds: OwnedBox { lo, hi }, skips: false }, "{cell}");
+        }
+        // Two far corners: all between them is empty, and within the bounds.
+        let two = of(&|c| c == UVec3::ZERO || c == dims - 1);
+        assert_eq!(two, Occupied { bounds: owned, skips: true });
+    }
+}

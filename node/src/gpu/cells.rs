@@ -1,13 +1,17 @@
-//! Macrocell maps on the GPU: built anew when the transfer function changes.
+//! Macrocell maps on the GPU: built anew when the transfer function changes, by kernels, or by the processor where it plays
+//! GPU (a software driver takes hundreds of times as long for the many small dispatches).
 
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
+use brickcast_shaders::twin::macrocell::empty_distances;
 use brickcast_shaders::{distance_wgsl, macrocell_wgsl};
+use brickcast_volume::macrocell::Macrocells;
+use rayon::prelude::*;
 use wgpu::{BindingType, TextureFormat, TextureViewDimension};
 
 use super::device::Gpu;
 use super::kernel::{compute_pipeline, entry, integers, layout};
-use super::upload::{GpuBrick, texture_3d};
+use super::upload::{GpuBrick, fill_texture_3d, texture_3d};
 use crate::emptiness::{Emptiness, is_same};
 use crate::raycaster::RaycastError;
 use crate::texels::PreparedCells;
@@ -20,39 +24,53 @@ const SUBMIT_MAPS: usize = 64;
 /// A brick's macrocells.
 #[derive(Debug)]
 pub(super) struct CellTextures {
-    dims: [u32; 3],
-    ranges: wgpu::Texture,
-    homogeneous: wgpu::Texture,
+    pub(super) cells: Macrocells,
+    /// What the kernels read: ranges and homogeneous bits; `None` where the processor builds the map.
+    inputs: Option<[wgpu::Texture; 2]>,
+    /// The map's homogeneous bits by cell.
+    homogeneous: Option<Vec<u32>>,
     pub(super) map: wgpu::Texture,
-    pub(super) has_homogeneous: bool,
     /// No more than its name: counts of half a megabyte must not live as long as every brick that once saw them.
     built_for: Mutex<Weak<Emptiness>>,
 }
 
 impl CellTextures {
-    pub(super) fn new(gpu: &Gpu, prepared: &PreparedCells) -> Self {
-        let cells = &prepared.cells;
-        let dims = cells.dims.into();
-        let ranges: Vec<u32> = cells.ranges.iter().map(|&[min, max]| u32::from(min) | u32::from(max) << 16).collect();
+    pub(super) fn new(gpu: &Gpu, prepared: PreparedCells) -> Self {
+        let PreparedCells { cells, homogeneous } = prepared;
         let integers =
             |dims, texels: &[u32]| texture_3d(gpu, dims, TextureFormat::R32Uint, bytemuck::cast_slice(texels));
-        let (homogeneous, map) = match &prepared.homogeneous {
-            Some(texels) => (integers(dims, texels), integers(dims, texels)),
-            None => (integers([1; 3], &[0]), integers(dims, &vec![0; ranges.len()])),
+        let dims = cells.dims.into();
+        let map = match &homogeneous {
+            Some(texels) => integers(dims, texels),
+            None => integers(dims, &vec![0; cells.ranges.len()]),
         };
-        Self {
-            dims,
-            ranges: integers(dims, &ranges),
-            homogeneous,
-            map,
-            has_homogeneous: prepared.homogeneous.is_some(),
-            built_for: Mutex::default(),
-        }
+        let inputs = gpu.has_map_kernels.then(|| {
+            let ranges = cells.ranges.iter().map(|&[min, max]| u32::from(min) | u32::from(max) << 16);
+            let homogeneous = homogeneous.as_ref().map_or_else(|| integers([1; 3], &[0]), |bits| integers(dims, bits));
+            [integers(dims, &ranges.collect::<Vec<_>>()), homogeneous]
+        });
+        Self { cells, inputs, homogeneous, map, built_for: Mutex::default() }
     }
 
-    /// What the map is built from.
-    pub(super) fn inputs(&self) -> [wgpu::Texture; 2] {
-        [self.ranges.clone(), self.homogeneous.clone()]
+    fn dims(&self) -> [u32; 3] {
+        self.cells.dims.into()
+    }
+
+    pub(super) fn has_homogeneous(&self) -> bool {
+        self.homogeneous.is_some()
+    }
+
+    /// What the map is built from, where kernels build it.
+    pub(super) fn inputs(&self) -> impl Iterator<Item = wgpu::Texture> {
+        self.inputs.iter().flatten().cloned()
+    }
+
+    /// The map's texels as the kernels would write them.
+    fn texels(&self, emptiness: &Emptiness) -> Vec<u32> {
+        let distances = empty_distances(&emptiness.counts, &self.cells.ranges, self.dims());
+        let mut texels = self.homogeneous.clone().unwrap_or_else(|| vec![0; distances.len()]);
+        texels.iter_mut().zip(distances).for_each(|(texel, distance)| *texel |= u32::from(distance));
+        texels
     }
 
     pub(super) fn is_outdated(&self, emptiness: &Arc<Emptiness>) -> bool {
@@ -158,7 +176,8 @@ impl Builder {
         counts: &wgpu::Texture,
         [a, b]: &[wgpu::Texture; 2],
     ) {
-        let groups = cells.dims.map(|n| n.div_ceil(WORKGROUP_CELLS));
+        let Some([ranges, homogeneous]) = &cells.inputs else { return };
+        let groups = cells.dims().map(|n| n.div_ceil(WORKGROUP_CELLS));
         let mut dispatch = |pipeline: &wgpu::ComputePipeline, layout, textures: &[&wgpu::Texture]| {
             let views: Vec<_> = textures.iter().map(|t| view(t)).collect();
             let entries: Vec<_> = (0..)
@@ -174,7 +193,6 @@ impl Builder {
             pass.set_bind_group(0, &bound, &[]);
             pass.dispatch_workgroups(groups[0], groups[1], groups[2]);
         };
-        let (ranges, homogeneous) = (&cells.ranges, &cells.homogeneous);
         dispatch(&self.occupancy, &self.occupancy_layout, &[ranges, counts, a]);
         for (pipeline, (from, to)) in self.distance.iter().zip([(a, b), (b, a), (a, &cells.map)]) {
             dispatch(pipeline, &self.distance_layout, &[ranges, from, homogeneous, to]);
@@ -183,9 +201,9 @@ impl Builder {
 }
 
 impl MapBuilder {
-    /// Creates the pipelines, where that is still to do.
+    /// Creates the pipelines, where there are to be some and that is still to do.
     pub(super) fn warm_up(&mut self, gpu: &Gpu) -> Result<(), RaycastError> {
-        if self.0.is_none() {
+        if self.0.is_none() && gpu.has_map_kernels {
             self.0 = Some(gpu.guarded("the macrocell kernels", 0, || Builder::new(gpu))?);
         }
         Ok(())
@@ -202,11 +220,14 @@ impl MapBuilder {
         if outdated.is_empty() {
             return Ok(());
         }
+        if !gpu.has_map_kernels {
+            return fill(gpu, emptiness, &outdated);
+        }
         self.warm_up(gpu)?;
         let Some(builder) = &mut self.0 else { return Ok(()) };
         let mut largest = [1; 3];
         for cells in &outdated {
-            largest = std::array::from_fn(|a| largest[a].max(cells.dims[a]));
+            largest = std::array::from_fn(|a| largest[a].max(cells.dims()[a]));
         }
         for some in outdated.chunks(SUBMIT_MAPS) {
             gpu.guarded("macrocell maps", 0, || {
@@ -225,4 +246,18 @@ impl MapBuilder {
         }
         Ok(())
     }
+}
+
+/// Maps built by the processor.
+fn fill(gpu: &Gpu, emptiness: &Arc<Emptiness>, outdated: &[&CellTextures]) -> Result<(), RaycastError> {
+    for some in outdated.chunks(SUBMIT_MAPS) {
+        let maps: Vec<Vec<u32>> = some.par_iter().map(|cells| cells.texels(emptiness)).collect();
+        gpu.guarded("macrocell maps", 0, || {
+            for (cells, texels) in some.iter().zip(&maps) {
+                fill_texture_3d(gpu, &cells.map, cells.dims(), bytemuck::cast_slice(texels));
+            }
+        })?;
+        some.iter().for_each(|cells| cells.is_built_for(emptiness));
+    }
+    Ok(())
 }

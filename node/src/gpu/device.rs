@@ -24,6 +24,8 @@ pub(super) struct Gpu {
     pub(super) can_filter: bool,
     /// The transfer function is filtered as Rgba32Float, else as Rgba16Float.
     pub(super) is_float_table_faster: bool,
+    /// Macrocell maps are built by kernels, else by the processor.
+    pub(super) has_map_kernels: bool,
     timeout: Duration,
     fault: Arc<Mutex<Option<RaycastError>>>,
 }
@@ -72,6 +74,7 @@ impl Gpu {
             is_software,
             can_filter,
             is_float_table_faster,
+            has_map_kernels: !is_software || options.with_map_kernels,
             timeout: options.timeout,
             fault,
         })

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use brickcast_shaders::layout::{BrickUniform, MAP_EMPTY, MAP_HOMOGENEOUS};
 use brickcast_volume::brick::OwnedBox;
-use brickcast_volume::macrocell::Macrocells;
 use brickcast_volume::regions::code::MAX_SLOTS;
 
 use super::cells::CellTextures;
@@ -30,7 +29,6 @@ pub(super) struct GpuBrick {
     uniform: BrickUniform,
     has_leaps: bool,
     cells: Option<CellTextures>,
-    macrocells: Option<Macrocells>,
     occupancy: Occupancy,
     bytes: u64,
 }
@@ -42,11 +40,11 @@ impl GpuBrick {
 
     /// What the brick needs in this scene: its uniform and its kernel. The uniform's owned box is what may show something.
     pub(super) fn in_scene(&self, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> (BrickUniform, Features) {
-        let leaps = self.cells.as_ref().is_some_and(|c| c.has_homogeneous);
+        let leaps = self.cells.as_ref().is_some_and(CellTextures::has_homogeneous);
         let mut uniform = self.uniform;
         let mut skips = false;
-        if let Some((emptiness, cells)) = emptiness.zip(self.macrocells.as_ref()) {
-            let Occupied { bounds, skips: pays } = self.occupancy.ask(emptiness, &self.owned, cells);
+        if let Some((emptiness, cells)) = emptiness.zip(self.cells.as_ref()) {
+            let Occupied { bounds, skips: pays } = self.occupancy.ask(emptiness, &self.owned, &cells.cells);
             skips = leaps || pays;
             uniform = uniform.within(&bounds);
         }
@@ -82,7 +80,7 @@ pub(super) fn upload(
     gpu: &Arc<Gpu>,
     kernels: &Kernels,
     owned: OwnedBox,
-    prepared: PreparedBrick<'_>,
+    mut prepared: PreparedBrick<'_>,
 ) -> Result<GpuBrick, RaycastError> {
     let dims = prepared.uniform.stored_dims;
     let max = gpu.limits.max_texture_dimension_3d;
@@ -99,6 +97,7 @@ pub(super) fn upload(
     };
     let mut means = prepared.means.clone().unwrap_or_default();
     means.resize(MAX_SLOTS + 1, 0.0);
+    let cells = prepared.cells.take();
     let (textures, cells, bind_group, submission) = gpu.guarded("a brick", bytes, || {
         let volume = texture_3d(gpu, dims, kernels.voxel_format, data);
         let means = means_texture(gpu, &means);
@@ -106,7 +105,7 @@ pub(super) fn upload(
             Some(flags) => texture_3d(gpu, dims, wgpu::TextureFormat::R8Uint, flags),
             None => texture_3d(gpu, [1; 3], wgpu::TextureFormat::R8Uint, &[0]),
         };
-        let cells = prepared.cells.as_ref().map(|cells| CellTextures::new(gpu, cells));
+        let cells = cells.map(|cells| CellTextures::new(gpu, cells));
         let map = match &cells {
             Some(cells) => cells.map.clone(),
             None => texture_3d(gpu, [1; 3], wgpu::TextureFormat::R32Uint, &[0; 4]),
@@ -135,7 +134,6 @@ pub(super) fn upload(
         uniform,
         has_leaps,
         cells,
-        macrocells: prepared.cells.map(|c| c.cells),
         occupancy: Occupancy::default(),
         bytes,
     };
@@ -177,8 +175,15 @@ pub(super) fn texture_3d(gpu: &Gpu, dims: [u32; 3], format: wgpu::TextureFormat,
         usage,
         view_formats: &[],
     });
-    let row = format.block_copy_size(None).map(|bytes| bytes * width);
+    fill_texture_3d(gpu, &texture, dims, data);
+    texture
+}
+
+/// New content for a texture of these dims.
+pub(super) fn fill_texture_3d(gpu: &Gpu, texture: &wgpu::Texture, dims: [u32; 3], data: &[u8]) {
+    let [width, height, depth_or_array_layers] = dims;
+    let size = wgpu::Extent3d { width, height, depth_or_array_layers };
+    let row = texture.format().block_copy_size(None).map(|bytes| bytes * width);
     let rows = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: row, rows_per_image: Some(height) };
     gpu.queue.write_texture(texture.as_image_copy(), data, rows, size);
-    texture
 }

@@ -188,10 +188,11 @@ pub(crate) fn cpu() -> CpuRaycaster {
     CpuRaycaster::new()
 }
 
-/// One GPU raycaster for all tests; `None` where there is no driver, unless everything is required.
+/// One GPU raycaster for all tests, doing by kernels all that there are kernels for; `None` where there is no driver, unless
+/// everything is required.
 pub(crate) fn gpu(test: &str) -> Option<&'static GpuRaycaster> {
     static GPU: OnceLock<Option<GpuRaycaster>> = OnceLock::new();
-    let gpu = GPU.get_or_init(|| open_gpu(GpuOptions::from_env())).as_ref();
+    let gpu = GPU.get_or_init(|| open_gpu(GpuOptions { with_map_kernels: true, ..GpuOptions::from_env() })).as_ref();
     if gpu.is_none() {
         eprintln!("skipped: {test}: no GPU driver");
     }
