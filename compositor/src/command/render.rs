@@ -250,8 +250,11 @@ pub(crate) fn manifest(session: &Session, choice: &SceneChoice, frame: &Frame) -
         "transport": format!("{:?}", choice.transport).to_lowercase(),
         "transfer_function": points(&scene.transfer_function),
         "region_transfer_function": scene.region_transfer_function.as_ref().map(points),
-        "nodes": session.descriptions().iter().zip(&frame.stats.nodes).map(|(d, n)| json!({
-            "address": n.address, "node_id": d.node_id, "version": d.version, "backend": d.backend, "adapter": d.adapter,
+        "epoch": frame.stats.faults.epoch,
+        "reissued": frame.stats.faults.reissued,
+        "lost": frame.stats.faults.lost,
+        "nodes": frame.stats.nodes.iter().map(|n| json!({
+            "address": n.address, "node_id": n.node_id, "version": n.version, "backend": n.backend, "adapter": n.adapter,
         })).collect::<Vec<_>>(),
         "store_short": short(store.hash),
     })
