@@ -13,7 +13,7 @@ use tokio::time::Instant;
 
 use crate::collect::{Event, collect};
 use crate::dial::Dial;
-use crate::ledger::{Ledger, LedgerError, Ticket};
+use crate::ledger::{Ledger, LedgerError, Ticket, Verdict, Void};
 use crate::plan::{Assignment, InView, Shown};
 use crate::service::{NodeClient, NodeError};
 use crate::session_error::SessionError;
@@ -166,7 +166,11 @@ impl Run<'_> {
                 self.sent[ticket.0].progress = now;
                 self.bytes_received += bytes as u64;
                 self.tiles += u64::from(pixels.is_some());
-                self.ledger.accept(at, ticket, layer, tile, pixels);
+                let verdict = self.ledger.accept(at, ticket, layer, tile, pixels);
+                if verdict != Verdict::Accepted && !self.sent[ticket.0].ended {
+                    // No node answers twice, or what it was not asked: the line damaged the tile's place.
+                    self.fail_as_invalid(ticket, format!("tile {tile:?} of layer {}: {verdict:?}", layer.0), now);
+                }
             }
             Event::Receipt { ticket, receipt } => {
                 let sent = &mut self.sent[ticket.0];
@@ -177,9 +181,7 @@ impl Run<'_> {
                 worker.stat.take(&receipt);
                 let owed = self.ledger.owed_by(ticket);
                 if owed > 0 {
-                    let address = worker.target.address.clone();
-                    let reason = format!("a receipt while {owed} tiles were owed");
-                    self.fail(ticket, &NodeError::Invalid { address, call: "RenderFrame", reason }, now);
+                    self.fail_as_invalid(ticket, format!("a receipt while {owed} tiles were owed"), now);
                 }
             }
             Event::Failed { ticket, error } if !self.sent[ticket.0].ended => self.fail(ticket, &error, now),
@@ -188,16 +190,22 @@ impl Run<'_> {
         }
     }
 
+    fn fail_as_invalid(&mut self, ticket: Ticket, reason: String, now: Instant) {
+        let address = self.workers[self.sent[ticket.0].worker].target.address.clone();
+        self.fail(ticket, &NodeError::Invalid { address, call: "RenderFrame", reason }, now);
+    }
+
     /// The ticket's open layers are void from now on; unless the node is only busy, so are all others of it.
     fn fail(&mut self, ticket: Ticket, error: &NodeError, now: Instant) {
         let worker = self.sent[ticket.0].worker;
         if error.is_busy() {
-            self.drop_ticket(ticket);
+            self.drop_ticket(ticket, Void::Open);
             self.workers[worker].rest(now);
             return;
         }
+        let which = if matches!(error, NodeError::Invalid { .. }) { Void::All } else { Void::Open };
         for other in (0..self.sent.len()).filter(|&t| self.sent[t].worker == worker).collect::<Vec<_>>() {
-            self.drop_ticket(Ticket(other));
+            self.drop_ticket(Ticket(other), which);
         }
         let frame = self.order.frame.0;
         tracing::warn!("frame {frame}: {error}; {} layers go to other nodes", self.void);
@@ -206,12 +214,12 @@ impl Run<'_> {
         self.lost.push((worker, LostNode { address, why: error.to_string() }));
     }
 
-    fn drop_ticket(&mut self, ticket: Ticket) {
+    fn drop_ticket(&mut self, ticket: Ticket, which: Void) {
         let sent = &mut self.sent[ticket.0];
         sent.ended = true;
         // Dropping the stream tells the node to stop.
         sent.task.abort();
-        self.void += self.ledger.make_void(ticket);
+        self.void += self.ledger.make_void(ticket, which);
     }
 
     fn can_work(&self, worker: usize) -> bool {

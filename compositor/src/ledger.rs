@@ -17,6 +17,15 @@ pub type TilePixels = Vec<Premul>;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Ticket(pub usize);
 
+/// Which layers of a ticket that failed are void.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Void {
+    /// Those that are not answered whole.
+    Open,
+    /// All: what arrived cannot be trusted.
+    All,
+}
+
 /// What became of an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
@@ -109,11 +118,10 @@ impl Ledger {
         Ok(())
     }
 
-    /// Makes the layers void that `ticket` has not answered whole: their pixels go, their chunks are ordered from nobody. Returns
-    /// how many.
-    pub fn make_void(&mut self, ticket: Ticket) -> usize {
-        let void: Vec<TreeNode> =
-            self.debts.iter().filter(|(_, d)| d.ticket == ticket && d.open > 0).map(|(n, _)| *n).collect();
+    /// Makes layers of `ticket` void: their pixels go, their chunks are ordered from nobody. Returns how many.
+    pub fn make_void(&mut self, ticket: Ticket, which: Void) -> usize {
+        let hit = |d: &Debt| d.ticket == ticket && (d.open > 0 || which == Void::All);
+        let void: Vec<TreeNode> = self.debts.iter().filter(|(_, d)| hit(d)).map(|(n, _)| *n).collect();
         for node in &void {
             let Some(debt) = self.debts.remove(node) else { continue };
             self.open -= debt.open;

@@ -16,7 +16,7 @@ use crate::cli::RenderArgs;
 use crate::command::dry_run;
 use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
 use crate::failure::Failure;
-use crate::output::{FrameOptions, FrameWriter, MAX_FRAMES, OutputFormat, write_json, write_manifest};
+use crate::output::{FrameOptions, FrameWriter, MAX_FRAMES, OutputFormat, hatched, write_json, write_manifest};
 use crate::scene_args::SceneChoice;
 use crate::session::{Frame, Session};
 use crate::source::{Source, short};
@@ -128,7 +128,7 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
             first_frame_ms = started.elapsed().as_secs_f64() * 1e3;
         }
         problems.extend(frame.problems.iter().map(|p| format!("frame {i}: {p}")));
-        writer.push(&frame.picture)?;
+        writer.push(&hatched(&frame.picture, &frame.missing_tiles))?;
         let manifest = manifest(&session, &one, &frame);
         match writer.last_written() {
             Some(path) if !args.no_manifest => {

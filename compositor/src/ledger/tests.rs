@@ -65,7 +65,7 @@ fn late_tiles_of_a_void_layer_change_no_pixel() {
     let mut l = ledger();
     l.accept(NOW, TWO, TreeNode(3), [0, 0], pixel(0.3));
     l.accept(NOW, ONE, TreeNode(2), [0, 0], pixel(0.5));
-    assert_eq!((l.make_void(ONE), l.make_void(TWO)), (1, 0), "what is answered whole stays");
+    assert_eq!((l.make_void(ONE, Void::Open), l.make_void(TWO, Void::Open)), (1, 0), "what is answered whole stays");
     assert_eq!(l.layers().collect::<Vec<_>>(), [TreeNode(3)]);
     assert_eq!(l.unordered().collect::<Vec<_>>(), [0, 1]);
     assert_eq!(l.missing_tiles(), [[0, 0], [1, 0]]);
@@ -83,10 +83,18 @@ fn late_tiles_of_a_void_layer_change_no_pixel() {
 }
 
 #[test]
+fn nothing_of_a_damaged_stream_stays() {
+    let mut l = ledger();
+    l.accept(NOW, TWO, TreeNode(3), [0, 0], pixel(0.3));
+    assert_eq!(l.make_void(TWO, Void::All), 1);
+    assert_eq!((l.layers().count(), l.unordered().collect::<Vec<_>>()), (0, vec![2]));
+}
+
+#[test]
 fn an_order_that_would_owe_a_chunk_twice_is_refused_whole() {
     let mut l = ledger();
     let taken = LedgerError::ChunkTaken { chunk: 2, layer: TreeNode(5) };
-    l.make_void(ONE);
+    l.make_void(ONE, Void::Open);
     assert_eq!(l.order(Ticket(2), &[layer(4, &[0], [1, 1]), layer(5, &[2], [1, 1])]), Err(taken));
     let above = LedgerError::Overlap { layer: TreeNode(1), other: TreeNode(3) };
     assert_eq!(l.order(Ticket(2), &[layer(1, &[0, 1], [1, 1])]), Err(above));
