@@ -1,15 +1,30 @@
-//! The ledger: the layers that a frame is still owed. Completeness is counted, never guessed.
+//! The ledger: what a frame is still owed, and by whom. Completeness is counted, never guessed.
 //!
-//! Invariants (architecture.md, laws 1, 2 and 5): every ordered (layer, tile) pair is answered once, with pixels or
-//! explicitly empty; an answer of another frame, epoch or node, to something not ordered, or a second time, changes nothing.
+//! Invariants (architecture.md, laws 1, 2 and 5; docs/adr/0004-faults.md): every chunk in view is at any time either in exactly
+//! one layer, owed by one ticket, or ordered from nobody; layers are disjoint subtrees. Every (layer, tile) pair is answered once,
+//! with pixels or explicitly empty; an answer of another frame, epoch or ticket, to something not owed, or a second time, changes
+//! nothing. A layer that was made void leaves nothing behind.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use brickcast_proto::{LayerOrder, TileRect};
 use brickcast_volume::{Epoch, FrameId, Premul, TreeNode};
 
 /// Pixels of a tile, row-major, clipped to the picture.
 pub type TilePixels = Vec<Premul>;
+
+/// One order sent to one node; answers are entered under it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Ticket(pub usize);
+
+/// Which layers of a ticket that failed are void.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Void {
+    /// Those that are not answered whole.
+    Open,
+    /// All: what arrived cannot be trusted.
+    All,
+}
 
 /// What became of an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -19,13 +34,23 @@ pub enum Verdict {
     Duplicate,
     /// Of another frame or epoch.
     Stale,
-    /// Never ordered from this node.
+    /// Not owed by this ticket: never ordered, or void by now.
     Unordered,
+}
+
+/// An order that would owe a chunk twice: a bug of the plan, never of a node.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum LedgerError {
+    #[error("chunk {chunk} of layer {} is ordered already, or not in view", .layer.0)]
+    ChunkTaken { chunk: u32, layer: TreeNode },
+    #[error("layer {} lies above or below layer {}, which is owed already", .layer.0, .other.0)]
+    Overlap { layer: TreeNode, other: TreeNode },
 }
 
 #[derive(Debug)]
 struct Debt {
-    from: usize,
+    ticket: Ticket,
+    chunks: Vec<u32>,
     tiles: TileRect,
     answered: Vec<bool>,
     open: usize,
@@ -37,32 +62,80 @@ struct Debt {
 pub struct Ledger {
     frame: FrameId,
     epoch: Epoch,
+    /// The tiles of every chunk in view.
+    in_view: BTreeMap<u32, TileRect>,
+    /// Chunks that are in view and ordered from nobody.
+    unordered: BTreeMap<u32, TileRect>,
     debts: HashMap<TreeNode, Debt>,
     open: usize,
     duplicates: u64,
 }
 
 impl Ledger {
-    /// A frame's debts: `orders[node]` are the layers that this node was ordered to answer.
+    /// A frame that is owed these chunks, for these tiles; nothing is ordered yet.
     #[must_use]
-    pub fn new(frame: FrameId, epoch: Epoch, orders: &[Vec<LayerOrder>]) -> Self {
-        let mut debts = HashMap::new();
-        for (from, layers) in orders.iter().enumerate() {
-            for layer in layers {
-                let open = layer.tiles.count() as usize;
-                let debt = Debt { from, tiles: layer.tiles, answered: vec![false; open], open, pixels: HashMap::new() };
-                debts.insert(layer.node, debt);
+    pub fn new(frame: FrameId, epoch: Epoch, in_view: BTreeMap<u32, TileRect>) -> Self {
+        let unordered = in_view.clone();
+        Self { frame, epoch, in_view, unordered, debts: HashMap::new(), open: 0, duplicates: 0 }
+    }
+
+    /// From now on `ticket` owes these layers.
+    ///
+    /// # Errors
+    /// A chunk that is owed already; nothing is entered then.
+    pub fn order(&mut self, ticket: Ticket, layers: &[LayerOrder]) -> Result<(), LedgerError> {
+        let mut taken = Vec::new();
+        for (i, layer) in layers.iter().enumerate() {
+            let standing = self.debts.keys().chain(layers[..i].iter().map(|l| &l.node));
+            if let Some(&other) =
+                standing.copied().collect::<Vec<_>>().iter().find(|other| related(layer.node, **other))
+            {
+                return Err(LedgerError::Overlap { layer: layer.node, other });
+            }
+            for &chunk in &layer.chunks {
+                if !self.unordered.contains_key(&chunk) || taken.contains(&chunk) {
+                    return Err(LedgerError::ChunkTaken { chunk, layer: layer.node });
+                }
+                taken.push(chunk);
             }
         }
-        let open = debts.values().map(|d| d.open).sum();
-        Self { frame, epoch, debts, open, duplicates: 0 }
+        for chunk in taken {
+            self.unordered.remove(&chunk);
+        }
+        for layer in layers {
+            let open = layer.tiles.count() as usize;
+            let debt = Debt {
+                ticket,
+                chunks: layer.chunks.clone(),
+                tiles: layer.tiles,
+                answered: vec![false; open],
+                open,
+                pixels: HashMap::new(),
+            };
+            self.open += open;
+            self.debts.insert(layer.node, debt);
+        }
+        Ok(())
+    }
+
+    /// Makes layers of `ticket` void: their pixels go, their chunks are ordered from nobody. Returns how many.
+    pub fn make_void(&mut self, ticket: Ticket, which: Void) -> usize {
+        let hit = |d: &Debt| d.ticket == ticket && (d.open > 0 || which == Void::All);
+        let void: Vec<TreeNode> = self.debts.iter().filter(|(_, d)| hit(d)).map(|(n, _)| *n).collect();
+        for node in &void {
+            let Some(debt) = self.debts.remove(node) else { continue };
+            self.open -= debt.open;
+            let tiles = |chunk: u32| self.in_view.get(&chunk).map(|t| (chunk, *t));
+            self.unordered.extend(debt.chunks.into_iter().filter_map(tiles));
+        }
+        void.len()
     }
 
     /// Enters one answer; `pixels` is `None` for an explicit empty.
     pub fn accept(
         &mut self,
         (frame, epoch): (FrameId, Epoch),
-        from: usize,
+        ticket: Ticket,
         layer: TreeNode,
         tile: [u32; 2],
         pixels: Option<TilePixels>,
@@ -70,7 +143,7 @@ impl Ledger {
         if frame != self.frame || epoch != self.epoch {
             return Verdict::Stale;
         }
-        let Some(debt) = self.debts.get_mut(&layer).filter(|d| d.from == from) else { return Verdict::Unordered };
+        let Some(debt) = self.debts.get_mut(&layer).filter(|d| d.ticket == ticket) else { return Verdict::Unordered };
         let Some(index) = debt.tiles.linear(tile) else { return Verdict::Unordered };
         if std::mem::replace(&mut debt.answered[index as usize], true) {
             self.duplicates += 1;
@@ -86,32 +159,29 @@ impl Ledger {
 
     #[must_use]
     pub fn is_complete(&self) -> bool {
-        self.open == 0
+        self.open == 0 && self.unordered.is_empty()
     }
 
-    /// Answers still owed, and the nodes that owe them.
-    #[must_use]
-    pub fn owed(&self) -> (usize, Vec<usize>) {
-        let mut nodes: Vec<usize> = self.debts.values().filter(|d| d.open > 0).map(|d| d.from).collect();
-        nodes.sort_unstable();
-        nodes.dedup();
-        (self.open, nodes)
+    /// Chunks in view that are ordered from nobody.
+    pub fn unordered(&self) -> impl Iterator<Item = u32> + '_ {
+        self.unordered.keys().copied()
     }
 
-    /// True where `from` owes nothing any more.
+    /// Answers that `ticket` still owes.
     #[must_use]
-    pub fn is_settled(&self, from: usize) -> bool {
-        self.debts.values().all(|d| d.from != from || d.open == 0)
+    pub fn owed_by(&self, ticket: Ticket) -> usize {
+        self.debts.values().filter(|d| d.ticket == ticket).map(|d| d.open).sum()
     }
 
     /// Tiles (of the picture) for which an answer is missing.
     #[must_use]
     pub fn missing_tiles(&self) -> Vec<[u32; 2]> {
-        let mut missing: Vec<[u32; 2]> = self
-            .debts
-            .values()
-            .flat_map(|d| d.tiles.tiles().zip(&d.answered).filter(|(_, answered)| !**answered).map(|(t, _)| t))
-            .collect();
+        let unanswered = |d: &'_ Debt| {
+            let open = d.tiles.tiles().zip(d.answered.clone()).filter(|(_, answered)| !answered);
+            open.map(|(t, _)| t).collect::<Vec<_>>()
+        };
+        let mut missing: Vec<[u32; 2]> = self.debts.values().flat_map(unanswered).collect();
+        missing.extend(self.unordered.values().flat_map(TileRect::tiles));
         missing.sort_unstable();
         missing.dedup();
         missing
@@ -123,10 +193,10 @@ impl Ledger {
         self.duplicates
     }
 
-    /// Layers with pixels, per node.
+    /// Layers with pixels that `ticket` contributed.
     #[must_use]
-    pub fn layers_with_pixels(&self, from: usize) -> usize {
-        self.debts.values().filter(|d| d.from == from && !d.pixels.is_empty()).count()
+    pub fn layers_with_pixels(&self, ticket: Ticket) -> usize {
+        self.debts.values().filter(|d| d.ticket == ticket && !d.pixels.is_empty()).count()
     }
 
     /// The layers that have something to show.
@@ -141,54 +211,15 @@ impl Ledger {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn ledger() -> Ledger {
-        let layer = |node: u64, hi: [u32; 2]| LayerOrder {
-            node: TreeNode(node),
-            chunks: vec![0],
-            tiles: TileRect { lo: [0, 0], hi },
-        };
-        Ledger::new(FrameId(7), Epoch(2), &[vec![layer(2, [2, 1])], vec![layer(3, [1, 1])]])
-    }
-
-    const NOW: (FrameId, Epoch) = (FrameId(7), Epoch(2));
-
-    #[test]
-    fn every_layer_ordered_answers_exactly_once_empty_included() {
-        let mut l = ledger();
-        assert_eq!(l.accept(NOW, 0, TreeNode(2), [0, 0], None), Verdict::Accepted);
-        assert_eq!(l.accept(NOW, 0, TreeNode(2), [1, 0], Some(vec![Premul::CLEAR])), Verdict::Accepted);
-        assert!(!l.is_complete() && l.is_settled(0));
-        assert_eq!(l.owed(), (1, vec![1]));
-        assert_eq!(l.missing_tiles(), vec![[0, 0]]);
-        assert_eq!(l.accept(NOW, 1, TreeNode(3), [0, 0], None), Verdict::Accepted);
-        assert!(l.is_complete());
-    }
-
-    #[test]
-    fn no_tile_of_one_epoch_blends_into_a_frame_of_the_next() {
-        let mut l = ledger();
-        let pixel = Some(vec![Premul { r: 1.0, g: 1.0, b: 1.0, a: 1.0 }]);
-        assert_eq!(l.accept((FrameId(7), Epoch(1)), 0, TreeNode(2), [0, 0], pixel.clone()), Verdict::Stale);
-        assert_eq!(l.accept((FrameId(6), Epoch(2)), 0, TreeNode(2), [0, 0], pixel), Verdict::Stale);
-        assert_eq!(l.layers().count(), 0);
-        assert_eq!(l.owed().0, 3);
-    }
-
-    #[test]
-    fn a_duplicate_or_foreign_tile_changes_no_pixel() {
-        let mut l = ledger();
-        let first = vec![Premul { r: 0.5, g: 0.0, b: 0.0, a: 0.5 }];
-        let other = vec![Premul { r: 0.0, g: 0.9, b: 0.0, a: 0.9 }];
-        assert_eq!(l.accept(NOW, 0, TreeNode(2), [0, 0], Some(first.clone())), Verdict::Accepted);
-        assert_eq!(l.accept(NOW, 0, TreeNode(2), [0, 0], Some(other.clone())), Verdict::Duplicate);
-        assert_eq!(l.accept(NOW, 1, TreeNode(2), [1, 0], Some(other.clone())), Verdict::Unordered);
-        assert_eq!(l.accept(NOW, 0, TreeNode(2), [5, 0], Some(other.clone())), Verdict::Unordered);
-        assert_eq!(l.accept(NOW, 0, TreeNode(9), [0, 0], Some(other)), Verdict::Unordered);
-        assert_eq!(l.pixels(TreeNode(2), [0, 0]), Some(&first));
-        assert_eq!((l.owed().0, l.duplicates()), (2, 1));
-    }
+/// True where one is the other, or its ancestor.
+fn related(a: TreeNode, b: TreeNode) -> bool {
+    let depth = |n: TreeNode| n.0.max(1).ilog2();
+    let (da, db) = (depth(a), depth(b));
+    let shallow = da.min(db);
+    a.0 >> (da - shallow) == b.0 >> (db - shallow)
 }
+
+#[cfg(test)]
+mod property;
+#[cfg(test)]
+mod tests;

@@ -2,6 +2,8 @@
 //!
 //! A plan changes nothing in the picture: chunks are joined at the canonical merge tree's nodes whoever renders them.
 
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
 use brickcast_proto::{LayerOrder, TileRect};
 use brickcast_volume::merge::MergeTree;
 use brickcast_volume::regions::{BrickFacts, SceneTables, drawn};
@@ -71,6 +73,21 @@ impl Shown {
         self.bricks.iter().filter(|&&shown| shown).count()
     }
 
+    /// Cuts `chunks` into `runs` contiguous runs with nearly equal numbers of shown bricks: each chunk and its run.
+    fn runs(&self, chunks: &[u32], runs: usize) -> Vec<(u32, usize)> {
+        let weight = |c: u32| u64::from(self.per_chunk[c as usize]);
+        let total = chunks.iter().map(|&c| weight(c)).sum::<u64>().max(1);
+        let mut before = 0;
+        let run = |&chunk: &u32| {
+            let w = weight(chunk);
+            // The run that the chunk's middle falls into; doubled to stay in integers.
+            let run = (2 * before + w) * runs as u64 / (2 * total);
+            before += w;
+            (chunk, (run as usize).min(runs.saturating_sub(1)))
+        };
+        chunks.iter().map(run).collect()
+    }
+
     /// The shown bricks of a chunk.
     pub fn bricks_of(&self, chunk: ChunkIndex) -> impl Iterator<Item = BrickIndex> + '_ {
         self.tree.bricks_of(chunk).filter(|b| self.bricks[self.tree.grid().linear(*b)])
@@ -91,16 +108,10 @@ impl Assignment {
     #[must_use]
     pub fn contiguous(shown: &Shown, nodes: usize) -> Self {
         let order = shown.tree.chunks_in_tree_order();
-        let weight = |c: &ChunkIndex| u64::from(shown.per_chunk[shown.tree.chunk_linear(*c) as usize]);
-        let total = order.iter().map(weight).sum::<u64>().max(1);
         let mut owner = vec![0; order.len()];
-        let mut before = 0;
-        for chunk in order {
-            let w = weight(&chunk);
-            // The run that the chunk's middle falls into; doubled to stay in integers.
-            let run = (2 * before + w) * nodes as u64 / (2 * total);
-            owner[shown.tree.chunk_linear(chunk) as usize] = (run as usize).min(nodes - 1);
-            before += w;
+        let linear: Vec<u32> = order.into_iter().map(|c| shown.tree.chunk_linear(c)).collect();
+        for (chunk, run) in shown.runs(&linear, nodes) {
+            owner[chunk as usize] = run;
         }
         Self { owner, nodes }
     }
@@ -109,6 +120,27 @@ impl Assignment {
     #[must_use]
     pub fn explicit(owner: Vec<usize>, nodes: usize) -> Self {
         Self { owner, nodes }
+    }
+
+    /// The same table with the chunks of absent nodes dealt to those that are there; nobody else's move.
+    #[must_use]
+    pub fn without_absent(mut self, shown: &Shown, present: &[bool]) -> Self {
+        let here: Vec<usize> = (0..self.nodes).filter(|&n| present.get(n) == Some(&true)).collect();
+        if here.is_empty() {
+            return self;
+        }
+        let order = shown.tree.chunks_in_tree_order().into_iter().map(|c| shown.tree.chunk_linear(c));
+        let orphans: Vec<u32> = order.filter(|&c| !here.contains(&self.owner[c as usize])).collect();
+        for (chunk, run) in shown.runs(&orphans, here.len()) {
+            self.owner[chunk as usize] = here[run];
+        }
+        self
+    }
+
+    /// The node that renders a chunk.
+    #[must_use]
+    pub fn owner_of(&self, chunk: u32) -> usize {
+        self.owner[chunk as usize]
     }
 
     /// The bricks that `node` must hold: linear brick indices.
@@ -128,30 +160,66 @@ impl Assignment {
     /// What each node is ordered to render of `view`; a node may have nothing to do.
     #[must_use]
     pub fn orders(&self, shown: &Shown, view: &View) -> Vec<Vec<LayerOrder>> {
+        let in_view = InView::new(shown, view);
+        (0..self.nodes).map(|node| in_view.layers(|chunk| self.owner_of(chunk) == node)).collect()
+    }
+}
+
+/// The chunks of one view that have something to show, and where.
+#[derive(Debug)]
+pub struct InView {
+    tree: MergeTree,
+    /// Per chunk, x fastest: the pixels that it may touch; empty where it shows nothing.
+    rects: Vec<PixelRect>,
+}
+
+const NOTHING: PixelRect = PixelRect { lo: UVec2::ZERO, hi: UVec2::ZERO };
+
+impl InView {
+    #[must_use]
+    pub fn new(shown: &Shown, view: &View) -> Self {
         let tree = shown.tree;
-        let nothing = PixelRect { lo: UVec2::ZERO, hi: UVec2::ZERO };
-        let rects: Vec<PixelRect> = (0..self.owner.len() as u32)
-            .map(|c| match tree.chunk_at(c) {
-                Some(chunk) if shown.per_chunk[c as usize] > 0 => shown
-                    .bricks_of(chunk)
-                    .map(|b| view.project(&tree.grid().owned_box(b)))
-                    .fold(nothing, |all, one| all.union(&one)),
-                _ => nothing,
-            })
-            .collect();
-        let rect = |c: ChunkIndex| rects[tree.chunk_linear(c) as usize];
-        (0..self.nodes)
-            .map(|node| {
-                let mine = |c: ChunkIndex| self.owner[tree.chunk_linear(c) as usize] == node;
-                tree.layers(&|c| !rect(c).is_empty(), &mine)
-                    .into_iter()
-                    .map(|(tree_node, chunks)| LayerOrder {
-                        node: tree_node,
-                        tiles: TileRect::around(&chunks.iter().fold(nothing, |all, &c| all.union(&rect(c)))),
-                        chunks: chunks.into_iter().map(|c| tree.chunk_linear(c)).collect(),
-                    })
-                    .collect()
+        let rect = |(c, &bricks): (usize, &u32)| match tree.chunk_at(c as u32) {
+            Some(chunk) if bricks > 0 => shown
+                .bricks_of(chunk)
+                .map(|b| view.project(&tree.grid().owned_box(b)))
+                .fold(NOTHING, |all, one| all.union(&one)),
+            _ => NOTHING,
+        };
+        Self { tree, rects: shown.per_chunk.iter().enumerate().map(rect).collect() }
+    }
+
+    /// The chunks in view and the tiles that they touch.
+    #[must_use]
+    pub fn chunks(&self) -> BTreeMap<u32, TileRect> {
+        let seen = self.rects.iter().enumerate().filter(|(_, r)| !r.is_empty());
+        seen.map(|(c, r)| (c as u32, TileRect::around(r))).collect()
+    }
+
+    /// The layers that render the chunks that are `mine`, and no others: maximal subtrees all of whose chunks in view are.
+    #[must_use]
+    pub fn layers(&self, mine: impl Fn(u32) -> bool) -> Vec<LayerOrder> {
+        let tree = &self.tree;
+        let rect = |c: ChunkIndex| self.rects[tree.chunk_linear(c) as usize];
+        tree.layers(&|c| !rect(c).is_empty(), &|c| mine(tree.chunk_linear(c)))
+            .into_iter()
+            .map(|(node, chunks)| LayerOrder {
+                node,
+                tiles: TileRect::around(&chunks.iter().fold(NOTHING, |all, &c| all.union(&rect(c)))),
+                chunks: chunks.into_iter().map(|c| tree.chunk_linear(c)).collect(),
             })
             .collect()
     }
+
+    /// Deals `chunks`, which nobody renders any more, to `takers` nodes in runs of the tree's order: the layers of each.
+    #[must_use]
+    pub fn deal(&self, shown: &Shown, chunks: &BTreeSet<u32>, takers: usize) -> Vec<Vec<LayerOrder>> {
+        let order = self.tree.chunks_in_tree_order().into_iter().map(|c| self.tree.chunk_linear(c));
+        let ordered: Vec<u32> = order.filter(|c| chunks.contains(c)).collect();
+        let run: HashMap<u32, usize> = shown.runs(&ordered, takers).into_iter().collect();
+        (0..takers).map(|taker| self.layers(|chunk| run.get(&chunk) == Some(&taker))).collect()
+    }
 }
+
+#[cfg(test)]
+mod tests;

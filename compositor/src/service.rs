@@ -1,5 +1,6 @@
 //! A node as the compositor calls it: domain types in, domain types out; wire types stay in here.
 
+use std::error::Error as _;
 use std::time::Duration;
 
 use brickcast_proto::{
@@ -9,11 +10,18 @@ use brickcast_proto::{
 use brickcast_volume::StoreHash;
 use futures_util::{Stream, StreamExt as _};
 use tonic::transport::Channel;
+use tonic_health::pb::HealthCheckRequest;
+use tonic_health::pb::health_check_response::ServingStatus;
+use tonic_health::pb::health_client::HealthClient;
 use wire::cluster_client::ClusterClient;
 use wire::render_client::RenderClient;
 
 /// How long a node may take for a small question.
 const CALL_TIMEOUT: Duration = Duration::from_secs(10);
+/// A connection that says nothing for so long is pinged, between frames too ...
+const PING_AFTER: Duration = Duration::from_secs(1);
+/// ... and given up where no answer comes within this: a hanging node is found within 2 s.
+const PING_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Something that a node, or the way to it, did not do. Always names the node.
 #[derive(Debug, thiserror::Error)]
@@ -24,8 +32,16 @@ pub enum NodeError {
     Unreachable { address: String, reason: String },
     #[error("node {address}: no answer to {call} within {seconds} s; it is hanging or the network is cut")]
     NoAnswer { address: String, call: &'static str, seconds: u64 },
+    #[error("node {address}: {call}: the connection was lost ({reason})")]
+    Lost { address: String, call: &'static str, reason: String },
     #[error("node {address}: {call}: {message}")]
     Refused { address: String, call: &'static str, code: tonic::Code, message: String },
+    #[error("node {address}: it is shutting down")]
+    Draining { address: String },
+    #[error(
+        "node {address}: it answers pings, but sent nothing of the frame for {seconds:.1} s; it is hanging or overloaded"
+    )]
+    Hanging { address: String, seconds: f64 },
     #[error("node {address}: {call}: sent something that is not valid: {reason}")]
     Invalid { address: String, call: &'static str, reason: String },
     #[error(
@@ -34,12 +50,27 @@ pub enum NodeError {
     Protocol { address: String, theirs: u32, version: String, ours: u32 },
 }
 
+impl NodeError {
+    /// True where the node is well and only has too much to do: it is worth asking again after a pause.
+    #[must_use]
+    pub fn is_busy(&self) -> bool {
+        matches!(self, Self::Refused { code: tonic::Code::ResourceExhausted, .. })
+    }
+
+    /// True where the way to the node broke, so that another connection may do.
+    #[must_use]
+    pub fn is_lost(&self) -> bool {
+        matches!(self, Self::Lost { .. } | Self::NoAnswer { .. } | Self::Unreachable { .. } | Self::Invalid { .. })
+    }
+}
+
 /// A connected node.
 #[derive(Debug, Clone)]
 pub struct NodeClient {
     address: String,
     cluster: ClusterClient<Channel>,
     render: RenderClient<Channel>,
+    health: HealthClient<Channel>,
 }
 
 impl NodeClient {
@@ -48,7 +79,10 @@ impl NodeClient {
     /// # Errors
     /// A malformed address, no connection within [`transport::CONNECT_TIMEOUT`].
     pub async fn connect(address: &str) -> Result<Self, NodeError> {
-        let endpoint = transport::endpoint(address)?;
+        let endpoint = transport::endpoint(address)?
+            .http2_keep_alive_interval(PING_AFTER)
+            .keep_alive_timeout(PING_TIMEOUT)
+            .keep_alive_while_idle(true);
         let unreachable = |reason: String| NodeError::Unreachable { address: address.to_owned(), reason };
         let channel = match tokio::time::timeout(transport::CONNECT_TIMEOUT, endpoint.connect()).await {
             Ok(connected) => connected.map_err(|e| unreachable(innermost(&e)))?,
@@ -56,11 +90,41 @@ impl NodeClient {
                 return Err(unreachable(format!("no connection within {} s", transport::CONNECT_TIMEOUT.as_secs())));
             }
         };
-        Ok(Self {
+        Ok(Self::over(address, channel))
+    }
+
+    /// A node behind a connection that is there already.
+    #[must_use]
+    pub fn over(address: &str, channel: Channel) -> Self {
+        Self {
             address: address.to_owned(),
             cluster: transport::cluster_client(channel.clone()),
+            health: HealthClient::new(channel.clone()),
             render: transport::render_client(channel),
-        })
+        }
+    }
+
+    /// Resolves when the node leaves: it says that it no longer serves, or the connection breaks. Tells why.
+    pub async fn leaves(&mut self) -> String {
+        let request = HealthCheckRequest { service: String::new() };
+        let mut states = match self.health.watch(request).await {
+            Ok(states) => states.into_inner(),
+            // Other software between us and the node: frames will find out.
+            Err(status) if status.source().is_none() && status.code() != tonic::Code::Unavailable => {
+                return std::future::pending().await;
+            }
+            Err(status) => return refused(&self.address, "Watch", &status).to_string(),
+        };
+        loop {
+            match states.message().await {
+                Ok(Some(state)) if state.status == ServingStatus::NotServing as i32 => {
+                    return format!("node {}: it is shutting down", self.address);
+                }
+                Ok(Some(_)) => {}
+                Ok(None) => return format!("node {}: it ended", self.address),
+                Err(status) => return refused(&self.address, "Watch", &status).to_string(),
+            }
+        }
     }
 
     #[must_use]
@@ -162,11 +226,12 @@ impl NodeClient {
 }
 
 fn refused(address: &str, call: &'static str, status: &tonic::Status) -> NodeError {
-    let message = match status.code() {
-        tonic::Code::Unavailable | tonic::Code::Unknown => format!("the connection was lost ({})", status.message()),
-        _ => status.message().to_owned(),
-    };
-    NodeError::Refused { address: address.to_owned(), call, code: status.code(), message }
+    let address = address.to_owned();
+    // Only what comes from the transport has a source; what the node itself says has none.
+    match status.source() {
+        Some(source) => NodeError::Lost { address, call, reason: innermost(source) },
+        None => NodeError::Refused { address, call, code: status.code(), message: status.message().to_owned() },
+    }
 }
 
 /// The innermost cause says what a person needs: `connection refused`, not `transport error`.

@@ -3,49 +3,25 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use brickcast_proto::{
-    FramePart, NodeDescription, Part, PrepareRequest, Receipt, RenderOrder, StoreDescription, TileRect, decode_tile,
-};
+use brickcast_proto::{NodeDescription, PrepareRequest, StoreDescription};
 use brickcast_volume::scene::{Acceleration, RegionView, Scene, Transport};
 use brickcast_volume::transfer_function::TransferFunction;
-use brickcast_volume::visibility::ViewError;
-use brickcast_volume::{Epoch, FrameId, StoreHash, TreeNode, View};
-use futures_util::{StreamExt as _, future::try_join_all, pin_mut};
-use tokio::sync::mpsc;
-use tokio::task::JoinSet;
+use brickcast_volume::{Epoch, FrameId, StoreHash, View};
+use futures_util::future::join_all;
 
 use crate::blend::blend;
-use crate::ledger::{Ledger, TilePixels};
-use crate::output::{OutputError, Picture};
-use crate::plan::{Assignment, Shown, StoreFacts};
-use crate::service::{NodeClient, NodeError};
-use crate::stats::{FrameStats, LoadStats, NodeFrame};
+use crate::cluster::Cluster;
+use crate::dial::Dial;
+use crate::discovery::NodeList;
+use crate::follow::{LOAD_LIMIT, Outlook};
+use crate::frame::{self, FrameOrder};
+use crate::output::Picture;
+use crate::plan::{Assignment, InView, Shown, StoreFacts};
+pub use crate::session_error::SessionError;
+use crate::stats::{FrameFaults, FrameStats, LoadStats};
 
-/// How long loading bricks may take before a node counts as hanging.
-const LOAD_LIMIT: Duration = Duration::from_secs(3600);
-
-#[derive(Debug, thiserror::Error)]
-pub enum SessionError {
-    #[error(transparent)]
-    Node(#[from] NodeError),
-    #[error("no nodes were named")]
-    NoNodes,
-    #[error("nodes {first} and {second} are the same node ({node_id}): name every node once")]
-    SameNode { first: String, second: String, node_id: String },
-    #[error(
-        "store `{name}`: node {first} has {first_hash}, node {second} has {second_hash}: they differ in content; \
-         copy one of them to all nodes"
-    )]
-    OtherContent { name: String, first: String, first_hash: StoreHash, second: String, second_hash: StoreHash },
-    #[error(transparent)]
-    View(#[from] ViewError),
-    #[error("nothing of the frame arrived: {}", .0.join("; "))]
-    NothingArrived(Vec<String>),
-    #[error(transparent)]
-    Output(#[from] OutputError),
-    #[error("a task of the compositor ended early: {0}")]
-    Task(#[from] tokio::task::JoinError),
-}
+/// Between two attempts to load on a node that is busy.
+const BUSY_PAUSE: Duration = Duration::from_millis(250);
 
 /// Which store a session renders.
 #[derive(Debug, Clone)]
@@ -68,19 +44,18 @@ pub struct Frame {
     pub stats: FrameStats,
 }
 
-/// Connected nodes that all hold one store.
+/// Nodes that all hold one store. They may come and go.
 #[derive(Debug)]
 pub struct Session {
-    nodes: Vec<NodeClient>,
-    descriptions: Vec<NodeDescription>,
+    cluster: Cluster,
+    dial: Dial,
     store: StoreFacts,
     next_frame: u64,
-    epoch: Epoch,
     fixed: Option<Assignment>,
     planned: Option<Planned>,
 }
 
-/// What is the same for every view of a sequence: kept until the transfer function, step or unit changes.
+/// What is the same for every view of a sequence: kept until the transfer function, step, unit or the table changes.
 #[derive(Debug, Clone)]
 struct Planned {
     transfer_function: TransferFunction,
@@ -91,69 +66,37 @@ struct Planned {
     region_transfer_function: Option<TransferFunction>,
     shown: Arc<Shown>,
     assignment: Arc<Assignment>,
+    epoch: Epoch,
 }
 
-enum Event {
-    Tile {
-        node: usize,
-        at: (FrameId, Epoch),
-        layer: TreeNode,
-        tile: [u32; 2],
-        pixels: Option<TilePixels>,
-        bytes: usize,
-    },
-    Receipt {
-        node: usize,
-        receipt: Receipt,
-    },
-    Lost {
-        node: usize,
-        error: NodeError,
-    },
+impl Planned {
+    fn shows(&self, scene: &Scene) -> bool {
+        self.transfer_function == scene.transfer_function
+            && self.step == scene.step
+            && self.opacity_unit == scene.opacity_unit
+            && self.acceleration == scene.acceleration
+            && self.region_view == scene.region_view
+            && self.region_transfer_function == scene.region_transfer_function
+    }
 }
 
 impl Session {
-    /// Connects to every node and agrees on the store.
+    /// Connects to the nodes (`host:port`, `dns:NAME:PORT`, `file:PATH`), agrees on the store, and follows them from now on.
     ///
     /// # Errors
-    /// A node that cannot be reached, speaks another protocol, lacks the store or has another content under its name: each
-    /// is named.
-    pub async fn open(addresses: &[String], choice: StoreChoice) -> Result<Self, SessionError> {
-        if addresses.is_empty() {
-            return Err(SessionError::NoNodes);
-        }
-        let nodes = try_join_all(addresses.iter().map(|a| NodeClient::connect(a))).await?;
-        let described =
-            try_join_all(nodes.iter().cloned().map(|mut node| async move { node.describe().await })).await?;
-        for (i, one) in described.iter().enumerate() {
-            if let Some(j) = described[..i].iter().position(|other| other.node_id == one.node_id) {
-                let (first, second) = (addresses[j].clone(), addresses[i].clone());
-                return Err(SessionError::SameNode { first, second, node_id: one.node_id.clone() });
-            }
-        }
-        let stores = try_join_all(nodes.iter().cloned().map(|mut node| {
-            let choice = choice.clone();
-            async move {
-                match choice {
-                    StoreChoice::Hash(hash) => node.open_store(hash).await,
-                    StoreChoice::Name(name) => node.open_store_named(&name).await,
-                }
-            }
-        }))
-        .await?;
-        for (i, other) in stores.iter().enumerate().skip(1) {
-            if other.hash != stores[0].hash {
-                return Err(SessionError::OtherContent {
-                    name: other.name.clone(),
-                    first: addresses[0].clone(),
-                    first_hash: stores[0].hash,
-                    second: addresses[i].clone(),
-                    second_hash: other.hash,
-                });
-            }
-        }
-        let store = facts(&stores[0]);
-        Ok(Self { nodes, descriptions: described, store, next_frame: 1, epoch: Epoch(1), fixed: None, planned: None })
+    /// A node that was named by itself and cannot be reached, speaks another protocol, lacks the store or has another content
+    /// under its name; no node that serves. Each is named.
+    pub async fn open(nodes: &[String], choice: StoreChoice) -> Result<Self, SessionError> {
+        Self::open_through(Dial::default(), nodes, choice).await
+    }
+
+    /// As [`Session::open`], with connections of another kind.
+    ///
+    /// # Errors
+    /// As [`Session::open`].
+    pub async fn open_through(dial: Dial, nodes: &[String], choice: StoreChoice) -> Result<Self, SessionError> {
+        let (cluster, store) = Cluster::open(NodeList::parse(nodes)?, &dial, &choice).await?;
+        Ok(Self { cluster, dial, store: facts(&store), next_frame: 1, fixed: None, planned: None })
     }
 
     #[must_use]
@@ -161,33 +104,27 @@ impl Session {
         &self.store
     }
 
-    #[must_use]
-    pub fn descriptions(&self) -> &[NodeDescription] {
-        &self.descriptions
+    /// The nodes of the table.
+    pub fn descriptions(&self) -> impl Iterator<Item = &NodeDescription> {
+        self.cluster.members().map(|(_, member)| &member.description)
     }
 
     /// Renders by this table of chunks from now on, instead of contiguous runs.
     pub fn assign(&mut self, assignment: Assignment) {
         self.fixed = Some(assignment);
-        self.planned = None;
-        self.epoch = Epoch(self.epoch.0 + 1);
+        self.cluster.advance();
     }
 
     fn plan(&mut self, scene: &Scene) -> (Arc<Shown>, Arc<Assignment>) {
-        let same = |p: &&Planned| {
-            p.transfer_function == scene.transfer_function
-                && p.step == scene.step
-                && p.opacity_unit == scene.opacity_unit
-                && p.acceleration == scene.acceleration
-                && p.region_view == scene.region_view
-                && p.region_transfer_function == scene.region_transfer_function
-        };
-        if let Some(p) = self.planned.as_ref().filter(same) {
+        let same = self.planned.as_ref().filter(|p| p.shows(scene));
+        if let Some(p) = same.filter(|p| p.epoch == self.cluster.epoch()) {
             return (p.shown.clone(), p.assignment.clone());
         }
-        let shown = Arc::new(Shown::in_scene(&self.store, scene));
-        let contiguous = || Assignment::contiguous(&shown, self.nodes.len());
-        let assignment = Arc::new(self.fixed.clone().unwrap_or_else(contiguous));
+        let shown = same.map_or_else(|| Arc::new(Shown::in_scene(&self.store, scene)), |p| p.shown.clone());
+        let slots = self.cluster.slots();
+        let outlook = Outlook { scene: scene.clone(), shown: shown.clone(), fixed: self.fixed.clone(), slots };
+        let assignment = Arc::new(outlook.table());
+        self.cluster.expect(outlook);
         self.planned = Some(Planned {
             transfer_function: scene.transfer_function.clone(),
             step: scene.step,
@@ -197,40 +134,64 @@ impl Session {
             region_transfer_function: scene.region_transfer_function.clone(),
             shown: shown.clone(),
             assignment: assignment.clone(),
+            epoch: self.cluster.epoch(),
         });
         (shown, assignment)
     }
 
-    /// Makes every node load the bricks that it will render of `scene`, from any view, and warm its pipelines.
+    /// Makes every node load the bricks that it will render of `scene`, from any view, and warm its pipelines. A node that fails
+    /// leaves the table, and the others load its share.
     ///
     /// # Errors
-    /// A lost node, a brick that cannot be read.
+    /// No node that could is left.
     pub async fn load(&mut self, scene: &Scene) -> Result<LoadStats, SessionError> {
         let started = Instant::now();
-        let (shown, assignment) = self.plan(scene);
-        let receipts = try_join_all(self.nodes.iter().cloned().enumerate().map(|(i, mut node)| {
-            let request = PrepareRequest {
-                store: self.store.hash,
-                bricks: assignment.bricks_of(&shown, i),
-                scene: scene.clone(),
-            };
-            async move { node.prepare(request, LOAD_LIMIT).await }
-        }))
-        .await?;
-        Ok(LoadStats {
-            load_ms: started.elapsed().as_secs_f64() * 1e3,
-            decoded_bytes: receipts.iter().map(|r| r.decoded_bytes).sum(),
-            owned_bytes: receipts.iter().map(|r| r.owned_bytes).sum(),
-            shown_bricks: shown.brick_count(),
-            fits: receipts.iter().all(|r| r.fits),
-        })
+        let mut stats = LoadStats { load_ms: 0.0, decoded_bytes: 0, owned_bytes: 0, shown_bricks: 0, fits: true };
+        loop {
+            self.cluster.settle();
+            let (shown, assignment) = self.plan(scene);
+            stats.shown_bricks = shown.brick_count();
+            let answers = join_all(self.cluster.members().map(|(position, member)| {
+                let (store, bricks) = (self.store.hash, assignment.bricks_of(&shown, position));
+                let request = PrepareRequest { store, bricks, scene: scene.clone() };
+                let mut client = member.client.clone();
+                async move { (position, client.prepare(request, LOAD_LIMIT).await) }
+            }));
+            let (mut again, mut fits) = (false, true);
+            for (position, answer) in answers.await {
+                match answer {
+                    Ok(receipt) => {
+                        stats.decoded_bytes += receipt.decoded_bytes;
+                        stats.owned_bytes += receipt.owned_bytes;
+                        fits &= receipt.fits;
+                    }
+                    Err(error) if error.is_busy() => {
+                        again = true;
+                        tokio::time::sleep(BUSY_PAUSE).await;
+                    }
+                    Err(error) => {
+                        again = true;
+                        tracing::warn!("loading: {error}; the others load its share");
+                        self.cluster.lose(position, error.to_string());
+                    }
+                }
+            }
+            if self.cluster.members().next().is_none() {
+                return Err(SessionError::NoNodeLeft(self.cluster.reasons()));
+            }
+            if !again {
+                stats.load_ms = started.elapsed().as_secs_f64() * 1e3;
+                stats.fits = fits;
+                return Ok(stats);
+            }
+        }
     }
 
-    /// Renders one frame; ends by count or by deadline, whichever comes first.
+    /// Renders one frame; it ends by count or by deadline, whichever comes first. What nodes that fail on the way leave open
+    /// is rendered by the others.
     ///
     /// # Errors
-    /// Nothing arrived at all, or the nodes refused the order. A frame of which a part arrived is returned, marked
-    /// incomplete.
+    /// No node is left. A frame of which a part is missing at the deadline is returned, marked incomplete.
     pub async fn render(
         &mut self,
         scene: &Scene,
@@ -238,151 +199,28 @@ impl Session {
         deadline: Duration,
     ) -> Result<Frame, SessionError> {
         let view = View::new(&self.store.manifest.geometry, &scene.camera, scene.size, scene.step)?;
+        self.cluster.settle();
         let (shown, assignment) = self.plan(scene);
-        let orders = assignment.orders(&shown, &view);
-        let at = (FrameId(self.next_frame), self.epoch);
+        let (frame, epoch) = (FrameId(self.next_frame), self.cluster.epoch());
         self.next_frame += 1;
 
         let started = Instant::now();
-        let mut ledger = Ledger::new(at.0, at.1, &orders);
-        let (events, mut inbox) = mpsc::channel(256);
-        let mut tasks = JoinSet::new();
-        let mut stats: Vec<NodeFrame> = self.node_frames();
-        for (node, layers) in orders.into_iter().enumerate().filter(|(_, layers)| !layers.is_empty()) {
-            let rects = layers.iter().map(|l| (l.node, l.tiles)).collect::<Vec<_>>();
-            let order = RenderOrder {
-                frame: at.0,
-                epoch: at.1,
-                store: self.store.hash,
-                scene: scene.clone(),
-                transport,
-                layers,
-            };
-            tasks.spawn(collect(self.nodes[node].clone(), node, order, rects, events.clone()));
+        let in_view = InView::new(&shown, &view);
+        let order = FrameOrder { frame, epoch, store: self.store.hash, scene, transport, deadline };
+        let workers = self.cluster.workers();
+        let end = frame::run(&order, workers, (&shown, &in_view), &assignment, &self.dial).await?;
+        for (position, lost) in &end.lost {
+            self.cluster.lose(*position, lost.why.clone());
         }
-        drop(events);
-
-        let mut problems = Vec::new();
-        let mut bytes_received = 0;
-        let (mut tiles, mut arrived) = (0_u64, false);
-        let out_of_time = tokio::time::sleep_until((started + deadline).into());
-        pin_mut!(out_of_time);
-        loop {
-            let event = tokio::select! {
-                event = inbox.recv() => event,
-                () = &mut out_of_time => {
-                    let (owed, from) = ledger.owed();
-                    if owed > 0 {
-                        let names = from.iter().map(|&n| self.nodes[n].address()).collect::<Vec<_>>().join(", ");
-                        problems.push(format!(
-                            "{owed} tiles of {names} had not arrived after {}",
-                            humantime::format_duration(deadline)
-                        ));
-                    }
-                    break;
-                }
-            };
-            match event {
-                Some(Event::Tile { node, at, layer, tile, pixels, bytes }) => {
-                    arrived = true;
-                    bytes_received += bytes as u64;
-                    tiles += u64::from(pixels.is_some());
-                    ledger.accept(at, node, layer, tile, pixels);
-                }
-                Some(Event::Receipt { node, receipt }) => stats[node].take(&receipt),
-                Some(Event::Lost { node, error }) => {
-                    if !ledger.is_settled(node) {
-                        problems.push(error.to_string());
-                    }
-                }
-                None => break,
-            }
-        }
-        tasks.abort_all();
-        if !ledger.is_complete() && !arrived {
-            return Err(SessionError::NothingArrived(problems));
-        }
-        if !ledger.is_complete() && problems.is_empty() {
-            let (owed, from) = ledger.owed();
-            let names = from.iter().map(|&n| self.nodes[n].address()).collect::<Vec<_>>().join(", ");
-            problems.push(format!("{names} ended without answering {owed} tiles"));
-        }
-        for (node, stat) in stats.iter_mut().enumerate() {
-            stat.layers = ledger.layers_with_pixels(node);
-        }
-        let complete = ledger.is_complete();
-        let missing_tiles = ledger.missing_tiles();
-        let (tree, from, size) = (self.store.tree(), view.viewpoint(), scene.size);
+        let complete = end.ledger.is_complete();
+        let missing_tiles = end.ledger.missing_tiles();
+        let (ledger, tree, from, size) = (end.ledger, self.store.tree(), view.viewpoint(), scene.size);
         let picture = tokio::task::spawn_blocking(move || blend(&ledger, &tree, from, size)).await??;
         let frame_ms = started.elapsed().as_secs_f64() * 1e3;
-        let stats = FrameStats::sum(frame_ms, tiles, bytes_received, complete, stats);
-        Ok(Frame { picture, complete, problems, missing_tiles, stats })
-    }
-
-    fn node_frames(&self) -> Vec<NodeFrame> {
-        let named = self.nodes.iter().zip(&self.descriptions);
-        named.map(|(node, d)| NodeFrame::new(node.address(), &d.backend)).collect()
-    }
-}
-
-/// Reads one node's answers until its receipt, decoding tiles on the way.
-async fn collect(
-    mut client: NodeClient,
-    node: usize,
-    order: RenderOrder,
-    rects: Vec<(TreeNode, TileRect)>,
-    events: mpsc::Sender<Event>,
-) {
-    let (frame, epoch, size) = (order.frame, order.epoch, order.scene.size);
-    let address = client.address().to_owned();
-    let invalid = |reason: String| NodeError::Invalid { address: address.clone(), call: "RenderFrame", reason };
-    let parts = match client.render(order).await {
-        Ok(parts) => parts,
-        Err(error) => {
-            events.send(Event::Lost { node, error }).await.ok();
-            return;
-        }
-    };
-    pin_mut!(parts);
-    while let Some(part) = parts.next().await {
-        let (part, bytes) = match part {
-            Ok(part) => part,
-            Err(error) => {
-                events.send(Event::Lost { node, error }).await.ok();
-                return;
-            }
-        };
-        let FramePart { frame: f, epoch: e, part } = part;
-        let at = (f, e);
-        let sent = match part {
-            Part::Tile(tile) => match decode_tile(&tile.pixels, TileRect::tile_pixels(tile.tile, size).size()) {
-                Ok(pixels) => {
-                    let (layer, place) = (tile.node, tile.tile);
-                    events.send(Event::Tile { node, at, layer, tile: place, pixels: Some(pixels), bytes }).await
-                }
-                Err(error) => events.send(Event::Lost { node, error: invalid(error.to_string()) }).await,
-            },
-            Part::Empty { node: layer, tiles } => {
-                let rect = rects.iter().find(|(n, _)| *n == layer).map(|(_, rect)| *rect);
-                let mut sent = Ok(());
-                for (i, tile) in tiles.into_iter().filter_map(|i| rect?.tile_at(i)).enumerate() {
-                    let bytes = if i == 0 { bytes } else { 0 };
-                    sent = events.send(Event::Tile { node, at, layer, tile, pixels: None, bytes }).await;
-                }
-                sent
-            }
-            Part::Receipt(receipt) => {
-                let done = at == (frame, epoch);
-                let sent = events.send(Event::Receipt { node, receipt }).await;
-                if done {
-                    return;
-                }
-                sent
-            }
-        };
-        if sent.is_err() {
-            return;
-        }
+        let lost = end.lost.into_iter().map(|(_, lost)| lost).collect();
+        let faults = FrameFaults { epoch: epoch.0, reissued: end.reissued, lost };
+        let stats = FrameStats::sum(frame_ms, (end.tiles, end.bytes_received), complete, faults, end.nodes);
+        Ok(Frame { picture, complete, problems: end.problems, missing_tiles, stats })
     }
 }
 

@@ -1,13 +1,17 @@
 //! What a frame took, as `--stats` and the bench report it.
 
-use brickcast_proto::Receipt;
+use brickcast_proto::{NodeDescription, Receipt};
 use serde::Serialize;
 
 /// One node's share of a frame.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct NodeFrame {
     pub address: String,
+    /// Unique per process.
+    pub node_id: String,
+    pub version: String,
     pub backend: String,
+    pub adapter: String,
     /// Order to last tile, on the node's clock.
     pub render_ms: f64,
     pub bricks: u32,
@@ -29,24 +33,48 @@ pub struct NodeFrame {
 
 impl NodeFrame {
     #[must_use]
-    pub fn new(address: &str, backend: &str) -> Self {
-        Self { address: address.to_owned(), backend: backend.to_owned(), ..Self::default() }
+    pub fn new(address: &str, node: &NodeDescription) -> Self {
+        Self {
+            address: address.to_owned(),
+            node_id: node.node_id.clone(),
+            version: node.version.clone(),
+            backend: node.backend.clone(),
+            adapter: node.adapter.clone(),
+            ..Self::default()
+        }
     }
 
-    /// Takes over what the node's receipt says.
+    /// Adds what the node's receipt says; a node that takes over for another gives several in a frame.
     pub fn take(&mut self, receipt: &Receipt) {
-        self.render_ms = receipt.render_ms;
-        self.bricks = receipt.bricks;
-        self.samples = receipt.samples;
-        self.positions = receipt.positions;
-        self.leapt_positions = receipt.leapt_positions;
-        self.flattened_bricks = receipt.flattened_bricks;
-        self.uniform_bricks = receipt.uniform_bricks;
-        self.over_tolerance_bricks = receipt.over_tolerance_bricks;
-        self.load_ms = receipt.load_ms;
-        self.decoded_bytes = receipt.decoded_bytes;
-        self.owned_bytes = receipt.owned_bytes;
+        self.render_ms += receipt.render_ms;
+        self.bricks += receipt.bricks;
+        self.samples += receipt.samples;
+        self.positions += receipt.positions;
+        self.leapt_positions += receipt.leapt_positions;
+        self.flattened_bricks += receipt.flattened_bricks;
+        self.uniform_bricks += receipt.uniform_bricks;
+        self.over_tolerance_bricks += receipt.over_tolerance_bricks;
+        self.load_ms += receipt.load_ms;
+        self.decoded_bytes += receipt.decoded_bytes;
+        self.owned_bytes += receipt.owned_bytes;
     }
+}
+
+/// A node that failed during a frame.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct LostNode {
+    pub address: String,
+    pub why: String,
+}
+
+/// What went wrong in a frame, and was made good.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct FrameFaults {
+    /// Version of the chunk-to-node table.
+    pub epoch: u64,
+    /// Layers that were void and ordered again.
+    pub reissued: usize,
+    pub lost: Vec<LostNode>,
 }
 
 /// One frame.
@@ -64,12 +92,20 @@ pub struct FrameStats {
     pub tiles: u64,
     pub bytes_received: u64,
     pub complete: bool,
+    #[serde(flatten)]
+    pub faults: FrameFaults,
     pub nodes: Vec<NodeFrame>,
 }
 
 impl FrameStats {
     #[must_use]
-    pub fn sum(frame_ms: f64, tiles: u64, bytes_received: u64, complete: bool, nodes: Vec<NodeFrame>) -> Self {
+    pub fn sum(
+        frame_ms: f64,
+        (tiles, bytes_received): (u64, u64),
+        complete: bool,
+        faults: FrameFaults,
+        nodes: Vec<NodeFrame>,
+    ) -> Self {
         Self {
             frame_ms,
             samples: nodes.iter().map(|n| n.samples).sum(),
@@ -78,6 +114,7 @@ impl FrameStats {
             tiles,
             bytes_received,
             complete,
+            faults,
             nodes,
         }
     }
@@ -118,6 +155,9 @@ pub fn report(load: &LoadStats, frames: &[FrameStats], first_frame_ms: f64) -> s
         "tiles": sum(|f| f.tiles),
         "bytes_received": sum(|f| f.bytes_received),
         "complete": frames.iter().all(|f| f.complete),
+        "epoch": frames.last().map_or(0, |f| f.faults.epoch),
+        "reissued": frames.iter().map(|f| f.faults.reissued).sum::<usize>(),
+        "lost": frames.iter().flat_map(|f| f.faults.lost.clone()).collect::<Vec<_>>(),
         "decoded_bytes": decoded,
         "owned_bytes": owned,
         "decoded_per_owned": if owned > 0 { decoded as f64 / owned as f64 } else { 0.0 },

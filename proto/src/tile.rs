@@ -33,7 +33,7 @@ pub enum TileError {
     Beyond { covered: usize, pixels: usize },
     #[error("tile payload of {got} bytes: {kept} pixels need {want} (less where LZ4 packed)")]
     Payload { got: usize, kept: usize, want: usize },
-    #[error("tile payload has crc32c {got:08x}, its header says {want:08x}: damaged on the way; order it again")]
+    #[error("tile has crc32c {got:08x}, its header says {want:08x}: damaged on the way; order it again")]
     Checksum { got: u32, want: u32 },
     #[error("tile payload is not an LZ4 block of {want} bytes: {reason}")]
     Lz4 { want: usize, reason: String },
@@ -138,8 +138,14 @@ pub fn encode_tile(pixels: &[Premul], format: Transport) -> Option<EncodedTile> 
     let planes = to_planes(&interleaved, bytes);
     let packed = lz4_flex::block::compress(&planes);
     let (lz4, payload) = if packed.len() < planes.len() { (true, packed) } else { (false, planes) };
-    let crc32c = crc32c::crc32c(&payload);
+    let crc32c = checksum(&runs, &payload);
     Some(EncodedTile { format, runs, lz4, payload: payload.into(), crc32c })
+}
+
+/// Of the runs, little endian, then the payload as sent: a damaged run would shift pixels that are whole themselves.
+fn checksum(runs: &[u32], payload: &[u8]) -> u32 {
+    let runs: Vec<u8> = runs.iter().flat_map(|run| run.to_le_bytes()).collect();
+    crc32c::crc32c_append(crc32c::crc32c(&runs), payload)
 }
 
 /// All pixels of a tile of `size` pixels (clipped to the picture), row-major; clear where none was sent.
@@ -153,7 +159,7 @@ pub fn decode_tile(tile: &EncodedTile, size: UVec2) -> Result<Vec<Premul>, TileE
     if covered > pixels {
         return Err(TileError::Beyond { covered, pixels });
     }
-    let got = crc32c::crc32c(&tile.payload);
+    let got = checksum(&tile.runs, &tile.payload);
     if got != tile.crc32c {
         return Err(TileError::Checksum { got, want: tile.crc32c });
     }
@@ -289,7 +295,7 @@ mod tests {
             let bad = EncodedTile { payload: payload.clone().into(), ..good.clone() };
             assert!(matches!(decode_tile(&bad, full), Err(TileError::Checksum { .. })), "byte {at}");
             // With a matching checksum the block itself must hold: no panic, never another size.
-            let crc32c = crc32c::crc32c(&payload);
+            let crc32c = checksum(&good.runs, &payload);
             let resealed = EncodedTile { payload: payload.into(), crc32c, ..good.clone() };
             if let Ok(picture) = decode_tile(&resealed, full) {
                 assert_eq!(picture.len(), pixels.len());

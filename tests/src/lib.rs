@@ -10,5 +10,6 @@
 pub mod compare;
 pub mod process;
 pub mod product;
+pub mod proxy;
 pub mod referee;
 pub mod scenes;

@@ -63,8 +63,17 @@ impl NodeProcess {
     /// It does not say within 30 s where it listens.
     #[must_use]
     pub fn start(data: &Path, extra: &[&str]) -> Self {
+        Self::start_at(data, "127.0.0.1:0", extra)
+    }
+
+    /// As [`NodeProcess::start`], on a port that the test chose, e.g. of a node that died.
+    ///
+    /// # Panics
+    /// As [`NodeProcess::start`].
+    #[must_use]
+    pub fn start_at(data: &Path, listen: &str, extra: &[&str]) -> Self {
         let mut command = Command::new(binaries().join("brickcast-node"));
-        command.args(["--listen", "127.0.0.1:0", "--data"]).arg(data).args(extra);
+        command.args(["--listen", listen, "--data"]).arg(data).args(extra);
         let mut child = command.stdout(Stdio::piped()).spawn().expect("brickcast-node runs");
         let stdout = child.stdout.take().expect("a pipe");
         let (send, receive) = std::sync::mpsc::channel();
@@ -93,6 +102,20 @@ impl NodeProcess {
     /// It does not end within 15 s.
     pub fn terminate(&mut self) -> Option<i32> {
         Command::new("kill").arg(self.child.id().to_string()).status().expect("kill runs");
+        self.wait()
+    }
+
+    /// The process's number.
+    #[must_use]
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Waits for the exit code; `None` where a signal ended it.
+    ///
+    /// # Panics
+    /// It does not end within 15 s.
+    pub fn wait(&mut self) -> Option<i32> {
         let started = Instant::now();
         loop {
             if let Some(status) = self.child.try_wait().expect("a child") {

@@ -14,7 +14,7 @@ use super::say;
 use crate::cli::DemoArgs;
 use crate::embedded::{EmbeddedNodes, Kernel};
 use crate::failure::Failure;
-use crate::output::{FrameOptions, FrameWriter, OutputFormat, write_manifest};
+use crate::output::{FrameOptions, FrameWriter, OutputFormat, hatched, write_manifest};
 use crate::progress::Bar;
 use crate::scene_args::SceneChoice;
 use crate::session::{Session, StoreChoice};
@@ -51,7 +51,7 @@ pub async fn run(args: DemoArgs, quiet: bool) -> Result<(), Failure> {
     let frame = session.render(&choice.scene, choice.transport, std::time::Duration::from_secs(300)).await?;
     let options = FrameOptions { background: Some([1.0; 3]), ..FrameOptions::default() };
     let mut writer = FrameWriter::open(OutputFormat::from_path(&args.output)?, &args.output, size, options)?;
-    writer.push(&frame.picture)?;
+    writer.push(&hatched(&frame.picture, &frame.missing_tiles))?;
     writer.finish()?;
     write_manifest(&args.output, &super::render::manifest(&session, &choice, &frame))?;
     let share: Vec<String> =

@@ -24,7 +24,7 @@ pub async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -> Resul
         Source::Store(store) => (local_facts(&store), vec![memory_budget; count]),
         Source::Name(_) => {
             let session = Session::open(&args.nodes.nodes, source.choice()).await?;
-            let budgets = session.descriptions().iter().map(|d| d.memory_budget).collect();
+            let budgets = session.descriptions().map(|d| d.memory_budget).collect();
             (session.store().clone(), budgets)
         }
     };

@@ -16,7 +16,7 @@ use crate::cli::RenderArgs;
 use crate::command::dry_run;
 use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
 use crate::failure::Failure;
-use crate::output::{FrameOptions, FrameWriter, MAX_FRAMES, OutputFormat, write_json, write_manifest};
+use crate::output::{FrameOptions, FrameWriter, MAX_FRAMES, OutputFormat, hatched, write_json, write_manifest};
 use crate::scene_args::SceneChoice;
 use crate::session::{Frame, Session};
 use crate::source::{Source, short};
@@ -128,7 +128,7 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
             first_frame_ms = started.elapsed().as_secs_f64() * 1e3;
         }
         problems.extend(frame.problems.iter().map(|p| format!("frame {i}: {p}")));
-        writer.push(&frame.picture)?;
+        writer.push(&hatched(&frame.picture, &frame.missing_tiles))?;
         let manifest = manifest(&session, &one, &frame);
         match writer.last_written() {
             Some(path) if !args.no_manifest => {
@@ -250,8 +250,11 @@ pub(crate) fn manifest(session: &Session, choice: &SceneChoice, frame: &Frame) -
         "transport": format!("{:?}", choice.transport).to_lowercase(),
         "transfer_function": points(&scene.transfer_function),
         "region_transfer_function": scene.region_transfer_function.as_ref().map(points),
-        "nodes": session.descriptions().iter().zip(&frame.stats.nodes).map(|(d, n)| json!({
-            "address": n.address, "node_id": d.node_id, "version": d.version, "backend": d.backend, "adapter": d.adapter,
+        "epoch": frame.stats.faults.epoch,
+        "reissued": frame.stats.faults.reissued,
+        "lost": frame.stats.faults.lost,
+        "nodes": frame.stats.nodes.iter().map(|n| json!({
+            "address": n.address, "node_id": n.node_id, "version": n.version, "backend": n.backend, "adapter": n.adapter,
         })).collect::<Vec<_>>(),
         "store_short": short(store.hash),
     })

@@ -6,6 +6,7 @@ pub mod animation;
 mod atomic;
 mod error;
 pub mod exr;
+mod hatch;
 pub mod manifest;
 pub mod png;
 mod writer;
@@ -15,6 +16,7 @@ use std::path::Path;
 use brickcast_volume::{PictureSize, Premul};
 
 pub use error::OutputError;
+pub use hatch::hatched;
 pub use manifest::{write_json, write_manifest};
 pub use writer::{FrameOptions, FrameWriter, MAX_FRAMES};
 

@@ -1,0 +1,105 @@
+//! The ledger's laws one by one, and all together under any order of events.
+
+use super::*;
+
+const NOW: (FrameId, Epoch) = (FrameId(7), Epoch(2));
+const ONE: Ticket = Ticket(0);
+const TWO: Ticket = Ticket(1);
+
+fn rect(hi: [u32; 2]) -> TileRect {
+    TileRect { lo: [0, 0], hi }
+}
+
+fn layer(node: u64, chunks: &[u32], hi: [u32; 2]) -> LayerOrder {
+    LayerOrder { node: TreeNode(node), chunks: chunks.to_vec(), tiles: rect(hi) }
+}
+
+/// Chunks 0 and 1 under node 2 from the first ticket, chunk 2 under node 3 from the second.
+fn ledger() -> Ledger {
+    let in_view = [(0, rect([2, 1])), (1, rect([1, 1])), (2, rect([1, 1]))].into();
+    let mut ledger = Ledger::new(NOW.0, NOW.1, in_view);
+    assert!(!ledger.is_complete(), "what is ordered from nobody is owed");
+    ledger.order(ONE, &[layer(2, &[0, 1], [2, 1])]).unwrap();
+    ledger.order(TWO, &[layer(3, &[2], [1, 1])]).unwrap();
+    ledger
+}
+
+fn pixel(v: f32) -> Option<TilePixels> {
+    Some(vec![Premul { r: v, g: 0.0, b: 0.0, a: v }])
+}
+
+#[test]
+fn every_layer_ordered_answers_exactly_once_empty_included() {
+    let mut l = ledger();
+    assert_eq!(l.accept(NOW, ONE, TreeNode(2), [0, 0], None), Verdict::Accepted);
+    assert_eq!(l.accept(NOW, ONE, TreeNode(2), [1, 0], pixel(0.0)), Verdict::Accepted);
+    assert!(!l.is_complete() && l.owed_by(ONE) == 0);
+    assert_eq!((l.owed_by(TWO), l.missing_tiles()), (1, vec![[0, 0]]));
+    assert_eq!(l.accept(NOW, TWO, TreeNode(3), [0, 0], None), Verdict::Accepted);
+    assert!(l.is_complete());
+}
+
+#[test]
+fn no_tile_of_one_epoch_blends_into_a_frame_of_the_next() {
+    let mut l = ledger();
+    assert_eq!(l.accept((FrameId(7), Epoch(1)), ONE, TreeNode(2), [0, 0], pixel(1.0)), Verdict::Stale);
+    assert_eq!(l.accept((FrameId(6), Epoch(2)), ONE, TreeNode(2), [0, 0], pixel(1.0)), Verdict::Stale);
+    assert_eq!((l.layers().count(), l.owed_by(ONE)), (0, 2));
+}
+
+#[test]
+fn a_duplicate_or_foreign_tile_changes_no_pixel() {
+    let mut l = ledger();
+    assert_eq!(l.accept(NOW, ONE, TreeNode(2), [0, 0], pixel(0.5)), Verdict::Accepted);
+    assert_eq!(l.accept(NOW, ONE, TreeNode(2), [0, 0], pixel(0.9)), Verdict::Duplicate);
+    assert_eq!(l.accept(NOW, TWO, TreeNode(2), [1, 0], pixel(0.9)), Verdict::Unordered);
+    assert_eq!(l.accept(NOW, ONE, TreeNode(2), [5, 0], pixel(0.9)), Verdict::Unordered);
+    assert_eq!(l.accept(NOW, ONE, TreeNode(9), [0, 0], pixel(0.9)), Verdict::Unordered);
+    assert_eq!(l.pixels(TreeNode(2), [0, 0]), pixel(0.5).as_ref());
+    assert_eq!((l.owed_by(ONE), l.duplicates()), (1, 1));
+}
+
+/// A reissue at descendants of the void layer: its late tiles change nothing, and its early ones are gone.
+#[test]
+fn late_tiles_of_a_void_layer_change_no_pixel() {
+    let mut l = ledger();
+    l.accept(NOW, TWO, TreeNode(3), [0, 0], pixel(0.3));
+    l.accept(NOW, ONE, TreeNode(2), [0, 0], pixel(0.5));
+    assert_eq!((l.make_void(ONE, Void::Open), l.make_void(TWO, Void::Open)), (1, 0), "what is answered whole stays");
+    assert_eq!(l.layers().collect::<Vec<_>>(), [TreeNode(3)]);
+    assert_eq!(l.unordered().collect::<Vec<_>>(), [0, 1]);
+    assert_eq!(l.missing_tiles(), [[0, 0], [1, 0]]);
+    assert!(!l.is_complete());
+    assert_eq!(l.accept(NOW, ONE, TreeNode(2), [1, 0], pixel(0.5)), Verdict::Unordered);
+    l.order(Ticket(2), &[layer(4, &[0], [2, 1]), layer(5, &[1], [1, 1])]).unwrap();
+    assert_eq!(l.accept(NOW, ONE, TreeNode(4), [0, 0], pixel(0.9)), Verdict::Unordered, "by number, but not by ticket");
+    for (node, tile) in [(4, [0, 0]), (4, [1, 0]), (5, [0, 0])] {
+        assert!(!l.is_complete());
+        assert_eq!(l.accept(NOW, Ticket(2), TreeNode(node), tile, pixel(0.1)), Verdict::Accepted);
+    }
+    assert!(l.is_complete());
+    assert_eq!(l.accept(NOW, ONE, TreeNode(2), [0, 0], pixel(0.9)), Verdict::Unordered);
+    assert_eq!(l.pixels(TreeNode(2), [0, 0]), None);
+}
+
+#[test]
+fn nothing_of_a_damaged_stream_stays() {
+    let mut l = ledger();
+    l.accept(NOW, TWO, TreeNode(3), [0, 0], pixel(0.3));
+    assert_eq!(l.make_void(TWO, Void::All), 1);
+    assert_eq!((l.layers().count(), l.unordered().collect::<Vec<_>>()), (0, vec![2]));
+}
+
+#[test]
+fn an_order_that_would_owe_a_chunk_twice_is_refused_whole() {
+    let mut l = ledger();
+    let taken = LedgerError::ChunkTaken { chunk: 2, layer: TreeNode(5) };
+    l.make_void(ONE, Void::Open);
+    assert_eq!(l.order(Ticket(2), &[layer(4, &[0], [1, 1]), layer(5, &[2], [1, 1])]), Err(taken));
+    let above = LedgerError::Overlap { layer: TreeNode(1), other: TreeNode(3) };
+    assert_eq!(l.order(Ticket(2), &[layer(1, &[0, 1], [1, 1])]), Err(above));
+    let below = LedgerError::Overlap { layer: TreeNode(9), other: TreeNode(4) };
+    assert_eq!(l.order(Ticket(2), &[layer(4, &[0], [1, 1]), layer(9, &[1], [1, 1])]), Err(below));
+    assert_eq!(l.unordered().collect::<Vec<_>>(), [0, 1]);
+    l.order(Ticket(2), &[layer(2, &[0, 1], [2, 1])]).unwrap();
+}
