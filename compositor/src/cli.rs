@@ -6,8 +6,10 @@ use std::time::Duration;
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 
 use crate::accel_args::AccelArgs;
+use crate::access::AccessArgs;
 use crate::cli_values::{deadline, pair, picture_size, triple};
 use crate::command::bench_table::TableArg;
+use crate::command::tls::TlsArgs;
 use crate::failure::EXIT_CODES;
 use crate::region_args::RegionArgs;
 
@@ -47,6 +49,8 @@ pub enum Command {
     Nodes(NodesArgs),
     /// Compare backends and node counts, or accelerations, on one view
     Bench(Box<BenchArgs>),
+    /// Make certificates and a token for a cluster
+    Tls(TlsArgs),
     /// Print a completion script for a shell
     Completions {
         /// The shell
@@ -255,9 +259,12 @@ pub struct SceneArgs {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Nodes")]
 pub struct NodeArgs {
-    /// Nodes to render on [default: nodes inside this process]
-    #[arg(long, value_name = "HOST:PORT,...", value_delimiter = ',', conflicts_with_all = ["local", "backend", "memory_budget"])]
+    /// Nodes to render on: host:port, dns:NAME:PORT (all that the name resolves to) or file:PATH [default: nodes inside this
+    /// process]
+    #[arg(long, value_name = "HOST:PORT,...", env = "BRICKCAST_NODES", value_delimiter = ',', conflicts_with_all = ["local", "backend", "memory_budget"])]
     pub nodes: Vec<String>,
+    #[command(flatten)]
+    pub access: AccessArgs,
     /// Number of nodes inside this process
     #[arg(long, value_name = "N")]
     pub local: Option<usize>,
@@ -331,9 +338,11 @@ pub struct OnTheWayArgs {
 
 #[derive(Debug, Args)]
 pub struct NodesArgs {
-    /// Nodes to ask
-    #[arg(long, value_name = "HOST:PORT,...", value_delimiter = ',', required = true)]
+    /// Nodes to ask: host:port, dns:NAME:PORT (all that the name resolves to) or file:PATH
+    #[arg(long, value_name = "HOST:PORT,...", env = "BRICKCAST_NODES", value_delimiter = ',', required = true)]
     pub nodes: Vec<String>,
+    #[command(flatten)]
+    pub access: AccessArgs,
     #[arg(long)]
     pub json: bool,
 }

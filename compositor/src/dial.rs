@@ -6,6 +6,7 @@ use std::sync::Arc;
 use futures_util::FutureExt as _;
 use futures_util::future::BoxFuture;
 
+use crate::access::Access;
 use crate::discovery::Target;
 use crate::service::{NodeClient, NodeError};
 
@@ -24,6 +25,15 @@ impl Dial {
         Self(Arc::new(move |target| connect(target).boxed()))
     }
 
+    /// TCP, with this certificate and token.
+    #[must_use]
+    pub fn with(access: Access) -> Self {
+        Self::through(move |target| {
+            let access = access.clone();
+            async move { NodeClient::connect(&target.address, &access).await }
+        })
+    }
+
     /// # Errors
     /// As [`NodeClient::connect`].
     pub async fn connect(&self, target: Target) -> Result<NodeClient, NodeError> {
@@ -32,9 +42,9 @@ impl Dial {
 }
 
 impl Default for Dial {
-    /// TCP.
+    /// TCP, showing nothing.
     fn default() -> Self {
-        Self::through(|target| async move { NodeClient::connect(&target.address).await })
+        Self::with(Access::default())
     }
 }
 

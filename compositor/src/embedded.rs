@@ -4,16 +4,20 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 
+use brickcast_node::admission::Admission;
 use brickcast_node::config::parse_bytes;
 use brickcast_node::gpu::GpuError;
 use brickcast_node::raycaster::{self, BackendChoice, Raycaster};
 use brickcast_node::recipe::Recipe;
-use brickcast_node::{DataRoot, Node, NodeConfig, NodeError, serve};
+use brickcast_node::{DataRoot, Node, NodeConfig, NodeError, serve_admitted};
+use brickcast_proto::credentials::{Doorkeeper, Token};
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 
+use crate::access::{Access, random_token};
 use crate::cli::BackendArg;
+use crate::dial::Dial;
 
 #[derive(Debug, thiserror::Error)]
 pub enum EmbeddedError {
@@ -23,6 +27,8 @@ pub enum EmbeddedError {
     Node(#[from] NodeError),
     #[error("--local {0}: between 1 and 64 nodes can run inside this process")]
     Count(usize),
+    #[error("the system gives no random numbers, which nodes inside this process need for their token: {0}")]
+    Random(#[from] getrandom::Error),
     #[error("no loopback port could be opened for a node inside this process: {0}")]
     Listen(#[from] std::io::Error),
 }
@@ -70,6 +76,8 @@ pub fn parse_size(text: &str) -> Result<u64, String> {
 /// Running nodes; they stop when this is dropped.
 #[derive(Debug)]
 pub struct EmbeddedNodes {
+    /// Other users of this machine reach the loopback ports, too, but do not know it.
+    token: Token,
     addresses: Vec<SocketAddr>,
     running: Vec<(oneshot::Sender<()>, JoinHandle<()>)>,
 }
@@ -83,7 +91,8 @@ impl EmbeddedNodes {
         if !(1..=64).contains(&count) {
             return Err(EmbeddedError::Count(count));
         }
-        let mut nodes = Self { addresses: Vec::new(), running: Vec::new() };
+        let token = random_token()?;
+        let mut nodes = Self { token: token.clone(), addresses: Vec::new(), running: Vec::new() };
         let cache = Node::chunk_cache(memory_budget);
         for _ in 0..count {
             let config = NodeConfig::new(DataRoot::Single(store.to_path_buf()), memory_budget);
@@ -91,8 +100,9 @@ impl EmbeddedNodes {
             let listener = TcpListener::bind(("127.0.0.1", 0)).await?;
             nodes.addresses.push(listener.local_addr()?);
             let (stop, stopped) = oneshot::channel::<()>();
+            let admission = Admission { tls: None, tokens: Doorkeeper::new(vec![token.clone()]) };
             let task = tokio::spawn(async move {
-                let ended = serve(node, listener, async {
+                let ended = serve_admitted(node, listener, admission, async {
                     stopped.await.ok();
                 });
                 if let Err(error) = ended.await {
@@ -102,6 +112,12 @@ impl EmbeddedNodes {
             nodes.running.push((stop, task));
         }
         Ok(nodes)
+    }
+
+    /// How they are reached.
+    #[must_use]
+    pub fn dial(&self) -> Dial {
+        Access::with_token(&self.token).dial()
     }
 
     #[must_use]

@@ -1,6 +1,7 @@
 //! The compositor: plan, order, over, ledger, outputs and the command line.
 
 pub mod accel_args;
+pub mod access;
 pub mod audit;
 pub mod blend;
 pub mod cli;
@@ -25,4 +26,5 @@ pub mod session;
 mod session_error;
 pub mod source;
 pub mod stats;
+mod tls_words;
 mod worker;

@@ -8,6 +8,8 @@ use brickcast::command;
 use clap::Parser as _;
 
 fn main() -> ExitCode {
+    // Before anything of rustls: two providers in the tree would leave it without a choice. Fails only where one is chosen.
+    let _ = rustls::crypto::ring::default_provider().install_default();
     let cli = Cli::parse();
     let level = match (cli.quiet, cli.verbose) {
         (true, _) => "error",

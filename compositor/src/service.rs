@@ -3,6 +3,11 @@
 use std::error::Error as _;
 use std::time::Duration;
 
+use crate::access::Access;
+use crate::tls_words::explained;
+use brickcast_proto::credentials::Badge;
+use brickcast_proto::status::innermost;
+use brickcast_proto::transport::Line;
 use brickcast_proto::{
     FramePart, NodeDescription, PrepareReceipt, PrepareRequest, RenderOrder, StoreDescription, StoreQuery, transport,
     wire,
@@ -68,9 +73,9 @@ impl NodeError {
 #[derive(Debug, Clone)]
 pub struct NodeClient {
     address: String,
-    cluster: ClusterClient<Channel>,
-    render: RenderClient<Channel>,
-    health: HealthClient<Channel>,
+    cluster: ClusterClient<Line>,
+    render: RenderClient<Line>,
+    health: HealthClient<Line>,
 }
 
 impl NodeClient {
@@ -78,29 +83,30 @@ impl NodeClient {
     ///
     /// # Errors
     /// A malformed address, no connection within [`transport::CONNECT_TIMEOUT`].
-    pub async fn connect(address: &str) -> Result<Self, NodeError> {
-        let endpoint = transport::endpoint(address)?
+    pub async fn connect(address: &str, access: &Access) -> Result<Self, NodeError> {
+        let endpoint = transport::endpoint(address, access.tls.as_ref())?
             .http2_keep_alive_interval(PING_AFTER)
             .keep_alive_timeout(PING_TIMEOUT)
             .keep_alive_while_idle(true);
         let unreachable = |reason: String| NodeError::Unreachable { address: address.to_owned(), reason };
         let channel = match tokio::time::timeout(transport::CONNECT_TIMEOUT, endpoint.connect()).await {
-            Ok(connected) => connected.map_err(|e| unreachable(innermost(&e)))?,
+            Ok(connected) => connected.map_err(|e| unreachable(explained(&innermost(&e))))?,
             Err(_) => {
                 return Err(unreachable(format!("no connection within {} s", transport::CONNECT_TIMEOUT.as_secs())));
             }
         };
-        Ok(Self::over(address, channel))
+        Ok(Self::over(address, channel, access.badge.clone()))
     }
 
     /// A node behind a connection that is there already.
     #[must_use]
-    pub fn over(address: &str, channel: Channel) -> Self {
+    pub fn over(address: &str, channel: Channel, badge: Badge) -> Self {
+        let line = transport::line(channel, badge);
         Self {
             address: address.to_owned(),
-            cluster: transport::cluster_client(channel.clone()),
-            health: HealthClient::new(channel.clone()),
-            render: transport::render_client(channel),
+            cluster: transport::cluster_client(line.clone()),
+            health: HealthClient::new(line.clone()),
+            render: transport::render_client(line),
         }
     }
 
@@ -229,16 +235,7 @@ fn refused(address: &str, call: &'static str, status: &tonic::Status) -> NodeErr
     let address = address.to_owned();
     // Only what comes from the transport has a source; what the node itself says has none.
     match status.source() {
-        Some(source) => NodeError::Lost { address, call, reason: innermost(source) },
+        Some(source) => NodeError::Lost { address, call, reason: explained(&innermost(source)) },
         None => NodeError::Refused { address, call, code: status.code(), message: status.message().to_owned() },
     }
-}
-
-/// The innermost cause says what a person needs: `connection refused`, not `transport error`.
-fn innermost(error: &dyn std::error::Error) -> String {
-    let mut cause = error;
-    while let Some(next) = cause.source() {
-        cause = next;
-    }
-    cause.to_string()
 }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
+use brickcast_node::admission::AdmissionOptions;
 use brickcast_node::config::parse_bytes;
 use brickcast_node::raycaster::BackendChoice;
 use brickcast_proto::PROTOCOL_VERSION;
@@ -21,14 +22,30 @@ static VERSION: LazyLock<String> =
                   Exit codes: 0 after SIGTERM or ctrl-c, 1 failure, 2 wrong usage."
 )]
 pub(crate) struct Cli {
-    /// Where to listen, host:port; port 0 takes a free one. Nodes trust whoever reaches them: beyond loopback, listen on a
-    /// private network only
+    /// Where to listen, host:port; port 0 takes a free one. Beyond loopback a node wants --tls
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:7000")]
     pub(crate) listen: String,
 
     /// Folder with stores (made by `brickcast prepare`); nothing outside it is read
-    #[arg(long, value_name = "DIR")]
-    pub(crate) data: PathBuf,
+    #[arg(long, value_name = "DIR", required_unless_present = "health")]
+    pub(crate) data: Option<PathBuf>,
+
+    /// Folder with ca.pem, node.pem, node.key and token (made by `brickcast tls init`): clients must show a certificate of
+    /// the same authority, and the token
+    #[arg(long, value_name = "DIR", env = "BRICKCAST_TLS")]
+    pub(crate) tls: Option<PathBuf>,
+
+    /// Tokens of which clients must show one, one a line [default: `token` in the folder of --tls]
+    #[arg(long, value_name = "FILE", env = "BRICKCAST_TOKEN_FILE")]
+    pub(crate) token_file: Option<PathBuf>,
+
+    /// Listen beyond loopback without TLS: everyone on the network can use the node and read pictures and data on the way
+    #[arg(long)]
+    pub(crate) insecure: bool,
+
+    /// Ask the node at this address whether it serves, and end with 0 or 1 (for health checks)
+    #[arg(long, value_name = "ADDR", conflicts_with_all = ["data", "listen", "insecure"])]
+    pub(crate) health: Option<String>,
 
     /// Who renders: the GPU, the CPU, or the GPU where there is one
     #[arg(long, value_enum, default_value_t = Backend::Auto)]
@@ -65,6 +82,10 @@ impl From<Backend> for BackendChoice {
 }
 
 impl Cli {
+    pub(crate) fn admission(&self) -> AdmissionOptions {
+        AdmissionOptions { tls: self.tls.clone(), token_file: self.token_file.clone(), insecure: self.insecure }
+    }
+
     /// The level of the log.
     pub(crate) fn level(&self) -> tracing::Level {
         match (self.quiet, self.verbose) {

@@ -60,6 +60,8 @@ pub enum NodeError {
 
     #[error("{0} orders wait already; try again later")]
     Busy(usize),
+    #[error("{0} frames of this connection are open already; take them, or try again later")]
+    TooManyFrames(usize),
     #[error("the node is shutting down and takes no more orders")]
     Draining,
     #[error("the client took no part of the frame for {0} s")]
@@ -89,7 +91,7 @@ impl NodeError {
             | Self::BatchTooLarge { .. }
             | Self::Raycast(RaycastError::BrickTooLarge { .. }) => Fault::BudgetTooSmall,
             Self::Raycast(_) => Fault::Device,
-            Self::Busy(_) => Fault::Busy,
+            Self::Busy(_) | Self::TooManyFrames(_) => Fault::Busy,
             Self::Draining => Fault::Draining,
             Self::Stalled(_) | Self::Cancelled => Fault::Abandoned,
             Self::Panicked(_) => Fault::Internal,

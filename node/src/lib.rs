@@ -1,12 +1,15 @@
 //! The render node: adapter, brick residency, rendering and the tonic service.
 
+pub mod admission;
 pub mod config;
+pub mod connections;
 pub mod cpu;
 mod emptiness;
 pub mod error;
 pub mod gpu;
 pub mod meter;
 pub mod node;
+pub mod probe;
 pub mod raycaster;
 pub mod recipe;
 pub mod render;
@@ -22,4 +25,4 @@ mod worth;
 pub use config::{DataRoot, NodeConfig};
 pub use error::NodeError;
 pub use node::Node;
-pub use server::serve;
+pub use server::{serve, serve_admitted};

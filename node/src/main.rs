@@ -8,17 +8,25 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context as _;
+use brickcast_node::admission::{Admission, AdmissionError};
 use brickcast_node::config::format_bytes;
-use brickcast_node::{DataRoot, Node, NodeConfig, raycaster, serve};
+use brickcast_node::probe::probe;
+use brickcast_node::{DataRoot, Node, NodeConfig, raycaster, serve_admitted};
+use brickcast_proto::credentials::{Badge, TOKEN_FILE, read_tokens};
 use clap::Parser as _;
 use tokio::net::TcpListener;
 
 use crate::cli::Cli;
 
+/// Exit code of wrong usage, as clap has it.
+const USAGE: u8 = 2;
+
 /// What the runtime's threads may take to end after the server has.
 const EXIT_TIMEOUT: Duration = Duration::from_millis(500);
 
 fn main() -> ExitCode {
+    // Before anything of rustls: two providers in the tree would leave it without a choice. Fails only where one is chosen.
+    let _ = rustls::crypto::ring::default_provider().install_default();
     let cli = Cli::parse();
     start_log(&cli);
     match run(&cli) {
@@ -26,7 +34,10 @@ fn main() -> ExitCode {
         Err(error) => {
             // The log may be filtered; the reason for the exit never is.
             let _ = writeln!(io::stderr(), "brickcast-node: {error:#}");
-            ExitCode::FAILURE
+            match error.downcast_ref::<AdmissionError>() {
+                Some(AdmissionError::Open(_) | AdmissionError::TokenInClear(_)) => ExitCode::from(USAGE),
+                _ => ExitCode::FAILURE,
+            }
         }
     }
 }
@@ -45,20 +56,33 @@ fn start_log(cli: &Cli) {
 
 fn run(cli: &Cli) -> anyhow::Result<()> {
     let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build().context("cannot start threads")?;
-    let outcome = runtime.block_on(run_node(cli));
+    let outcome = match &cli.health {
+        Some(address) => runtime.block_on(ask(cli, address)),
+        None => runtime.block_on(run_node(cli)),
+    };
     runtime.shutdown_timeout(EXIT_TIMEOUT);
     outcome
+}
+
+async fn ask(cli: &Cli, address: &str) -> anyhow::Result<()> {
+    let token_file = cli.token_file.clone().or_else(|| cli.tls.as_ref().map(|folder| folder.join(TOKEN_FILE)));
+    let tokens = token_file.map(|path| read_tokens(&path)).transpose()?;
+    let badge = tokens.iter().flatten().next().map_or_else(Badge::default, Badge::of);
+    Ok(probe(address, cli.tls.as_deref(), badge).await?)
 }
 
 async fn run_node(cli: &Cli) -> anyhow::Result<()> {
     // Before anything slow: a signal during the start ends the process cleanly too.
     let shutdown = shutdown_signal()?;
+    let options = cli.admission();
+    let admission = Admission::read(&options)?;
     let listener = TcpListener::bind(&cli.listen)
         .await
         .with_context(|| format!("cannot listen on {}; choose another --listen host:port", cli.listen))?;
     let address = listener.local_addr().context("cannot tell the port that was taken")?;
-    if !address.ip().is_loopback() {
-        tracing::warn!("whoever reaches {address} can use this node: keep it on a private network");
+    admission.may_listen(address, &options)?;
+    if !address.ip().is_loopback() && admission.tls.is_none() {
+        tracing::warn!("--insecure: whoever reaches {address} can use this node and read what it sends");
     }
     let backend = cli.backend.into();
     let raycaster = tokio::task::spawn_blocking(move || raycaster::open(backend))
@@ -70,10 +94,10 @@ async fn run_node(cli: &Cli) -> anyhow::Result<()> {
     for note in &info.notes {
         tracing::warn!("{note}");
     }
-    let config = NodeConfig::new(DataRoot::Folder(cli.data.clone()), cli.memory_budget);
+    let config = NodeConfig::new(DataRoot::Folder(cli.data.clone().unwrap_or_default()), cli.memory_budget);
     let node = Arc::new(Node::new(config, raycaster)?);
     announce(&format!("listening on {address}")).context("cannot write to stdout")?;
-    serve(node, listener, async {
+    serve_admitted(node, listener, admission, async {
         shutdown.await;
         tracing::info!("shutting down: frames under way finish first");
     })

@@ -4,10 +4,14 @@ use std::future::Future;
 use std::sync::Arc;
 use std::time::Duration;
 
+use brickcast_proto::status::innermost;
 use brickcast_proto::{DESCRIPTORS, transport};
 use tokio::net::TcpListener;
+use tonic::service::InterceptorLayer;
 use tonic_health::ServingStatus;
 
+use crate::admission::Admission;
+use crate::connections::Connections;
 use crate::node::Node;
 use crate::service::Service;
 
@@ -22,18 +26,33 @@ const HEALTH_NAMES: [&str; 3] = ["", "brickcast.v1.Render", "brickcast.v1.Cluste
 pub enum ServeError {
     #[error("reflection: {0}")]
     Reflection(#[from] tonic_reflection::server::Error),
+    #[error("the certificates in {folder} cannot be used ({reason}); make new ones with `brickcast tls init`")]
+    Certificates { folder: String, reason: String },
     #[error("the server failed: {0}")]
     Transport(#[from] tonic::transport::Error),
 }
 
-/// Serves `node` on `listener` until `shutdown` resolves; then tells NOT_SERVING, refuses new orders, lets frames finish for
-/// at most [`DRAIN_TIMEOUT`], and returns.
+/// Serves everyone who reaches `listener`: see [`serve_admitted`].
 ///
 /// # Errors
 /// A listener that fails.
 pub async fn serve(
     node: Arc<Node>,
     listener: TcpListener,
+    shutdown: impl Future<Output = ()>,
+) -> Result<(), ServeError> {
+    serve_admitted(node, listener, Admission::default(), shutdown).await
+}
+
+/// Serves `node` to those whom `admission` lets in (health and reflection, too) until `shutdown` resolves; then tells
+/// NOT_SERVING, refuses new orders, lets frames finish for at most [`DRAIN_TIMEOUT`], and returns.
+///
+/// # Errors
+/// Certificates that are none, a listener that fails.
+pub async fn serve_admitted(
+    node: Arc<Node>,
+    listener: TcpListener,
+    admission: Admission,
     shutdown: impl Future<Output = ()>,
 ) -> Result<(), ServeError> {
     let (health, health_service) = tonic_health::server::health_reporter();
@@ -46,12 +65,20 @@ pub async fn serve(
         .build_v1()?;
     let service = Service(node.clone());
     let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
-    let server = transport::server()
+    let mut server = transport::server();
+    if let Some(tls) = &admission.tls {
+        server = server.tls_config(tls.server()).map_err(|e| ServeError::Certificates {
+            folder: tls.folder().display().to_string(),
+            reason: innermost(&e),
+        })?;
+    }
+    let server = server
+        .layer(InterceptorLayer::new(admission.tokens))
         .add_service(health_service)
         .add_service(reflection)
         .add_service(transport::render_server(service.clone()))
         .add_service(transport::cluster_server(service))
-        .serve_with_incoming_shutdown(transport::incoming(listener), async {
+        .serve_with_incoming_shutdown(Connections::new(transport::incoming(listener)), async {
             // A dropped sender means the same.
             let _ = stopped.await;
         });

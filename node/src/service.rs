@@ -6,9 +6,12 @@ use std::sync::Arc;
 use brickcast_proto::wire;
 use brickcast_proto::{Failure, PrepareRequest, RenderOrder, StoreQuery, WireError};
 use futures_util::{Stream, StreamExt as _};
+use tokio::sync::OwnedSemaphorePermit;
 use tokio_stream::wrappers::ReceiverStream;
+use tonic::transport::server::TlsConnectInfo;
 use tonic::{Request, Response, Status};
 
+use crate::connections::{MAX_FRAMES, Peer};
 use crate::error::NodeError;
 use crate::node::Node;
 
@@ -24,6 +27,14 @@ fn fail(error: NodeError) -> Status {
     Failure::from(error).into()
 }
 
+/// One of the frames that the call's connection may have open.
+fn frame_place(extensions: &tonic::Extensions) -> Result<Option<OwnedSemaphorePermit>, NodeError> {
+    let peer = extensions.get::<Peer>().or_else(|| Some(extensions.get::<TlsConnectInfo<Peer>>()?.get_ref()));
+    // Calls that come by no connection of ours are tests of the service alone.
+    let Some(peer) = peer else { return Ok(None) };
+    peer.frames.clone().try_acquire_owned().map(Some).map_err(|_| NodeError::TooManyFrames(MAX_FRAMES))
+}
+
 #[tonic::async_trait]
 impl wire::render_server::Render for Service {
     type RenderFrameStream = Pin<Box<dyn Stream<Item = Result<wire::FramePart, Status>> + Send>>;
@@ -32,9 +43,14 @@ impl wire::render_server::Render for Service {
         &self,
         request: Request<wire::RenderOrder>,
     ) -> Result<Response<Self::RenderFrameStream>, Status> {
+        let frame = frame_place(request.extensions()).map_err(fail)?;
         let order = RenderOrder::try_from(request.into_inner()).map_err(refuse)?;
         let parts = self.0.clone().render(order).await.map_err(fail)?;
-        let parts = ReceiverStream::new(parts).map(|part| part.map(Into::into).map_err(fail));
+        let parts = ReceiverStream::new(parts).map(move |part| {
+            // Free when the stream ends.
+            let _frame = &frame;
+            part.map(Into::into).map_err(fail)
+        });
         Ok(Response::new(Box::pin(parts)))
     }
 }
@@ -67,6 +83,7 @@ impl wire::cluster_server::Cluster for Service {
 pub(crate) mod client {
     #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
+    use brickcast_proto::credentials::Badge;
     use brickcast_proto::{FramePart, NodeDescription, Part, PrepareReceipt, Receipt, StoreDescription, transport};
     use prost::Message as _;
     use tonic::transport::Channel;
@@ -127,23 +144,27 @@ pub(crate) mod client {
     }
 
     impl Client {
+        fn line(&self) -> transport::Line {
+            transport::line(self.0.clone(), Badge::default())
+        }
+
         pub(crate) async fn start(&self, order: RawOrder) -> Result<Frame, Status> {
-            Ok(Frame(transport::render_client(self.0.clone()).render_frame(order.0).await?.into_inner()))
+            Ok(Frame(transport::render_client(self.line()).render_frame(order.0).await?.into_inner()))
         }
 
         pub(crate) async fn describe(&self) -> NodeDescription {
-            let mut cluster = transport::cluster_client(self.0.clone());
+            let mut cluster = transport::cluster_client(self.line());
             cluster.describe(wire::DescribeRequest {}).await.unwrap().into_inner().try_into().unwrap()
         }
 
         pub(crate) async fn open_store(&self, query: StoreQuery) -> Result<StoreDescription, Status> {
-            let mut cluster = transport::cluster_client(self.0.clone());
+            let mut cluster = transport::cluster_client(self.line());
             let answer = cluster.open_store(wire::OpenStoreRequest::from(query)).await?;
             Ok(answer.into_inner().try_into().unwrap())
         }
 
         pub(crate) async fn prepare(&self, request: PrepareRequest) -> Result<PrepareReceipt, Status> {
-            let mut cluster = transport::cluster_client(self.0.clone());
+            let mut cluster = transport::cluster_client(self.line());
             let answer = cluster.prepare(wire::PrepareRequest::from(request)).await?;
             Ok(answer.into_inner().try_into().unwrap())
         }

@@ -5,6 +5,7 @@
 
 pub mod cluster;
 pub mod convert;
+pub mod credentials;
 pub mod order;
 pub mod part;
 pub mod status;

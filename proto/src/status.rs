@@ -103,6 +103,16 @@ impl From<crate::WireError> for Failure {
     }
 }
 
+/// The innermost cause says what a person needs: `connection refused`, not `transport error`.
+#[must_use]
+pub fn innermost(error: &dyn std::error::Error) -> String {
+    let mut cause = error;
+    while let Some(next) = cause.source() {
+        cause = next;
+    }
+    cause.to_string()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

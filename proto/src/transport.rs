@@ -5,9 +5,11 @@
 
 use std::time::Duration;
 
+use tonic::service::interceptor::InterceptedService;
 use tonic::transport::server::TcpIncoming;
 use tonic::transport::{Channel, Endpoint, Server};
 
+use crate::credentials::{Badge, Tls};
 use crate::wire::cluster_client::ClusterClient;
 use crate::wire::cluster_server::{Cluster, ClusterServer};
 use crate::wire::render_client::RenderClient;
@@ -22,8 +24,14 @@ pub const MAX_ORDER_BYTES: usize = 12 << 20;
 pub const MAX_CLUSTER_BYTES: usize = 72 << 20;
 
 pub const FRAME_BYTES: u32 = 1 << 20;
+/// Bytes that a client lets nodes send ahead.
 pub const STREAM_WINDOW: u32 = 16 << 20;
 pub const CONNECTION_WINDOW: u32 = 64 << 20;
+/// Bytes that a node lets clients send ahead: orders are small, and what is sent ahead takes memory.
+pub const ORDER_STREAM_WINDOW: u32 = 1 << 20;
+pub const ORDER_CONNECTION_WINDOW: u32 = 4 << 20;
+/// Bytes of a call's headers.
+pub const MAX_HEADER_BYTES: u32 = 16 << 10;
 pub const KEEP_ALIVE_INTERVAL: Duration = Duration::from_secs(10);
 pub const KEEP_ALIVE_TIMEOUT: Duration = Duration::from_secs(5);
 pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -36,13 +44,17 @@ pub enum AddressError {
     Form(String),
     #[error("`{address}` is not a node's address: {source}; write host:port, for example 127.0.0.1:7000")]
     Uri { address: String, source: tonic::transport::Error },
+    #[error(
+        "node {address}: the certificates in {folder} cannot be used ({reason}); make new ones with `brickcast tls init`"
+    )]
+    Certificates { address: String, folder: String, reason: String },
 }
 
-/// How a client reaches the node at `host:port`.
+/// How a client reaches the node at `host:port`, with its certificate where there is one.
 ///
 /// # Errors
-/// An address that is not `host:port`.
-pub fn endpoint(address: &str) -> Result<Endpoint, AddressError> {
+/// An address that is not `host:port`, a certificate or key that is none.
+pub fn endpoint(address: &str, tls: Option<&Tls>) -> Result<Endpoint, AddressError> {
     let form = || AddressError::Form(crate::convert::clip(address, 256));
     let (host, port) = address.rsplit_once(':').ok_or_else(form)?;
     let bare_v6 = host.contains(':') && !(host.starts_with('[') && host.ends_with(']'));
@@ -50,8 +62,16 @@ pub fn endpoint(address: &str) -> Result<Endpoint, AddressError> {
     if host.is_empty() || bare_v6 || host.contains(odd) || !port.parse::<u16>().is_ok_and(|p| p != 0) {
         return Err(form());
     }
-    let endpoint = Endpoint::from_shared(format!("http://{address}"))
+    let scheme = if tls.is_some() { "https" } else { "http" };
+    let mut endpoint = Endpoint::from_shared(format!("{scheme}://{address}"))
         .map_err(|source| AddressError::Uri { address: crate::convert::clip(address, 256), source })?;
+    if let Some(tls) = tls {
+        endpoint = endpoint.tls_config(tls.client()).map_err(|e| AddressError::Certificates {
+            address: address.to_owned(),
+            folder: tls.folder().display().to_string(),
+            reason: crate::status::innermost(&e),
+        })?;
+    }
     Ok(endpoint
         .connect_timeout(CONNECT_TIMEOUT)
         .tcp_nodelay(true)
@@ -69,8 +89,9 @@ pub fn server() -> Server {
     Server::builder()
         .http2_keepalive_interval(Some(KEEP_ALIVE_INTERVAL))
         .http2_keepalive_timeout(Some(KEEP_ALIVE_TIMEOUT))
-        .initial_stream_window_size(STREAM_WINDOW)
-        .initial_connection_window_size(CONNECTION_WINDOW)
+        .initial_stream_window_size(ORDER_STREAM_WINDOW)
+        .initial_connection_window_size(ORDER_CONNECTION_WINDOW)
+        .http2_max_header_list_size(MAX_HEADER_BYTES)
         .max_frame_size(FRAME_BYTES)
         .max_concurrent_streams(MAX_CONCURRENT_STREAMS)
 }
@@ -81,18 +102,25 @@ pub fn incoming(listener: impl Into<TcpIncoming>) -> TcpIncoming {
     listener.into().with_nodelay(Some(true))
 }
 
+/// A connection on which every call shows a badge.
+pub type Line = InterceptedService<Channel, Badge>;
+
+/// Calls on `channel` show `badge`.
+#[must_use]
+pub fn line(channel: Channel, badge: Badge) -> Line {
+    InterceptedService::new(channel, badge)
+}
+
 /// A client of the render service with this contract's limits.
 #[must_use]
-pub fn render_client(channel: Channel) -> RenderClient<Channel> {
-    RenderClient::new(channel).max_decoding_message_size(MAX_PART_BYTES).max_encoding_message_size(MAX_ORDER_BYTES)
+pub fn render_client(line: Line) -> RenderClient<Line> {
+    RenderClient::new(line).max_decoding_message_size(MAX_PART_BYTES).max_encoding_message_size(MAX_ORDER_BYTES)
 }
 
 /// A client of the cluster service with this contract's limits.
 #[must_use]
-pub fn cluster_client(channel: Channel) -> ClusterClient<Channel> {
-    ClusterClient::new(channel)
-        .max_decoding_message_size(MAX_CLUSTER_BYTES)
-        .max_encoding_message_size(MAX_CLUSTER_BYTES)
+pub fn cluster_client(line: Line) -> ClusterClient<Line> {
+    ClusterClient::new(line).max_decoding_message_size(MAX_CLUSTER_BYTES).max_encoding_message_size(MAX_CLUSTER_BYTES)
 }
 
 /// The render service with this contract's limits.
@@ -116,11 +144,11 @@ mod tests {
         for bad in
             ["", "localhost", ":7000", "host:", "host:0", "host:99999", "::1:7000", "a b:1", "http://x:1", "u@h:1"]
         {
-            let error = endpoint(bad).unwrap_err().to_string();
+            let error = endpoint(bad, None).unwrap_err().to_string();
             assert!(error.contains("host:port"), "{bad}: {error}");
         }
         for good in ["127.0.0.1:7000", "[::1]:7000", "node-3.cluster.local:65535"] {
-            endpoint(good).unwrap();
+            endpoint(good, None).unwrap();
         }
     }
 }

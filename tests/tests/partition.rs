@@ -140,7 +140,10 @@ fn the_same_bits_from_any_number_of_nodes() {
                 let mut expected: Vec<Vec<[u32; 4]>> = Vec::new();
                 for count in [1, 2, 3, 8] {
                     let nodes = EmbeddedNodes::start(&kernel, count, &store.path(), 1 << 30).await.unwrap();
-                    let mut session = Session::open(&nodes.addresses(), StoreChoice::Hash(store.hash())).await.unwrap();
+                    let mut session =
+                        Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash()))
+                            .await
+                            .unwrap();
                     for (i, (name, camera)) in cameras.iter().enumerate() {
                         let scene = scene(&store, *camera, (67, 53), true);
                         let frame = render(&mut session, &scene, Transport::F32).await;
@@ -194,7 +197,10 @@ fn samples_on_faces_are_counted_once_in_any_bricks() {
                     let mut scene = scene(&store, camera, (41, 37), true);
                     (scene.step, scene.early_termination) = (0.1, 1.0);
                     let nodes = EmbeddedNodes::start(&kernel, 2, &store.path(), 1 << 30).await.unwrap();
-                    let mut session = Session::open(&nodes.addresses(), StoreChoice::Hash(store.hash())).await.unwrap();
+                    let mut session =
+                        Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash()))
+                            .await
+                            .unwrap();
                     let samples = render(&mut session, &scene, Transport::F32).await.stats.samples;
                     let what = format!("{:?}: eye at {eye_z}, bricks of {brick_size}", kernel.describe());
                     assert!(samples > 500_000, "{what}: {samples}");
@@ -218,7 +224,10 @@ fn brick_size_transport_and_mode_change_less_than_one_step_of_eight_bits() {
                     if path.is_dir() { Store::open(&path).unwrap() } else { store(folder.path(), &input, brick_size) };
                 for count in [1, 3] {
                     let nodes = EmbeddedNodes::start(&kernel, count, &store.path(), 1 << 30).await.unwrap();
-                    let mut session = Session::open(&nodes.addresses(), StoreChoice::Hash(store.hash())).await.unwrap();
+                    let mut session =
+                        Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash()))
+                            .await
+                            .unwrap();
                     for (exact, transport) in [(true, Transport::F32), (false, Transport::F32), (false, Transport::F16)]
                     {
                         let scene = scene(&store, cameras(&store)[0].1, (97, 89), exact);
@@ -257,7 +266,10 @@ fn odd_image_sizes() {
                 let mut first = None;
                 for count in [1, 3] {
                     let nodes = EmbeddedNodes::start(&kernel, count, &store.path(), 1 << 30).await.unwrap();
-                    let mut session = Session::open(&nodes.addresses(), StoreChoice::Hash(store.hash())).await.unwrap();
+                    let mut session =
+                        Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash()))
+                            .await
+                            .unwrap();
                     let scene = scene(&store, cameras(&store)[0].1, size, true);
                     let frame = render(&mut session, &scene, Transport::F32).await;
                     assert_eq!(frame.picture.pixels().len(), (size.0 * size.1) as usize);
@@ -280,7 +292,8 @@ fn a_small_memory_budget_changes_no_bit() {
         let mut frames = Vec::new();
         for budget in [1 << 30, 34 * 34 * 34 * 2 * 5] {
             let nodes = EmbeddedNodes::start(&kernel, 2, &store.path(), budget).await.unwrap();
-            let mut session = Session::open(&nodes.addresses(), StoreChoice::Hash(store.hash())).await.unwrap();
+            let mut session =
+                Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash())).await.unwrap();
             let scene = scene(&store, cameras(&store)[0].1, (67, 53), true);
             session.load(&scene).await.unwrap();
             frames.push(bits(&render(&mut session, &scene, Transport::F32).await));

@@ -73,7 +73,9 @@ async fn measure(
     budget: u64,
 ) -> Result<Row, Failure> {
     let nodes = EmbeddedNodes::start(kernel, count, &store.path(), budget).await?;
-    let mut session = Session::open(&nodes.addresses(), crate::session::StoreChoice::Hash(store.hash())).await?;
+    let mut session =
+        Session::open_through(nodes.dial(), &nodes.addresses(), crate::session::StoreChoice::Hash(store.hash()))
+            .await?;
     let load = session.load(&choice.scene).await?;
     let limit = std::time::Duration::from_secs(3600);
     // The first frame pays for caches and lazy pages: it is not timed.

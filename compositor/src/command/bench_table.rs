@@ -134,7 +134,7 @@ async fn measure(
     budget: u64,
 ) -> Result<Vec<Row>, Failure> {
     let nodes = EmbeddedNodes::start(kernel, 1, &store.path(), budget).await?;
-    let mut session = Session::open(&nodes.addresses(), StoreChoice::Hash(store.hash())).await?;
+    let mut session = Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash())).await?;
     let limit = Duration::from_secs(3600);
     let mut timed = Vec::new();
     let mut transport = brickcast_volume::scene::Transport::F16;

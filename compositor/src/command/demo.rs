@@ -45,7 +45,7 @@ pub async fn run(args: DemoArgs, quiet: bool) -> Result<(), Failure> {
     }
     say(quiet, &format!("2. two render nodes in this process, reached over gRPC: {backend}, {adapter}"))?;
     let nodes = EmbeddedNodes::start(&kernel, 2, &store, BUDGET).await?;
-    let mut session = Session::open(&nodes.addresses(), StoreChoice::Hash(opened.hash())).await?;
+    let mut session = Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(opened.hash())).await?;
     let choice = SceneChoice { scene: scene(&opened, size)?, transport: Transport::F16, notes: Vec::new() };
     let load = session.load(&choice.scene).await?;
     let frame = session.render(&choice.scene, choice.transport, std::time::Duration::from_secs(300)).await?;

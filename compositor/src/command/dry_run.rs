@@ -5,7 +5,7 @@ use brickcast_volume::brick::GHOST_SAMPLED;
 use brickcast_volume::store::Store;
 use comfy_table::Table;
 
-use super::{bytes, print};
+use super::{access, bytes, print};
 use crate::cli::RenderArgs;
 use crate::failure::Failure;
 use crate::plan::{Assignment, Shown, StoreFacts};
@@ -23,7 +23,8 @@ pub async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -> Resul
     let (store, budgets) = match source {
         Source::Store(store) => (local_facts(&store), vec![memory_budget; count]),
         Source::Name(_) => {
-            let session = Session::open(&args.nodes.nodes, source.choice()).await?;
+            let session =
+                Session::open_through(access(&args.nodes.access)?, &args.nodes.nodes, source.choice()).await?;
             let budgets = session.descriptions().map(|d| d.memory_budget).collect();
             (session.store().clone(), budgets)
         }

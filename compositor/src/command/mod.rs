@@ -9,6 +9,7 @@ pub mod nodes;
 pub mod phantom;
 pub mod prepare;
 pub mod render;
+pub mod tls;
 
 use std::io::Write as _;
 
@@ -16,7 +17,9 @@ use anyhow::Context as _;
 use brickcast_volume::store::RegionsEntry;
 use clap::CommandFactory as _;
 
+use crate::access::{Access, AccessArgs};
 use crate::cli::{Cli, Command};
+use crate::dial::Dial;
 use crate::failure::Failure;
 
 /// Runs the command that was asked for.
@@ -33,6 +36,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Command::Render(args) => blocking(render::run(*args, quiet)),
         Command::Nodes(args) => blocking(nodes::run(args)),
         Command::Bench(args) => blocking(bench::run(*args, quiet)),
+        Command::Tls(args) => tls::run(args),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "brickcast", &mut script);
@@ -50,6 +54,11 @@ fn blocking(command: impl Future<Output = Result<(), Failure>>) -> Result<(), Fa
     // A node inside this process may be in the middle of a frame that nobody waits for.
     runtime.shutdown_timeout(std::time::Duration::from_secs(2));
     result
+}
+
+/// Connections as `--tls` and `--token-file` say.
+pub(crate) fn access(args: &AccessArgs) -> Result<Dial, Failure> {
+    Ok(Access::read(args).map_err(anyhow::Error::new)?.dial())
 }
 
 /// Results go to stdout. A reader that has had enough (`| head`) is no failure.

@@ -3,23 +3,29 @@
 use comfy_table::Table;
 use serde_json::json;
 
-use super::{bytes, print};
+use super::{access, bytes, print};
 use crate::cli::NodesArgs;
+use crate::discovery::NodeList;
 use crate::failure::Failure;
-use crate::service::NodeClient;
 
 /// Asks every node; those that do not answer are listed with the reason, and make the command fail.
 ///
 /// # Errors
 /// A node that did not answer.
 pub async fn run(args: NodesArgs) -> Result<(), Failure> {
-    let answers = futures_util::future::join_all(args.nodes.iter().map(|address| async move {
-        let mut node = NodeClient::connect(address).await?;
+    let dial = access(&args.access)?;
+    let (targets, problems) = NodeList::parse(&args.nodes).map_err(Failure::usage)?.resolve().await;
+    if let Some(problem) = problems.into_iter().next() {
+        return Err(anyhow::Error::new(problem).into());
+    }
+    let addresses: Vec<String> = targets.iter().map(|t| t.address.clone()).collect();
+    let answers = futures_util::future::join_all(targets.into_iter().map(|target| async {
+        let mut node = dial.connect(target).await?;
         node.describe().await
     }))
     .await;
     let failed: Vec<String> = answers.iter().filter_map(|a| a.as_ref().err().map(ToString::to_string)).collect();
-    let named = args.nodes.iter().zip(&answers);
+    let named = addresses.iter().zip(&answers);
     if args.json {
         let list: Vec<_> = named
             .map(|(address, answer)| match answer {

@@ -10,7 +10,7 @@ use brickcast_volume::scene::Leap;
 use brickcast_volume::transfer_function::TransferFunction;
 use serde_json::json;
 
-use super::{background, bytes, say};
+use super::{access, background, bytes, say};
 use crate::audit::{self, Audit};
 use crate::cli::RenderArgs;
 use crate::command::dry_run;
@@ -76,7 +76,10 @@ async fn open_session(
     quiet: bool,
 ) -> Result<(Session, Option<EmbeddedNodes>), Failure> {
     if !args.nodes.nodes.is_empty() {
-        return Ok((Session::open(&args.nodes.nodes, source.choice()).await?, None));
+        return Ok((
+            Session::open_through(access(&args.nodes.access)?, &args.nodes.nodes, source.choice()).await?,
+            None,
+        ));
     }
     let Source::Store(store) = source else { return Err(anyhow!("{}: no such store", args.path.display()).into()) };
     let kernel = Kernel::open(args.nodes.backend)?;
@@ -86,7 +89,7 @@ async fn open_session(
     }
     tracing::info!("{backend}: {adapter}");
     let nodes = EmbeddedNodes::start(&kernel, args.nodes.local.unwrap_or(1), &store.path(), memory_budget).await?;
-    let session = Session::open(&nodes.addresses(), source.choice()).await?;
+    let session = Session::open_through(nodes.dial(), &nodes.addresses(), source.choice()).await?;
     Ok((session, Some(nodes)))
 }
 

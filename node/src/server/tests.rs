@@ -39,7 +39,7 @@ impl Served {
         let task = tokio::spawn(serve(node, listener, async {
             let _ = stopped.await;
         }));
-        let channel = transport::endpoint(&address).unwrap().connect().await.unwrap();
+        let channel = transport::endpoint(&address, None).unwrap().connect().await.unwrap();
         Self { _folder: folder, hash, raycaster, channel, stop: Some(stop), task }
     }
 

@@ -87,7 +87,8 @@ pub(crate) struct Rig {
 impl Rig {
     pub(crate) async fn start(kernel: &Kernel, store: &Store, count: usize) -> Self {
         let nodes = EmbeddedNodes::start(kernel, count, &store.path(), 1 << 30).await.unwrap();
-        let session = Session::open(&nodes.addresses(), StoreChoice::Hash(store.hash())).await.unwrap();
+        let session =
+            Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash())).await.unwrap();
         Self { session, _nodes: nodes }
     }
 

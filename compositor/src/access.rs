@@ -1,0 +1,62 @@
+//! What this client shows to nodes, and whom it takes for one.
+
+use std::path::PathBuf;
+
+use brickcast_proto::credentials::{Badge, CredentialError, TOKEN_FILE, Tls, Token, read_tokens};
+use clap::Args;
+
+use crate::dial::Dial;
+
+/// Certificates and tokens on the command line.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Nodes")]
+pub struct AccessArgs {
+    /// Folder with ca.pem, client.pem, client.key and token (made by `brickcast tls init`): nodes must hold a certificate of
+    /// the same authority
+    #[arg(long, value_name = "DIR", env = "BRICKCAST_TLS")]
+    pub tls: Option<PathBuf>,
+    /// The token that nodes want, on the file's first line [default: `token` in the folder of --tls]
+    #[arg(long, value_name = "FILE", env = "BRICKCAST_TOKEN_FILE")]
+    pub token_file: Option<PathBuf>,
+}
+
+/// Certificate and token of a client; the default has neither.
+#[derive(Debug, Clone, Default)]
+pub struct Access {
+    pub tls: Option<Tls>,
+    pub badge: Badge,
+}
+
+impl Access {
+    /// # Errors
+    /// Files that are missing or hold something else.
+    pub fn read(args: &AccessArgs) -> Result<Self, CredentialError> {
+        let tls = args.tls.as_deref().map(Tls::of_client).transpose()?;
+        let file = args.token_file.clone().or_else(|| args.tls.as_ref().map(|folder| folder.join(TOKEN_FILE)));
+        let tokens = file.map(|path| read_tokens(&path)).transpose()?;
+        let badge = tokens.iter().flatten().next().map_or_else(Badge::default, Badge::of);
+        Ok(Self { tls, badge })
+    }
+
+    /// With this token and no certificate.
+    #[must_use]
+    pub fn with_token(token: &Token) -> Self {
+        Self { tls: None, badge: Badge::of(token) }
+    }
+
+    /// Connections that show it.
+    #[must_use]
+    pub fn dial(&self) -> Dial {
+        Dial::with(self.clone())
+    }
+}
+
+/// A token that nobody can guess.
+///
+/// # Errors
+/// The system has no randomness.
+pub fn random_token() -> Result<Token, getrandom::Error> {
+    let mut bytes = [0_u8; 32];
+    getrandom::fill(&mut bytes)?;
+    Ok(Token::of_bytes(&bytes))
+}

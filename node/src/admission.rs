@@ -1,0 +1,86 @@
+//! Who may use a node, and where it may listen.
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+use brickcast_proto::credentials::{CredentialError, Doorkeeper, TOKEN_FILE, Tls, read_tokens};
+
+#[derive(Debug, thiserror::Error)]
+pub enum AdmissionError {
+    #[error(transparent)]
+    Credential(#[from] CredentialError),
+    #[error(
+        "{0} can be reached by others, and nothing would keep them out: give the node --tls DIR (`brickcast tls init DIR` \
+         makes it), listen on 127.0.0.1, or say --insecure on a network that you trust altogether"
+    )]
+    Open(SocketAddr),
+    #[error(
+        "{0} can be reached by others, who could read the token on its way: give the node --tls DIR too, listen on 127.0.0.1, \
+         or say --insecure on a network that you trust altogether"
+    )]
+    TokenInClear(SocketAddr),
+}
+
+/// What a client must show. The default lets in everyone.
+#[derive(Debug, Clone, Default)]
+pub struct Admission {
+    pub tls: Option<Tls>,
+    pub tokens: Doorkeeper,
+}
+
+/// What the command line says of admission.
+#[derive(Debug, Clone, Default)]
+pub struct AdmissionOptions {
+    /// A folder as `brickcast tls init` makes it.
+    pub tls: Option<PathBuf>,
+    /// Takes the place of the folder's token.
+    pub token_file: Option<PathBuf>,
+    pub insecure: bool,
+}
+
+impl Admission {
+    /// # Errors
+    /// Files that are missing or hold something else.
+    pub fn read(options: &AdmissionOptions) -> Result<Self, AdmissionError> {
+        let tls = options.tls.as_deref().map(Tls::of_node).transpose()?;
+        let token_file =
+            options.token_file.clone().or_else(|| options.tls.as_deref().map(|d: &Path| d.join(TOKEN_FILE)));
+        let tokens = token_file.map_or_else(|| Ok(Vec::new()), |path| read_tokens(&path))?;
+        Ok(Self { tls, tokens: Doorkeeper::new(tokens) })
+    }
+
+    /// # Errors
+    /// An address beyond this machine without TLS, unless that was asked for.
+    pub fn may_listen(&self, address: SocketAddr, options: &AdmissionOptions) -> Result<(), AdmissionError> {
+        if address.ip().is_loopback() || self.tls.is_some() || options.insecure {
+            return Ok(());
+        }
+        Err(if options.token_file.is_some() {
+            AdmissionError::TokenInClear(address)
+        } else {
+            AdmissionError::Open(address)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn beyond_loopback_only_with_tls_or_when_told() {
+        let open = Admission::default();
+        let told = AdmissionOptions { insecure: true, ..AdmissionOptions::default() };
+        let token = AdmissionOptions { token_file: Some("t".into()), ..AdmissionOptions::default() };
+        for address in ["127.0.0.1:7000", "[::1]:7000", "127.8.9.1:1"] {
+            assert!(open.may_listen(address.parse().unwrap(), &AdmissionOptions::default()).is_ok(), "{address}");
+        }
+        for address in ["0.0.0.0:7000", "[::]:7000", "10.0.0.1:7000", "192.168.1.2:1"] {
+            let address = address.parse().unwrap();
+            let error = open.may_listen(address, &AdmissionOptions::default()).unwrap_err().to_string();
+            assert!(error.contains("--tls") && error.contains("--insecure"), "{error}");
+            assert!(matches!(open.may_listen(address, &token), Err(AdmissionError::TokenInClear(_))));
+            assert!(open.may_listen(address, &told).is_ok());
+        }
+    }
+}
