@@ -4,7 +4,7 @@ use std::error::Error as _;
 use std::time::Duration;
 
 use crate::access::Access;
-use crate::tls_words::explained;
+use crate::tls_words::{PERHAPS_CERTIFICATE, PERHAPS_TLS, explained, is_handshake};
 use brickcast_proto::credentials::Badge;
 use brickcast_proto::status::innermost;
 use brickcast_proto::transport::Line;
@@ -35,6 +35,8 @@ pub enum NodeError {
     Address(#[from] transport::AddressError),
     #[error("node {address}: cannot be reached ({reason}); is brickcast-node running there and its port open?")]
     Unreachable { address: String, reason: String },
+    #[error("node {address}: no secure connection ({reason})")]
+    Handshake { address: String, reason: String },
     #[error("node {address}: no answer to {call} within {seconds} s; it is hanging or the network is cut")]
     NoAnswer { address: String, call: &'static str, seconds: u64 },
     #[error("node {address}: {call}: the connection was lost ({reason})")]
@@ -76,6 +78,8 @@ pub struct NodeClient {
     cluster: ClusterClient<Line>,
     render: RenderClient<Line>,
     health: HealthClient<Line>,
+    /// The connection shows no certificate.
+    is_plain: bool,
 }
 
 impl NodeClient {
@@ -90,12 +94,17 @@ impl NodeClient {
             .keep_alive_while_idle(true);
         let unreachable = |reason: String| NodeError::Unreachable { address: address.to_owned(), reason };
         let channel = match tokio::time::timeout(transport::CONNECT_TIMEOUT, endpoint.connect()).await {
-            Ok(connected) => connected.map_err(|e| unreachable(explained(&innermost(&e))))?,
+            Ok(connected) => connected.map_err(|e| match innermost(&e) {
+                reason if is_handshake(&reason) => {
+                    NodeError::Handshake { address: address.to_owned(), reason: explained(&reason) }
+                }
+                reason => unreachable(reason),
+            })?,
             Err(_) => {
                 return Err(unreachable(format!("no connection within {} s", transport::CONNECT_TIMEOUT.as_secs())));
             }
         };
-        Ok(Self::over(address, channel, access.badge.clone()))
+        Ok(Self { is_plain: access.tls.is_none(), ..Self::over(address, channel, access.badge.clone()) })
     }
 
     /// A node behind a connection that is there already.
@@ -107,6 +116,7 @@ impl NodeClient {
             cluster: transport::cluster_client(line.clone()),
             health: HealthClient::new(line.clone()),
             render: transport::render_client(line),
+            is_plain: false,
         }
     }
 
@@ -143,7 +153,19 @@ impl NodeClient {
     pub async fn describe(&mut self) -> Result<NodeDescription, NodeError> {
         let mut cluster = self.cluster.clone();
         let call = cluster.describe(wire::DescribeRequest {});
-        let answer = self.within("Describe", CALL_TIMEOUT, call).await?;
+        let answer = self.within("Describe", CALL_TIMEOUT, call).await.map_err(|error| match error {
+            NodeError::Lost { address, call, reason } if self.is_plain => {
+                NodeError::Lost { address, call, reason: format!("{reason}; {PERHAPS_TLS}") }
+            }
+            NodeError::Lost { address, reason, .. } if is_handshake(&reason) => {
+                NodeError::Handshake { address, reason }
+            }
+            // The node looks at a client's certificate last, and what it says of it may be lost with the connection.
+            NodeError::Lost { address, reason, .. } => {
+                NodeError::Handshake { address, reason: format!("{reason}; {PERHAPS_CERTIFICATE}") }
+            }
+            other => other,
+        })?;
         let theirs = answer.protocol;
         if theirs != brickcast_proto::PROTOCOL_VERSION {
             return Err(NodeError::Protocol {

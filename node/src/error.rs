@@ -24,6 +24,11 @@ pub enum NodeError {
         "store `{name}` has hash {got} here, not {want}: another content under the same name; copy the store again"
     )]
     OtherContent { name: String, got: StoreHash, want: StoreHash },
+    #[error(
+        "store `{name}`: {} is a link that leads out of the node's --data, which is never followed; copy the file itself",
+        file.display()
+    )]
+    Outside { name: String, file: PathBuf },
     #[error("store `{name}`: {source}")]
     Store { name: String, source: StoreError },
 
@@ -85,7 +90,7 @@ impl NodeError {
             | Self::NoSuchBrick { .. }
             | Self::View(_)
             | Self::OpacityUnit { .. } => Fault::Invalid,
-            Self::DataRoot { .. } | Self::Store { .. } => Fault::BrokenStore,
+            Self::DataRoot { .. } | Self::Store { .. } | Self::Outside { .. } => Fault::BrokenStore,
             Self::BrickTooLarge { .. }
             | Self::ChunkTooLarge { .. }
             | Self::BatchTooLarge { .. }

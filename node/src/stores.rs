@@ -127,6 +127,9 @@ impl Stores {
     }
 
     fn open(&self, name: String, path: &Path) -> Result<Arc<OpenStore>, NodeError> {
+        if let Some(file) = first_outside(&self.root, path) {
+            return Err(NodeError::Outside { name, file });
+        }
         let store = Store::open(path).map_err(|source| NodeError::Store { name: name.clone(), source })?;
         let open = Arc::new(OpenStore { name, store });
         Ok(self.lock().open.entry(open.store.hash()).or_insert(open).clone())
@@ -216,6 +219,23 @@ fn scan_folder(
             scan_folder(root, &path, &name, depth + 1, folders, found);
         }
     }
+}
+
+/// A file or folder of the store that a link leads out of the data root, relative to the store.
+fn first_outside(root: &Path, store: &Path) -> Option<PathBuf> {
+    let mut folders = vec![store.to_path_buf()];
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(&folder).ok()?.flatten() {
+            let path = entry.path();
+            let Ok(kind) = entry.file_type() else { return Some(path) };
+            if kind.is_dir() {
+                folders.push(path);
+            } else if kind.is_symlink() && !path.canonicalize().is_ok_and(|to| to.starts_with(root)) {
+                return Some(path.strip_prefix(store).map_or_else(|_| path.clone(), Path::to_path_buf));
+            }
+        }
+    }
+    None
 }
 
 /// The hash of the store in `folder`; `None` where there is none.

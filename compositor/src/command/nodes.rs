@@ -1,5 +1,6 @@
 //! `brickcast nodes`
 
+use brickcast_proto::StoreName;
 use comfy_table::Table;
 use serde_json::json;
 
@@ -53,7 +54,7 @@ pub async fn run(args: NodesArgs) -> Result<(), Failure> {
                     n.adapter.clone(),
                     format!("{} of {}", bytes(n.memory_used), bytes(n.memory_budget)),
                     n.resident_bricks.to_string(),
-                    n.stores.iter().map(|s| s.name.clone()).collect::<Vec<_>>().join(", "),
+                    store_names(&n.stores),
                     format!("{} (protocol {})", n.version, n.protocol),
                 ]),
             };
@@ -61,4 +62,11 @@ pub async fn run(args: NodesArgs) -> Result<(), Failure> {
         print(&format!("{table}\n"))?;
     }
     if failed.is_empty() { Ok(()) } else { Err(anyhow::anyhow!(failed.join("; ")).into()) }
+}
+
+/// The first few names; `--json` has them all.
+fn store_names(stores: &[StoreName]) -> String {
+    const SHOWN: usize = 4;
+    let more = (stores.len() > SHOWN).then(|| format!("and {} more", stores.len() - SHOWN));
+    stores.iter().take(SHOWN).map(|s| s.name.clone()).chain(more).collect::<Vec<_>>().join(", ")
 }
