@@ -115,6 +115,8 @@ fn damaged_regions_are_named_by_array_and_file() {
         "region_bricks.bin",
         "label_shards.bin",
         "distance_shards.bin",
+        "region_halos.bin",
+        "region_halo_index.bin",
     ];
     for name in small {
         let good = fs::read(path.join(name)).unwrap();
@@ -207,7 +209,7 @@ fn what_is_no_finished_store_is_refused() {
     let path = store_in(dir.path());
     let manifest = fs::read_to_string(path.join("brickcast.json")).unwrap();
     let changed = [
-        ("\"version\": 2", "\"version\": 1", "this brickcast knows 2"),
+        ("\"version\": 3", "\"version\": 2", "this brickcast knows 3"),
         ("brickcast-store", "someone-elses", "is not a brickcast store's"),
         ("\"brick_size\": 32", "\"brick_size\": 33", "power of two"),
         ("\"uint8\"", "\"uint9\"", "uint9"),
@@ -220,7 +222,7 @@ fn what_is_no_finished_store_is_refused() {
         assert!(text.contains(says), "{text}");
     }
     fs::write(path.join("brickcast.json"), &manifest).unwrap();
-    for name in ["zarr.json", "0/zarr.json", "bricks.bin", "shards.bin"] {
+    for name in ["zarr.json", "0/zarr.json", "bricks.bin", "shards.bin", "halos.bin", "halo_index.bin"] {
         let good = fs::read(path.join(name)).unwrap();
         fs::remove_file(path.join(name)).unwrap();
         let text = Store::open(&path).unwrap_err().to_string();
