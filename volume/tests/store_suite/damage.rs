@@ -32,13 +32,18 @@ fn store_with_regions(dir: &Path) -> PathBuf {
     path
 }
 
-/// Opens the store and reads all of it, as bricks.
+/// Opens the store and reads all of it, as bricks: once from their neighbours, and once from their halos.
 fn read_all(path: &Path) -> Result<(), StoreError> {
     let store = Store::open(path)?;
     let cache = ChunkCache::new(1 << 20);
     store.manifest().grid.bricks().try_for_each(|b| {
-        store.read_brick(b, 1, &cache)?;
-        if store.region_table().is_some() { store.read_brick_regions(b, 1, &cache).map(drop) } else { Ok(()) }
+        for margin in [3, 1] {
+            store.read_brick(b, margin, &cache)?;
+            if store.region_table().is_some() {
+                store.read_brick_regions(b, margin, &cache)?;
+            }
+        }
+        Ok(())
     })
 }
 

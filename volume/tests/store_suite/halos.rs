@@ -72,7 +72,7 @@ fn dense(dims: [u32; 3], voxel_type: VoxelType) -> Volume {
 fn layered(dims: [u32; 3]) -> Volume {
     Volume::new(dims, VoxelType::U16, |p| match (p[0] % 19, p[2] % 23) {
         (18, _) | (_, 22) => f64::from(noise(p)),
-        _ => f64::from(1000 * (1 + p[0] / 19 + p[2] / 23)),
+        _ => f64::from(3000 * (1 + p[0] / 19 + p[2] / 23)),
     })
 }
 
