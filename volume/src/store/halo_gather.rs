@@ -2,68 +2,98 @@
 //! decoded to make it.
 
 use std::collections::VecDeque;
+use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::error::StoreError;
 use super::shell::Shell;
 use crate::brick::BrickGrid;
+use crate::ids::BrickIndex;
 
-/// The shells of a layer of bricks (all those with the same z), x fastest.
-pub(super) type ShellLayer<T> = Vec<Vec<T>>;
+/// What is gathered of one shell, in the order of its runs.
+pub(super) trait Gathered: Send + Sync {
+    /// Empty, with room for so many voxels.
+    fn with_room(voxels: usize) -> Self;
+}
 
-/// Gathers the shells of all bricks. Memory: those of the bricks that the planes of a slab touch, which is about six planes of
-/// the volume for each layer of the halo, whatever the brick size.
+impl<T: Send + Sync> Gathered for Vec<T> {
+    fn with_room(voxels: usize) -> Self {
+        Self::with_capacity(voxels)
+    }
+}
+
+/// Labels and distances.
+impl Gathered for (Vec<u32>, Vec<u8>) {
+    fn with_room(voxels: usize) -> Self {
+        (Vec::with_capacity(voxels), Vec::with_capacity(voxels))
+    }
+}
+
+/// Gathers the shells of all bricks, a layer of bricks (all those with the same z) at a time. Memory: their shells, which is six
+/// to eight planes of the volume for each layer of the halo, whatever the brick size.
 #[derive(Debug)]
-pub(super) struct ShellGatherer<T> {
+pub(super) struct ShellGatherer<G> {
     grid: BrickGrid,
     layers: u32,
     /// z of the first layer of bricks in `open`.
     first: u32,
-    open: VecDeque<ShellLayer<T>>,
+    /// Layers of bricks that began and are not complete; shells x fastest.
+    open: VecDeque<Vec<G>>,
 }
 
-impl<T: Copy + Send + Sync> ShellGatherer<T> {
+impl<G: Gathered> ShellGatherer<G> {
     pub(super) fn new(grid: BrickGrid, layers: u32) -> Self {
         Self { grid, layers, first: 0, open: VecDeque::new() }
     }
 
     fn shell(&self, bz: u32, within: usize) -> Shell {
         let (bx, linear) = (self.grid.dims().x, within as u32);
-        Shell::of(&self.grid, crate::ids::BrickIndex([linear % bx, linear / bx, bz]), self.layers)
+        Shell::of(&self.grid, BrickIndex([linear % bx, linear / bx, bz]), self.layers)
     }
 
-    /// Takes the whole planes that start at `z0`, x fastest, in any pieces but in their order. Gives the layers of bricks that
-    /// are complete now, in their order.
-    pub(super) fn add(&mut self, z0: u32, slab: &[T]) -> Vec<ShellLayer<T>> {
+    /// Takes whole planes of the volume, in any pieces but in their order. `take` appends the voxels of a run, whose positions
+    /// count from the first plane's first voxel; `complete` gets each layer of bricks when it is, before the next one begins.
+    pub(super) fn add(
+        &mut self,
+        planes: Range<u32>,
+        take: impl Fn(&mut G, Range<usize>) + Sync,
+        mut complete: impl FnMut(&[G]) -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
         let (n, bricks) = (self.grid.volume_dims(), self.grid.dims());
         let (nx, ny) = (n.x as usize, n.y as usize);
-        let z1 = z0 + (slab.len() / (nx * ny)) as u32;
-        let mut complete = 0;
         for bz in self.first..bricks.z {
-            let planes = self.shell(bz, 0).planes();
-            if planes.start >= z1 {
+            let of_layer = self.shell(bz, 0).planes();
+            if of_layer.start >= planes.end {
                 break;
             }
-            let open = (bz - self.first) as usize;
-            if open == self.open.len() {
-                let empty = |i| Vec::with_capacity(self.shell(bz, i).voxels() as usize);
-                self.open.push_back((0..(bricks.x * bricks.y) as usize).map(empty).collect());
-            }
-            let mut shells = std::mem::take(&mut self.open[open]);
+            let mut shells = match (bz - self.first) as usize {
+                open if open < self.open.len() => std::mem::take(&mut self.open[open]),
+                _ => {
+                    self.open.push_back(Vec::new());
+                    let voxels = |i| self.shell(bz, i).voxels() as usize;
+                    (0..(bricks.x * bricks.y) as usize).map(|i| G::with_room(voxels(i))).collect()
+                }
+            };
             shells.par_iter_mut().enumerate().for_each(|(i, out)| {
                 let shell = self.shell(bz, i);
-                for z in planes.start.max(z0)..planes.end.min(z1) {
+                for z in of_layer.start.max(planes.start)..of_layer.end.min(planes.end) {
                     for (y, xs) in shell.runs(z) {
-                        let row = ((z - z0) as usize * ny + y as usize) * nx;
-                        out.extend_from_slice(&slab[row + xs.start as usize..row + xs.end as usize]);
+                        let row = ((z - planes.start) as usize * ny + y as usize) * nx;
+                        take(out, row + xs.start as usize..row + xs.end as usize);
                     }
                 }
             });
-            self.open[open] = shells;
-            complete += usize::from(planes.end <= z1);
+            if of_layer.end <= planes.end {
+                complete(&shells)?;
+                self.open.pop_front();
+                self.first += 1;
+            } else {
+                let open = (bz - self.first) as usize;
+                self.open[open] = shells;
+            }
         }
-        self.first += complete as u32;
-        self.open.drain(..complete).collect()
+        Ok(())
     }
 }
 
@@ -82,10 +112,17 @@ mod tests {
             let grid = BrickGrid::new(UVec3::from(dims), 1 << size).unwrap();
             let [nx, ny, nz] = dims;
             let voxels: Vec<u32> = (0..nx * ny * nz).collect();
-            let mut gatherer = ShellGatherer::new(grid, layers);
-            let mut got = Vec::new();
+            let mut gatherer = ShellGatherer::<Vec<u32>>::new(grid, layers);
+            let mut got: Vec<Vec<u32>> = Vec::new();
             for (i, slab) in voxels.chunks(planes * (nx * ny) as usize).enumerate() {
-                got.extend(gatherer.add((i * planes) as u32, slab).into_iter().flatten());
+                let z0 = (i * planes) as u32;
+                let z1 = z0 + (slab.len() as u32 / (nx * ny));
+                let take = |out: &mut Vec<u32>, run: Range<usize>| out.extend_from_slice(&slab[run]);
+                let complete = |shells: &[Vec<u32>]| {
+                    got.extend_from_slice(shells);
+                    Ok(())
+                };
+                gatherer.add(z0..z1, take, complete).unwrap();
             }
             prop_assert!(gatherer.open.is_empty());
             prop_assert_eq!(got.len() as u64, grid.brick_count());

@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
@@ -76,7 +77,7 @@ impl HaloWriter {
 
 /// The halos of the volume's voxels, slab by slab.
 pub(super) struct VoxelHalos<T> {
-    gatherer: ShellGatherer<T>,
+    gatherer: ShellGatherer<Vec<T>>,
     writer: HaloWriter,
 }
 
@@ -85,9 +86,10 @@ impl<T: Cell> VoxelHalos<T> {
         Ok(Self { gatherer: ShellGatherer::new(grid, HALO_LAYERS), writer: HaloWriter::create(path)? })
     }
 
-    /// Takes the whole planes that start at `z0`; planes come in order.
-    pub(super) fn add(&mut self, z0: u32, slab: &[T]) -> Result<(), StoreError> {
-        self.gatherer.add(z0, slab).iter().try_for_each(|layer| self.writer.add(layer, |shell| voxel_record(shell)))
+    /// Takes whole planes; planes come in order.
+    pub(super) fn add(&mut self, planes: Range<u32>, slab: &[T]) -> Result<(), StoreError> {
+        let take = |shell: &mut Vec<T>, run| shell.extend_from_slice(&slab[run]);
+        self.gatherer.add(planes, take, |shells| self.writer.add(shells, |shell| voxel_record(shell)))
     }
 
     pub(super) fn finish(self) -> Result<WrittenHalos, StoreError> {
@@ -106,29 +108,24 @@ fn voxel_record<T: Cell>(shell: &[T]) -> Option<Vec<u8>> {
 
 /// The halos of labels and distances, slab by slab.
 pub(super) struct RegionHalos {
-    labels: ShellGatherer<u32>,
-    distances: ShellGatherer<u8>,
+    gatherer: ShellGatherer<(Vec<u32>, Vec<u8>)>,
     writer: HaloWriter,
 }
 
 impl RegionHalos {
     pub(super) fn create(path: &Path, grid: BrickGrid) -> Result<Self, StoreError> {
-        let layers = HALO_LAYERS + REGION_HALO_MORE;
-        Ok(Self {
-            labels: ShellGatherer::new(grid, layers),
-            distances: ShellGatherer::new(grid, layers),
-            writer: HaloWriter::create(path)?,
-        })
+        let gatherer = ShellGatherer::new(grid, HALO_LAYERS + REGION_HALO_MORE);
+        Ok(Self { gatherer, writer: HaloWriter::create(path)? })
     }
 
-    /// Takes the whole planes that start at `z0`; planes come in order.
-    pub(super) fn add(&mut self, z0: u32, labels: &[u32], distances: &[u8]) -> Result<(), StoreError> {
-        let (labels, distances) = (self.labels.add(z0, labels), self.distances.add(z0, distances));
-        for (labels, distances) in labels.into_iter().zip(distances) {
-            let both: Vec<_> = labels.into_iter().zip(distances).collect();
-            self.writer.add(&both, |(labels, distances)| halo_regions::encode(labels, distances))?;
-        }
-        Ok(())
+    /// Takes whole planes; planes come in order.
+    pub(super) fn add(&mut self, planes: Range<u32>, labels: &[u32], distances: &[u8]) -> Result<(), StoreError> {
+        let take = |shell: &mut (Vec<u32>, Vec<u8>), run: Range<usize>| {
+            shell.0.extend_from_slice(&labels[run.clone()]);
+            shell.1.extend_from_slice(&distances[run]);
+        };
+        let record = |shell: &(Vec<u32>, Vec<u8>)| halo_regions::encode(&shell.0, &shell.1);
+        self.gatherer.add(planes, take, |shells| self.writer.add(shells, record))
     }
 
     pub(super) fn finish(self) -> Result<WrittenHalos, StoreError> {

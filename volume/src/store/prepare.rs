@@ -192,7 +192,7 @@ impl Job<'_> {
             histogram.add(&slab);
             ranges.add(z0, &slab);
             writer.add(cz as u32, &slab)?;
-            halos.as_mut().map(|h| h.add(z0, &slab)).transpose()?;
+            halos.as_mut().map(|h| h.add(z0..z0 + planes, &slab)).transpose()?;
         }
         let halos = halos.map(VoxelHalos::finish).transpose()?;
         Ok(Gathered { histogram, ranges, shards: writer.finish(), halos })

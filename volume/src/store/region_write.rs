@@ -155,7 +155,7 @@ fn write_once(
         near.clear();
         near.extend(slab.distances.iter().zip(&labels).map(|(d, label)| if *label == NO_REGION { 0 } else { *d }));
         facts.add(&FinalSlab { z0, codes: slab.codes, labels: &labels, distances: &near });
-        halos.as_mut().map(|h| h.add(z0, &labels, &near)).transpose()?;
+        halos.as_mut().map(|h| h.add(z0..z1, &labels, &near)).transpose()?;
         let layer = CHUNK_EDGE as usize * this.voxels.plane();
         for (cz, (labels, near)) in (z0 / CHUNK_EDGE..).zip(labels.chunks(layer).zip(near.chunks(layer))) {
             label_writer.add(cz, labels)?;
