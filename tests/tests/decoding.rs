@@ -105,7 +105,7 @@ fn decoded_per_owned(load: &LoadStats) -> f64 {
 /// A casting with pores, most of which is regions.
 fn phantom(folder: &Path) -> PathBuf {
     let path = folder.join("phantom.nrrd");
-    write_phantom(&path, &PhantomOptions::default(), &mut |_, _| {}).unwrap();
+    write_phantom(&path, &PhantomOptions { dims: [128; 3], ..PhantomOptions::default() }, &mut |_, _| {}).unwrap();
     path
 }
 
