@@ -30,7 +30,7 @@ fn without_rim<T: Copy>(outer: StoredBox, elements: &[T], inner: StoredBox) -> V
 
 /// Reads each brick from its halo and, a voxel wider than that reaches, from its neighbours. Both must say the same, for every
 /// margin that the halo serves, and the first must decode just the voxels of the grown box where none is the fill value.
-fn check(store: &Store, dense: bool) {
+pub(crate) fn check(store: &Store, dense: bool) {
     let manifest = store.manifest();
     let (dims, voxel_bytes) = (manifest.grid.volume_dims().as_ivec3(), manifest.stored_type.bytes() as u64);
     for brick in manifest.grid.bricks() {
@@ -139,7 +139,7 @@ proptest! {
     }
 }
 
-/// A store of two bricks with regions, and the length of its two files of halos.
+/// A store of two bricks with regions.
 fn two_bricks(dir: &Path) -> Store {
     let path = dir.join("s");
     let halves = Volume::new([32, 16, 16], VoxelType::U16, |p| match p[0] {
