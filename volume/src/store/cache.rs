@@ -73,10 +73,15 @@ impl ChunkCache {
         Self { shared: self.shared.clone(), decoded_bytes: AtomicU64::new(0) }
     }
 
-    /// Bytes of voxels decoded through this handle so far (misses only).
+    /// Bytes decoded through this handle so far: inner chunks (misses only) and halos.
     #[must_use]
     pub fn decoded_bytes(&self) -> u64 {
         self.decoded_bytes.load(Ordering::Relaxed)
+    }
+
+    /// Counts what a read decoded that is no inner chunk, and so not kept here.
+    pub(super) fn count_decoded(&self, bytes: u64) {
+        self.decoded_bytes.fetch_add(bytes, Ordering::Relaxed);
     }
 
     /// Bytes held now, by all handles together.

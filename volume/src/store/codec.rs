@@ -1,10 +1,10 @@
-//! An inner chunk's bytes: a zstd frame and its crc32c.
+//! An inner chunk's bytes: a zstd frame and its crc32c. Records of halos: such a frame alone, its crc32c in their index.
 
 use std::cell::RefCell;
 use std::io;
 
 use zstd::bulk::{Compressor, Decompressor};
-use zstd::zstd_safe::compress_bound;
+use zstd::zstd_safe::{compress_bound, get_frame_content_size};
 
 use super::error::{ChunkFault, StoreError};
 use super::profile::ZSTD_LEVEL;
@@ -15,12 +15,18 @@ thread_local! {
     static DECOMPRESSOR: RefCell<Option<Decompressor<'static>>> = const { RefCell::new(None) };
 }
 
-/// The longest that `raw` bytes become.
+/// The longest that [`encode`] makes of `raw` bytes.
 pub(super) fn encoded_bound(raw: usize) -> usize {
-    compress_bound(raw) + 4
+    compressed_bound(raw) + 4
 }
 
-pub(super) fn encode(raw: &[u8]) -> Result<Vec<u8>, StoreError> {
+/// The longest that [`compress`] makes of `raw` bytes.
+pub(super) fn compressed_bound(raw: usize) -> usize {
+    compress_bound(raw)
+}
+
+/// A zstd frame that says how long its content is; no checksum.
+pub(super) fn compress(raw: &[u8]) -> Result<Vec<u8>, StoreError> {
     let compressed: io::Result<Vec<u8>> = COMPRESSOR.with_borrow_mut(|slot| {
         let compressor = match slot {
             Some(compressor) => compressor,
@@ -28,7 +34,11 @@ pub(super) fn encode(raw: &[u8]) -> Result<Vec<u8>, StoreError> {
         };
         compressor.compress(raw)
     });
-    let mut bytes = compressed.map_err(StoreError::Compress)?;
+    compressed.map_err(StoreError::Compress)
+}
+
+pub(super) fn encode(raw: &[u8]) -> Result<Vec<u8>, StoreError> {
+    let mut bytes = compress(raw)?;
     bytes.extend(crc32c::crc32c(&bytes).to_le_bytes());
     Ok(bytes)
 }
@@ -47,6 +57,17 @@ pub(super) fn decode(encoded: &[u8], raw: usize) -> Result<Vec<u8>, ChunkFault> 
     let data = checked(encoded)
         .map_err(|(got, want)| ChunkFault::Crc { got, want })?
         .ok_or(ChunkFault::Short(encoded.len()))?;
+    decompress(data, raw)
+}
+
+/// How many bytes a zstd frame says that it decodes to.
+pub(super) fn decompressed_length(data: &[u8]) -> Result<u64, ChunkFault> {
+    let length = get_frame_content_size(data).map_err(|e| ChunkFault::Zstd(e.to_string()))?;
+    length.ok_or_else(|| ChunkFault::Zstd("the frame does not say how long its content is".to_owned()))
+}
+
+/// The inverse of [`compress`]; `raw` as in [`decode`].
+pub(super) fn decompress(data: &[u8], raw: usize) -> Result<Vec<u8>, ChunkFault> {
     let mut out = vec![0; raw];
     let decoded: io::Result<usize> = DECOMPRESSOR.with_borrow_mut(|slot| {
         let decompressor = match slot {

@@ -58,6 +58,18 @@ pub enum StoreError {
         end: u64,
         fault: ChunkFault,
     },
+    #[error("halo index: entry of brick {brick} says {bytes} bytes, which no halo has; prepare the store again")]
+    HaloIndex { brick: BrickIndex, bytes: u64 },
+    #[error(
+        "{}: {got} bytes, its index promises {want}; cut from the halo of brick {brick} on: prepare the store again",
+        path.display()
+    )]
+    HaloCut { path: PathBuf, brick: BrickIndex, got: u64, want: u64 },
+    #[error(
+        "{}: halo of brick {brick}, bytes {start}..{end}: {fault}; the store is damaged: prepare it again",
+        path.display()
+    )]
+    Halo { path: PathBuf, brick: BrickIndex, start: u64, end: u64, fault: HaloFault },
     #[error("brick {brick} is outside the store's {dims:?} bricks")]
     BrickOutside { brick: BrickIndex, dims: [u32; 3] },
     #[error("{ghost} ghost layers are more than the {max} that a read may ask for")]
@@ -160,4 +172,19 @@ pub enum ChunkFault {
     Zstd(String),
     #[error("decodes to {got} bytes, {want} are due")]
     Length { got: usize, want: usize },
+}
+
+/// What is wrong with the record of a halo.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum HaloFault {
+    #[error("the file ends before its end")]
+    Cut,
+    #[error(transparent)]
+    Frame(#[from] ChunkFault),
+    #[error("holds {got} bytes, {want} are due")]
+    RecordLength { got: usize, want: usize },
+    #[error("a palette of {labels} labels for {voxels} voxels")]
+    Palette { labels: usize, voxels: usize },
+    #[error("a voxel has the label at place {place} of a palette of {labels}")]
+    Place { place: usize, labels: usize },
 }

@@ -4,6 +4,7 @@
 use serde::Serialize;
 
 use super::error::{ManifestError, StoreError};
+use super::halo_manifest::HaloEntry;
 use super::hash::ContentHash;
 use super::manifest_file::{self, ManifestFile};
 use super::profile::ShardGrid;
@@ -52,6 +53,8 @@ pub struct Manifest {
     /// Voxels in [`HISTOGRAM_BINS`] equal bins over `range`; those outside count in the end bins.
     pub histogram: Vec<u64>,
     pub files: FileHashes,
+    /// Nothing where bricks are smaller than inner chunks.
+    pub halo: Option<HaloEntry>,
     /// Nothing where the store was made without regions.
     pub regions: Option<RegionsEntry>,
 }

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::error::{ManifestError, StoreError};
+use super::halo_manifest::{self, HaloFile};
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
 use super::region_manifest::RegionsFile;
 use super::value_map::check_range;
@@ -12,7 +13,7 @@ use crate::format::VoxelType;
 use crate::space::Geometry;
 
 pub(super) const FORMAT: &str = "brickcast-store";
-pub(super) const VERSION: u64 = 2;
+pub(super) const VERSION: u64 = 3;
 /// The longest text in a manifest, in bytes.
 pub(super) const MAX_TEXT: usize = 255;
 
@@ -44,6 +45,9 @@ pub(super) struct ManifestFile {
     positive_infinity_voxels: u64,
     histogram: Vec<u64>,
     files: Files,
+    /// Left out where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    halo: Option<HaloFile>,
     /// Left out where there are none: the bytes are those of a store that knows no regions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     regions: Option<RegionsFile>,
@@ -191,6 +195,7 @@ impl TryFrom<ManifestFile> for Manifest {
                 ranges: hash("files", &file.files.ranges)?,
                 shards: hash("files", &file.files.shards)?,
             },
+            halo: halo_manifest::parse(file.halo, file.brick_size, file.regions.is_some())?,
             regions: file.regions.map(|regions| regions.parse(&geometry)).transpose()?,
         })
     }
@@ -252,6 +257,7 @@ impl From<&Manifest> for ManifestFile {
                 ranges: m.files.ranges.to_string(),
                 shards: m.files.shards.to_string(),
             },
+            halo: m.halo.as_ref().map(HaloFile::from),
             regions: m.regions.as_ref().map(RegionsFile::from),
         }
     }

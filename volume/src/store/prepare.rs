@@ -7,6 +7,8 @@ use std::time::Instant;
 
 use super::brick_ranges::RangeBuilder;
 use super::error::StoreError;
+use super::halo_manifest::HaloEntry;
+use super::halo_write::{VoxelHalos, WrittenHalos};
 use super::hash::ContentHash;
 use super::histogram::Histogram;
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
@@ -14,7 +16,8 @@ use super::manifest_file::MAX_TEXT;
 use super::plane_read::CodePlanes;
 use super::prepare_options::{Phase, PrepareOptions, PrepareSummary, Progress};
 use super::profile::{
-    ARRAY_FILE, CHUNK_EDGE, GROUP_FILE, MANIFEST_FILE, RANGES_FILE, SHARDS_FILE, ShardGrid, StoreArray,
+    ARRAY_FILE, CHUNK_EDGE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, MANIFEST_FILE, RANGES_FILE,
+    REGION_HALO_INDEX_FILE, SHARDS_FILE, ShardGrid, StoreArray,
 };
 use super::quantise::{Quantiser, Scan};
 use super::region_write::{Written, write_regions};
@@ -22,6 +25,7 @@ use super::segment::{self, Segmenter};
 use super::shard_read::Shards;
 use super::shard_table::{self, ShardRecord};
 use super::shard_write::ShardWriter;
+use super::shell::has_halos;
 use super::value_map::{ValueMap, check_range};
 use super::voxel::{StoredType, Voxel, read_le};
 use super::workdir::WorkDir;
@@ -33,7 +37,7 @@ use crate::regions::code::{MAX_DENSITY, density_of_code};
 
 /// Makes the store `out` of an input that stands at its first plane. The same input and options give the same bytes.
 ///
-/// Memory: 16 planes in the stored type, one plane of the input, and 64 KiB per shard of one z-row. With regions also 32
+/// Memory: 16 planes in the stored type, and about 8 for halos, one plane of the input, and 64 KiB per shard of one z-row. With regions also 32
 /// planes of codes, labels and distances, and the components that are open: see [`super::segment`].
 ///
 /// # Errors
@@ -159,6 +163,8 @@ struct Gathered {
     histogram: Histogram,
     ranges: RangeBuilder,
     shards: Vec<ShardRecord>,
+    /// Nothing where bricks are smaller than inner chunks.
+    halos: Option<WrittenHalos>,
 }
 
 impl Job<'_> {
@@ -174,6 +180,8 @@ impl Job<'_> {
         let mut slab = zeroed_slab::<T>(plane * dims[2].min(CHUNK_EDGE as usize))?;
         let mut writer = ShardWriter::new(root, StoreArray::Voxels, self.shards, dims);
         let (mut histogram, mut ranges) = (Histogram::new(), RangeBuilder::new(self.grid));
+        let halos = has_halos(self.grid.brick_size());
+        let mut halos = halos.then(|| VoxelHalos::create(&root.join(HALOS_FILE), self.grid)).transpose()?;
         for (cz, z0) in (0..nz).step_by(CHUNK_EDGE as usize).enumerate() {
             let planes = CHUNK_EDGE.min(nz - z0);
             slab.truncate(plane * planes as usize);
@@ -184,8 +192,10 @@ impl Job<'_> {
             histogram.add(&slab);
             ranges.add(z0, &slab);
             writer.add(cz as u32, &slab)?;
+            halos.as_mut().map(|h| h.add(z0..z0 + planes, &slab)).transpose()?;
         }
-        Ok(Gathered { histogram, ranges, shards: writer.finish() })
+        let halos = halos.map(VoxelHalos::finish).transpose()?;
+        Ok(Gathered { histogram, ranges, shards: writer.finish(), halos })
     }
 
     /// Reads every plane for its statistics only.
@@ -231,10 +241,10 @@ impl Job<'_> {
         &self,
         gathered: Gathered,
         mut manifest: Manifest,
-        regions: Option<Written>,
+        mut regions: Option<Written>,
         root: &Path,
     ) -> Result<PrepareSummary, StoreError> {
-        let Gathered { ranges, shards, .. } = gathered;
+        let Gathered { ranges, shards, halos, .. } = gathered;
         let code_of_ordinal = manifest.value_map().code_of_ordinal_table();
         let ranges = ranges.finish(&code_of_ordinal).to_bytes();
         let table = shard_table::to_bytes(&shards);
@@ -245,6 +255,11 @@ impl Job<'_> {
             ranges: ContentHash::of(&ranges),
             shards: ContentHash::of(&table),
         };
+        let region_halos = regions.as_mut().and_then(|r| r.halos.take());
+        if let Some((entry, halos)) = manifest.halo.as_mut().zip(halos.as_ref()) {
+            entry.voxels = halos.hashes();
+            entry.regions = region_halos.as_ref().map(WrittenHalos::hashes);
+        }
         let bytes = manifest.to_bytes()?;
         // What was just written must be readable: the same checks that every reader makes.
         let manifest = Manifest::from_bytes(&bytes)?;
@@ -256,6 +271,11 @@ impl Job<'_> {
             files.extend(regions.files);
             store_bytes += regions.shard_bytes;
             notes.extend(regions.note);
+        }
+        for (name, halos) in [(HALO_INDEX_FILE, halos), (REGION_HALO_INDEX_FILE, region_halos)] {
+            let Some(halos) = halos else { continue };
+            store_bytes += halos.bytes;
+            files.push((name, halos.index));
         }
         files.push((MANIFEST_FILE, bytes));
         for (name, content) in files {
@@ -306,6 +326,7 @@ impl Job<'_> {
             quantiles,
             histogram: histogram.binned(HISTOGRAM_BINS, |ordinal| usize::from(code(ordinal) >> 8)),
             files: FileHashes { group: unknown, array: unknown, ranges: unknown, shards: unknown },
+            halo: HaloEntry::unwritten(self.grid.brick_size()),
             regions: None,
         })
     }

@@ -8,8 +8,8 @@ use super::StoreError;
 
 /// Voxels per edge of a shard: one file.
 pub const SHARD_EDGE: u32 = 256;
-/// Voxels per edge of an inner chunk: the unit of compression, checksum and decoding. A ghost layer of one voxel costs a
-/// layer of whole chunks: docs/store-format.md has the figures that chose it.
+/// Voxels per edge of an inner chunk: the unit of compression, checksum and decoding. Without a halo, a ghost layer of one voxel
+/// costs a layer of whole chunks: docs/benchmarks.md has the figures that chose it.
 pub const CHUNK_EDGE: u32 = 16;
 /// Voxels of an inner chunk; those at the volume's high edges are padded with the fill value 0.
 pub(super) const CHUNK_VOXELS: usize = (CHUNK_EDGE as usize).pow(3);
@@ -24,12 +24,24 @@ pub(super) const INDEX_BYTES: usize = CHUNKS_PER_SHARD * 16 + 4;
 pub(super) const ABSENT: u64 = u64::MAX;
 pub(super) const ZSTD_LEVEL: i32 = 1;
 
+/// Voxels beyond the owned box that a brick's halo reaches: what trilinear sampling reads. Two would make bricks of 16^3 decode
+/// 1.95 times what they own (docs/adr/0003-halos.md).
+pub(super) const HALO_LAYERS: u32 = 1;
+/// How much further the halo of labels and distances reaches: inner guards look one voxel beyond what is sampled.
+pub(super) const REGION_HALO_MORE: u32 = 1;
+
 /// The file that makes a folder a finished store; the store's hash is of its bytes.
 pub const MANIFEST_FILE: &str = "brickcast.json";
 pub(super) const GROUP_FILE: &str = "zarr.json";
 pub(super) const ARRAY_FILE: &str = "0/zarr.json";
 pub(super) const RANGES_FILE: &str = "bricks.bin";
 pub(super) const SHARDS_FILE: &str = "shards.bin";
+/// Files of stores whose bricks have halos.
+pub(super) const HALOS_FILE: &str = "halos.bin";
+pub(super) const HALO_INDEX_FILE: &str = "halo_index.bin";
+/// The same of labels and distances.
+pub(super) const REGION_HALOS_FILE: &str = "region_halos.bin";
+pub(super) const REGION_HALO_INDEX_FILE: &str = "region_halo_index.bin";
 /// Files of stores with regions.
 pub(super) const LABELS_GROUP_FILE: &str = "labels/zarr.json";
 pub(super) const LABEL_IMAGE_FILE: &str = "labels/regions/zarr.json";

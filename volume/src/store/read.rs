@@ -8,11 +8,13 @@ use std::sync::Arc;
 use super::brick_ranges::BrickRanges;
 use super::cache::ChunkCache;
 use super::codec;
-use super::error::StoreError;
+use super::error::{HaloFault, StoreError};
+use super::halo_read::{Halos, RecordBound};
 use super::hash::ContentHash;
 use super::manifest::Manifest;
 use super::profile::{
-    ARRAY_FILE, CHUNK_VOXELS, GROUP_FILE, InnerChunk, MANIFEST_FILE, RANGES_FILE, SHARDS_FILE, ShardGrid, StoreArray,
+    ARRAY_FILE, CHUNK_VOXELS, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, InnerChunk, MANIFEST_FILE, RANGES_FILE,
+    SHARDS_FILE, ShardGrid, StoreArray,
 };
 use super::region_read::StoreRegions;
 use super::shard_read::Shards;
@@ -45,6 +47,8 @@ struct Inner {
     manifest_bytes: Vec<u8>,
     ranges: BrickRanges,
     shards: Shards,
+    /// Nothing where bricks are smaller than inner chunks.
+    halos: Option<Halos>,
     regions: Option<StoreRegions>,
     /// Stretched code of every bit pattern of the stored type.
     codes: Vec<u16>,
@@ -76,11 +80,19 @@ impl Store {
         let grid = ShardGrid::new(manifest.geometry.dims())?;
         let voxel_bytes = manifest.stored_type.bytes();
         let shards = open_shards(path, StoreArray::Voxels, grid, (SHARDS_FILE, manifest.files.shards), voxel_bytes)?;
+        let halos = manifest.halo.map(|halo| {
+            let files = (HALOS_FILE, HALO_INDEX_FILE, halo.voxels);
+            let bound = RecordBound { head: 0, per_voxel: voxel_bytes as u64 };
+            Halos::open(path, manifest.grid, halo.layers, files, bound)
+        });
+        let halos = halos.transpose()?;
         let regions = StoreRegions::open(path, &manifest, grid)?;
         let codes = manifest.value_map().code_of_bits_table();
         let hash = StoreHash::of(&manifest_bytes);
         let path = path.to_path_buf();
-        Ok(Self { inner: Arc::new(Inner { path, hash, manifest, manifest_bytes, ranges, shards, regions, codes }) })
+        Ok(Self {
+            inner: Arc::new(Inner { path, hash, manifest, manifest_bytes, ranges, shards, halos, regions, codes }),
+        })
     }
 
     #[must_use]
@@ -124,11 +136,17 @@ impl Store {
         std::iter::once(&self.inner.shards).chain(regions).collect()
     }
 
+    /// The store's files of halos.
+    pub(super) fn halos(&self) -> impl Iterator<Item = &Halos> {
+        self.inner.halos.iter().chain(self.regions().and_then(|r| r.halos.as_ref()))
+    }
+
     pub(super) fn regions(&self) -> Option<&StoreRegions> {
         self.inner.regions.as_ref()
     }
 
-    /// The brick's owned box grown by `ghost`, clamped at the volume's edge; neighbours' voxels come through `cache`.
+    /// The brick's owned box grown by `ghost`, clamped at the volume's edge. What is beyond the owned box comes from the
+    /// brick's halo; from the neighbours, through `cache`, where that does not reach.
     ///
     /// Decodes in the calling thread: read several bricks at once for speed.
     ///
@@ -136,7 +154,18 @@ impl Store {
     /// A broken or missing chunk, by name.
     pub fn read_brick(&self, brick: BrickIndex, ghost: u32, cache: &ChunkCache) -> Result<BrickVoxels, StoreError> {
         let stored = self.stored_box(brick, ghost)?;
-        let codes = self.read_box(&self.inner.shards, stored, cache, &ToCodes(&self.inner.codes))?;
+        let (shards, decoder) = (&self.inner.shards, ToCodes(&self.inner.codes));
+        let Some(halos) = self.inner.halos.as_ref().filter(|h| h.reach(ghost)) else {
+            let codes = self.read_box(shards, stored, cache, &decoder)?;
+            return Ok(BrickVoxels { stored, codes });
+        };
+        let voxel_bytes = self.inner.manifest.stored_type.bytes();
+        let voxels = halos.read(brick, cache, |raw, voxels| match voxels * voxel_bytes {
+            want if want == raw.len() => Ok(raw),
+            want => Err(HaloFault::RecordLength { got: raw.len(), want }),
+        })?;
+        let row = |first, out: &mut [u16]| decoder.row(voxels.as_deref(), first, out);
+        let codes = self.read_with_halo(shards, stored, cache, &decoder, (halos.shell(brick), row))?;
         Ok(BrickVoxels { stored, codes })
     }
 

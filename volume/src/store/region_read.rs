@@ -5,10 +5,13 @@ use std::path::Path;
 use super::cache::ChunkCache;
 use super::error::StoreError;
 use super::facts_table::{BrickFactsTable, FACTS_BYTES, REGION_BYTES, regions_from_bytes};
+use super::halo_read::Halos;
+use super::halo_regions::{self, RegionHalo};
 use super::manifest::Manifest;
 use super::profile::{
     DISTANCE_ARRAY_FILE, DISTANCE_SHARDS_FILE, LABEL_ARRAY_FILE, LABEL_IMAGE_FILE, LABEL_SHARDS_FILE,
-    LABELS_GROUP_FILE, REGION_BRICKS_FILE, REGIONS_FILE, ShardGrid, StoreArray,
+    LABELS_GROUP_FILE, REGION_BRICKS_FILE, REGION_HALO_INDEX_FILE, REGION_HALOS_FILE, REGIONS_FILE, ShardGrid,
+    StoreArray,
 };
 use super::read::{Store, check_hash, open_shards, read_at_most, read_exactly};
 use super::region_error::RegionsError;
@@ -23,6 +26,8 @@ pub(super) struct StoreRegions {
     facts: BrickFactsTable,
     pub(super) labels: Shards,
     pub(super) distances: Shards,
+    /// Of labels and distances together.
+    pub(super) halos: Option<Halos>,
 }
 
 impl StoreRegions {
@@ -52,7 +57,12 @@ impl StoreRegions {
         let labels = open_shards(root, StoreArray::Labels, grid, labels, size_of::<u32>())?;
         let distances = (DISTANCE_SHARDS_FILE, files.distance_shards);
         let distances = open_shards(root, StoreArray::Distances, grid, distances, size_of::<u8>())?;
-        Ok(Some(Self { table, facts, labels, distances }))
+        let halos = manifest.halo.and_then(|halo| {
+            let files = (REGION_HALOS_FILE, REGION_HALO_INDEX_FILE, halo.regions?);
+            Some(Halos::open(root, manifest.grid, halo.region_layers(), files, halo_regions::BOUND))
+        });
+        let halos = halos.transpose()?;
+        Ok(Some(Self { table, facts, labels, distances, halos }))
     }
 }
 
@@ -75,8 +85,8 @@ impl Store {
         self.regions().map(|r| &r.facts)
     }
 
-    /// Labels and distances of the brick's owned box grown by `margin`, clamped at the volume's edge; neighbours' voxels
-    /// come through `cache`. Distances are those of the whole volume.
+    /// Labels and distances of the brick's owned box grown by `margin`, clamped at the volume's edge, found as by
+    /// [`Store::read_brick`]. Distances are those of the whole volume.
     ///
     /// # Errors
     /// A store without regions; a broken or missing chunk, by name.
@@ -88,6 +98,15 @@ impl Store {
     ) -> Result<BrickRegions, StoreError> {
         let regions = self.regions().ok_or(RegionsError::None)?;
         let covered = self.stored_box(brick, margin)?;
+        if let Some(halos) = regions.halos.as_ref().filter(|h| h.reach(margin)) {
+            let halo = halos.read(brick, cache, |raw, voxels| RegionHalo::parse(&raw, voxels))?;
+            let (halo, shell) = (halo.unwrap_or(RegionHalo::NONE), halos.shell(brick));
+            let row = |first, out: &mut [u32]| halo.labels(first, out);
+            let labels = self.read_with_halo(&regions.labels, covered, cache, &ToLabels, (shell, row))?;
+            let row = |first, out: &mut [u8]| halo.distances(first, out);
+            let distances = self.read_with_halo(&regions.distances, covered, cache, &ToDistances, (shell, row))?;
+            return Ok(BrickRegions { covered, labels, distances });
+        }
         let labels = self.read_box(&regions.labels, covered, cache, &ToLabels)?;
         let distances = self.read_box(&regions.distances, covered, cache, &ToDistances)?;
         Ok(BrickRegions { covered, labels, distances })

@@ -8,17 +8,19 @@ use rayon::prelude::*;
 use super::error::StoreError;
 use super::facts_build::{FactsBuilder, FinalSlab};
 use super::facts_table::{BrickFactsTable, regions_to_bytes};
+use super::halo_write::{RegionHalos, WrittenHalos};
 use super::hash::ContentHash;
 use super::manifest::Manifest;
 use super::prepare_options::Phase;
 use super::profile::{
     CHUNK_EDGE, DISTANCE_ARRAY_FILE, DISTANCE_SHARDS_FILE, LABEL_ARRAY_FILE, LABEL_IMAGE_FILE, LABEL_SHARDS_FILE,
-    LABELS_GROUP_FILE, REGION_BRICKS_FILE, REGIONS_FILE, StoreArray,
+    LABELS_GROUP_FILE, REGION_BRICKS_FILE, REGION_HALOS_FILE, REGIONS_FILE, StoreArray,
 };
 use super::region_manifest::{RegionHashes, RegionsEntry, SegmentationMethod};
 use super::segment::{Finder, Found, Segmenter};
 use super::shard_table::{self, ShardRecord};
 use super::shard_write::ShardWriter;
+use super::shell::has_halos;
 use super::zarr_json;
 use crate::brick::BrickGrid;
 use crate::regions::block::{BlockSpace, Slab};
@@ -33,6 +35,7 @@ pub(super) struct Written {
     pub(super) files: Vec<(&'static str, Vec<u8>)>,
     /// Bytes of all shards.
     pub(super) shard_bytes: u64,
+    pub(super) halos: Option<WrittenHalos>,
     pub(super) note: Option<String>,
 }
 
@@ -41,6 +44,7 @@ struct Attempt {
     facts: FactsBuilder,
     labels: Vec<ShardRecord>,
     distances: Vec<ShardRecord>,
+    halos: Option<WrittenHalos>,
 }
 
 /// Writes labels and distances below `root`; once more with fewer regions where a brick would have too many.
@@ -100,7 +104,7 @@ pub(super) fn write_regions(
         },
     };
     let shard_bytes = attempt.labels.iter().chain(&attempt.distances).map(|s| s.bytes).sum();
-    Ok(Written { entry, files, shard_bytes, note })
+    Ok(Written { entry, files, shard_bytes, halos: attempt.halos, note })
 }
 
 fn write_once(
@@ -115,6 +119,8 @@ fn write_once(
     let mut label_writer = ShardWriter::new(root, StoreArray::Labels, shards, dims);
     let mut distance_writer = ShardWriter::new(root, StoreArray::Distances, shards, dims);
     let mut facts = FactsBuilder::new(grid, table);
+    let halos = has_halos(grid.brick_size());
+    let mut halos = halos.then(|| RegionHalos::create(&root.join(REGION_HALOS_FILE), grid)).transpose()?;
     let Found { tables, distances, finder, .. } = found;
     if let Finder::Given { planes, .. } = finder {
         planes.rewind()?;
@@ -149,6 +155,7 @@ fn write_once(
         near.clear();
         near.extend(slab.distances.iter().zip(&labels).map(|(d, label)| if *label == NO_REGION { 0 } else { *d }));
         facts.add(&FinalSlab { z0, codes: slab.codes, labels: &labels, distances: &near });
+        halos.as_mut().map(|h| h.add(z0..z1, &labels, &near)).transpose()?;
         let layer = CHUNK_EDGE as usize * this.voxels.plane();
         for (cz, (labels, near)) in (z0 / CHUNK_EDGE..).zip(labels.chunks(layer).zip(near.chunks(layer))) {
             label_writer.add(cz, labels)?;
@@ -156,7 +163,8 @@ fn write_once(
         }
         Ok(())
     })?;
-    Ok(Attempt { facts, labels: label_writer.finish(), distances: distance_writer.finish() })
+    let halos = halos.map(RegionHalos::finish).transpose()?;
+    Ok(Attempt { facts, labels: label_writer.finish(), distances: distance_writer.finish(), halos })
 }
 
 /// Paints every part of every block of a slab; `label_of_parts` finds a block's runs and says each part's label.

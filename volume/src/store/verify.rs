@@ -12,14 +12,15 @@ use super::profile::{CHUNKS_PER_SHARD, InnerChunk};
 use super::read::Store;
 
 impl Store {
-    /// Reads every shard, decodes every inner chunk, and compares all bytes with the manifest's hashes. A chunk is named
+    /// Reads every shard and halo, decodes every inner chunk and record, and compares all bytes with the manifest's hashes. A chunk (or a halo's brick) is named
     /// where one is broken; bytes that belong to no chunk are found by the shard's hash.
     ///
     /// # Errors
     /// The first damage found.
     pub fn verify(&self, progress: &mut dyn FnMut(Progress)) -> Result<(), StoreError> {
         let arrays = self.arrays();
-        let total = arrays.iter().map(|shards| shards.table.len() as u64).sum();
+        let shards: u64 = arrays.iter().map(|shards| shards.table.len() as u64).sum();
+        let total = shards + self.halos().count() as u64;
         let all = arrays.iter().flat_map(|shards| shards.table.iter().enumerate().map(move |(i, r)| (shards, i, r)));
         for (done, (shards, linear, record)) in (0..).zip(all) {
             progress(Progress { phase: Phase::Verify, done, total });
@@ -38,6 +39,10 @@ impl Store {
                 got if got == record.hash => {}
                 got => return Err(StoreError::FileHash { path, got, want: record.hash }),
             }
+        }
+        for (done, halos) in (shards..).zip(self.halos()) {
+            progress(Progress { phase: Phase::Verify, done, total });
+            halos.verify()?;
         }
         progress(Progress { phase: Phase::Verify, done: total, total });
         Ok(())

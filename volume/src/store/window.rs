@@ -3,6 +3,7 @@
 use glam::{IVec3, UVec3};
 
 use super::profile::{CHUNK_EDGE, InnerChunk};
+use super::shell::Shell;
 use crate::brick::StoredBox;
 
 /// Elements of an inner chunk as stored, from `first` on, into a row; no bytes where all are the fill value 0.
@@ -93,6 +94,23 @@ impl<T: Copy + Default> Window<T> {
                 let start = ((to[2] + z) * self.dims[1] + to[1] + y) * self.dims[0] + to[0];
                 let first = ((from[2] + z) * edge + from[1] + y) * edge + from[0];
                 decoder.row(bytes, first, &mut self.elements[start..][..width]);
+            }
+        }
+    }
+
+    /// Copies the voxels of a shell that are inside: `row` gives those from a position of the shell on.
+    pub(super) fn fill_shell(&mut self, shell: Shell, mut row: impl FnMut(usize, &mut [T])) {
+        let mut first = 0;
+        for z in shell.planes() {
+            for (y, xs) in shell.runs(z) {
+                let cut = xs.start.max(self.lo.x)..xs.end.min(self.hi.x);
+                let inside = (self.lo.z..self.hi.z).contains(&z) && (self.lo.y..self.hi.y).contains(&y);
+                if inside && !cut.is_empty() {
+                    let [x, y, z] = (IVec3::new(cut.start as i32, y as i32, z as i32) - self.stored.lo).to_array();
+                    let start = (z as usize * self.dims[1] + y as usize) * self.dims[0] + x as usize;
+                    row(first + (cut.start - xs.start) as usize, &mut self.elements[start..][..cut.len()]);
+                }
+                first += xs.len();
             }
         }
     }

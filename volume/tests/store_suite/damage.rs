@@ -32,13 +32,18 @@ fn store_with_regions(dir: &Path) -> PathBuf {
     path
 }
 
-/// Opens the store and reads all of it, as bricks.
+/// Opens the store and reads all of it, as bricks: once from their neighbours, and once from their halos.
 fn read_all(path: &Path) -> Result<(), StoreError> {
     let store = Store::open(path)?;
     let cache = ChunkCache::new(1 << 20);
     store.manifest().grid.bricks().try_for_each(|b| {
-        store.read_brick(b, 1, &cache)?;
-        if store.region_table().is_some() { store.read_brick_regions(b, 1, &cache).map(drop) } else { Ok(()) }
+        for margin in [3, 1] {
+            store.read_brick(b, margin, &cache)?;
+            if store.region_table().is_some() {
+                store.read_brick_regions(b, margin, &cache)?;
+            }
+        }
+        Ok(())
     })
 }
 
@@ -115,6 +120,8 @@ fn damaged_regions_are_named_by_array_and_file() {
         "region_bricks.bin",
         "label_shards.bin",
         "distance_shards.bin",
+        "region_halos.bin",
+        "region_halo_index.bin",
     ];
     for name in small {
         let good = fs::read(path.join(name)).unwrap();
@@ -207,7 +214,7 @@ fn what_is_no_finished_store_is_refused() {
     let path = store_in(dir.path());
     let manifest = fs::read_to_string(path.join("brickcast.json")).unwrap();
     let changed = [
-        ("\"version\": 2", "\"version\": 1", "this brickcast knows 2"),
+        ("\"version\": 3", "\"version\": 2", "this brickcast knows 3"),
         ("brickcast-store", "someone-elses", "is not a brickcast store's"),
         ("\"brick_size\": 32", "\"brick_size\": 33", "power of two"),
         ("\"uint8\"", "\"uint9\"", "uint9"),
@@ -220,7 +227,7 @@ fn what_is_no_finished_store_is_refused() {
         assert!(text.contains(says), "{text}");
     }
     fs::write(path.join("brickcast.json"), &manifest).unwrap();
-    for name in ["zarr.json", "0/zarr.json", "bricks.bin", "shards.bin"] {
+    for name in ["zarr.json", "0/zarr.json", "bricks.bin", "shards.bin", "halos.bin", "halo_index.bin"] {
         let good = fs::read(path.join(name)).unwrap();
         fs::remove_file(path.join(name)).unwrap();
         let text = Store::open(&path).unwrap_err().to_string();

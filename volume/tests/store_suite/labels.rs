@@ -52,6 +52,7 @@ fn given_back_its_own_labels_a_store_says_the_same() {
     let given = dir.path().join("given");
     let manifest = volume.prepare(&given, &labels_of(&file)).unwrap().manifest;
     assert_eq!(manifest.regions.unwrap().segmentation_range, None);
+    crate::halos::check(&Store::open(&given).unwrap(), false);
     let mut compared = 0;
     for path in files_of(&found) {
         let name = path.strip_prefix(&found).unwrap();

@@ -4,6 +4,7 @@
 #![allow(clippy::unwrap_used)]
 
 mod damage;
+mod halos;
 mod labels;
 mod mutations;
 mod outcome;

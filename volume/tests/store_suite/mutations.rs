@@ -16,7 +16,7 @@ use crate::support::{Volume, noisy};
 static GOOD: LazyLock<(Vec<u8>, Vec<u8>)> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("s");
-    let options = PrepareOptions { brick_size: 8, ..PrepareOptions::default() };
+    let options = PrepareOptions { brick_size: 16, ..PrepareOptions::default() };
     noisy([40, 9, 20], VoxelType::F32).prepare(&path, &options).unwrap();
     let store = Store::open(&path).unwrap();
     (store.manifest_bytes().to_vec(), store.brick_ranges().to_bytes())
@@ -27,7 +27,7 @@ static WITH_REGIONS: LazyLock<(Vec<u8>, Vec<u8>)> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("s");
     let halves = Volume::new([40, 9, 20], VoxelType::U16, |[x, _, _]| if x < 17 { 100.0 } else { 50_000.0 });
-    halves.prepare(&path, &windows(8, 0.1)).unwrap();
+    halves.prepare(&path, &windows(16, 0.1)).unwrap();
     let store = Store::open(&path).unwrap();
     assert_eq!(store.region_table().unwrap().0.len(), 2);
     (store.manifest_bytes().to_vec(), store.brick_facts_table().unwrap().to_bytes())

@@ -1,0 +1,139 @@
+//! Shells gathered as planes pass by: a halo is cut from the very slabs that the arrays are written from, so nothing is
+//! decoded to make it.
+
+use std::collections::VecDeque;
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::error::StoreError;
+use super::shell::Shell;
+use crate::brick::BrickGrid;
+use crate::ids::BrickIndex;
+
+/// What is gathered of one shell, in the order of its runs.
+pub(super) trait Gathered: Send + Sync {
+    /// Empty, with room for so many voxels.
+    fn with_room(voxels: usize) -> Self;
+}
+
+impl<T: Send + Sync> Gathered for Vec<T> {
+    fn with_room(voxels: usize) -> Self {
+        Self::with_capacity(voxels)
+    }
+}
+
+/// Labels and distances.
+impl Gathered for (Vec<u32>, Vec<u8>) {
+    fn with_room(voxels: usize) -> Self {
+        (Vec::with_capacity(voxels), Vec::with_capacity(voxels))
+    }
+}
+
+/// Gathers the shells of all bricks, a layer of bricks (all those with the same z) at a time. Memory: their shells, which is six
+/// to eight planes of the volume for each layer of the halo, whatever the brick size.
+#[derive(Debug)]
+pub(super) struct ShellGatherer<G> {
+    grid: BrickGrid,
+    layers: u32,
+    /// z of the first layer of bricks in `open`.
+    first: u32,
+    /// Layers of bricks that began and are not complete; shells x fastest.
+    open: VecDeque<Vec<G>>,
+}
+
+impl<G: Gathered> ShellGatherer<G> {
+    pub(super) fn new(grid: BrickGrid, layers: u32) -> Self {
+        Self { grid, layers, first: 0, open: VecDeque::new() }
+    }
+
+    fn shell(&self, bz: u32, within: usize) -> Shell {
+        let (bx, linear) = (self.grid.dims().x, within as u32);
+        Shell::of(&self.grid, BrickIndex([linear % bx, linear / bx, bz]), self.layers)
+    }
+
+    /// Takes whole planes of the volume, in any pieces but in their order. `take` appends the voxels of a run, whose positions
+    /// count from the first plane's first voxel; `complete` gets each layer of bricks when it is, before the next one begins.
+    pub(super) fn add(
+        &mut self,
+        planes: Range<u32>,
+        take: impl Fn(&mut G, Range<usize>) + Sync,
+        mut complete: impl FnMut(&[G]) -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
+        let (n, bricks) = (self.grid.volume_dims(), self.grid.dims());
+        let (nx, ny) = (n.x as usize, n.y as usize);
+        for bz in self.first..bricks.z {
+            let of_layer = self.shell(bz, 0).planes();
+            if of_layer.start >= planes.end {
+                break;
+            }
+            let mut shells = match (bz - self.first) as usize {
+                open if open < self.open.len() => std::mem::take(&mut self.open[open]),
+                _ => {
+                    self.open.push_back(Vec::new());
+                    let voxels = |i| self.shell(bz, i).voxels() as usize;
+                    (0..(bricks.x * bricks.y) as usize).map(|i| G::with_room(voxels(i))).collect()
+                }
+            };
+            shells.par_iter_mut().enumerate().for_each(|(i, out)| {
+                let shell = self.shell(bz, i);
+                for z in of_layer.start.max(planes.start)..of_layer.end.min(planes.end) {
+                    for (y, xs) in shell.runs(z) {
+                        let row = ((z - planes.start) as usize * ny + y as usize) * nx;
+                        take(out, row + xs.start as usize..row + xs.end as usize);
+                    }
+                }
+            });
+            if of_layer.end <= planes.end {
+                complete(&shells)?;
+                self.open.pop_front();
+                self.first += 1;
+            } else {
+                let open = (bz - self.first) as usize;
+                self.open[open] = shells;
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::UVec3;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// Slabs that end anywhere: a plane taken twice, or for the wrong brick, would shift the rest of a record.
+        #[test]
+        fn gathered_shells_hold_the_volume_in_the_order_of_their_runs(
+            dims in [1_u32..50, 1_u32..50, 1_u32..120], size in 4_u32..7, layers in 1_u32..3, planes in 1_usize..40,
+        ) {
+            let grid = BrickGrid::new(UVec3::from(dims), 1 << size).unwrap();
+            let [nx, ny, nz] = dims;
+            let voxels: Vec<u32> = (0..nx * ny * nz).collect();
+            let mut gatherer = ShellGatherer::<Vec<u32>>::new(grid, layers);
+            let mut got: Vec<Vec<u32>> = Vec::new();
+            for (i, slab) in voxels.chunks(planes * (nx * ny) as usize).enumerate() {
+                let z0 = (i * planes) as u32;
+                let z1 = z0 + (slab.len() as u32 / (nx * ny));
+                let take = |out: &mut Vec<u32>, run: Range<usize>| out.extend_from_slice(&slab[run]);
+                let complete = |shells: &[Vec<u32>]| {
+                    got.extend_from_slice(shells);
+                    Ok(())
+                };
+                gatherer.add(z0..z1, take, complete).unwrap();
+            }
+            prop_assert!(gatherer.open.is_empty());
+            prop_assert_eq!(got.len() as u64, grid.brick_count());
+            for (brick, got) in grid.bricks().zip(got) {
+                let shell = Shell::of(&grid, brick, layers);
+                let voxel = |x, y, z| x + nx * (y + ny * z);
+                let want: Vec<u32> = shell.planes()
+                    .flat_map(|z| shell.runs(z).flat_map(move |(y, xs)| xs.map(move |x| voxel(x, y, z))))
+                    .collect();
+                prop_assert_eq!(got, want, "brick {}", brick);
+            }
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! Writing a file of halos: append-only, one compressed record per brick, in the grid's linear order.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use xxhash_rust::xxh3::Xxh3Default;
+
+use super::codec;
+use super::error::StoreError;
+use super::halo_gather::ShellGatherer;
+use super::halo_index::HaloIndex;
+use super::halo_manifest::HaloHashes;
+use super::halo_regions;
+use super::hash::ContentHash;
+use super::profile::{HALO_LAYERS, REGION_HALO_MORE};
+use super::voxel::Cell;
+use crate::brick::BrickGrid;
+
+/// A file of halos that is on the disk, and its index, which is not yet.
+#[derive(Debug)]
+pub(super) struct WrittenHalos {
+    pub(super) bytes: u64,
+    /// Of the file of records.
+    pub(super) hash: ContentHash,
+    pub(super) index: Vec<u8>,
+}
+
+impl WrittenHalos {
+    pub(super) fn hashes(&self) -> HaloHashes {
+        HaloHashes { file: self.hash, index: ContentHash::of(&self.index) }
+    }
+}
+
+pub(super) struct HaloWriter {
+    path: PathBuf,
+    file: BufWriter<File>,
+    hash: Xxh3Default,
+    entries: Vec<(u32, u32)>,
+}
+
+impl HaloWriter {
+    /// Replaces a file of an earlier attempt.
+    pub(super) fn create(path: &Path) -> Result<Self, StoreError> {
+        let file = File::create(path).map_err(StoreError::io("create", path))?;
+        let file = BufWriter::with_capacity(1 << 20, file);
+        Ok(Self { path: path.to_path_buf(), file, hash: Xxh3Default::new(), entries: Vec::new() })
+    }
+
+    /// Takes the next records, which `raw` makes of each of `halos`; nothing where all is the fill value.
+    pub(super) fn add<H: Sync>(
+        &mut self,
+        halos: &[H],
+        raw: impl Fn(&H) -> Option<Vec<u8>> + Sync,
+    ) -> Result<(), StoreError> {
+        let record = |halo: &H| raw(halo).map_or(Ok(Vec::new()), |raw| codec::compress(&raw));
+        let records: Vec<Vec<u8>> = halos.par_iter().map(record).collect::<Result<_, StoreError>>()?;
+        for bytes in records {
+            self.file.write_all(&bytes).map_err(StoreError::io("write", &self.path))?;
+            self.hash.update(&bytes);
+            // The crc32c of no bytes is 0.
+            self.entries.push((bytes.len() as u32, crc32c::crc32c(&bytes)));
+        }
+        Ok(())
+    }
+
+    pub(super) fn finish(mut self) -> Result<WrittenHalos, StoreError> {
+        let written = self.file.flush().and_then(|()| self.file.get_ref().sync_all());
+        written.map_err(StoreError::io("write", &self.path))?;
+        let index = HaloIndex::new(self.entries);
+        let hash = ContentHash(self.hash.digest128());
+        Ok(WrittenHalos { bytes: index.file_bytes(), hash, index: index.to_bytes() })
+    }
+}
+
+/// The halos of the volume's voxels, slab by slab.
+pub(super) struct VoxelHalos<T> {
+    gatherer: ShellGatherer<Vec<T>>,
+    writer: HaloWriter,
+}
+
+impl<T: Cell> VoxelHalos<T> {
+    pub(super) fn create(path: &Path, grid: BrickGrid) -> Result<Self, StoreError> {
+        Ok(Self { gatherer: ShellGatherer::new(grid, HALO_LAYERS), writer: HaloWriter::create(path)? })
+    }
+
+    /// Takes whole planes; planes come in order.
+    pub(super) fn add(&mut self, planes: Range<u32>, slab: &[T]) -> Result<(), StoreError> {
+        let take = |shell: &mut Vec<T>, run| shell.extend_from_slice(&slab[run]);
+        self.gatherer.add(planes, take, |shells| self.writer.add(shells, |shell| voxel_record(shell)))
+    }
+
+    pub(super) fn finish(self) -> Result<WrittenHalos, StoreError> {
+        self.writer.finish()
+    }
+}
+
+/// Voxels as in an inner chunk: the stored type, little endian.
+fn voxel_record<T: Cell>(shell: &[T]) -> Option<Vec<u8>> {
+    if shell.iter().all(|v| *v == T::zeroed()) {
+        return None;
+    }
+    let little: Vec<T> = shell.iter().map(|v| v.swapped_le()).collect();
+    Some(bytemuck::cast_slice(&little).to_vec())
+}
+
+/// The halos of labels and distances, slab by slab.
+pub(super) struct RegionHalos {
+    gatherer: ShellGatherer<(Vec<u32>, Vec<u8>)>,
+    writer: HaloWriter,
+}
+
+impl RegionHalos {
+    pub(super) fn create(path: &Path, grid: BrickGrid) -> Result<Self, StoreError> {
+        let gatherer = ShellGatherer::new(grid, HALO_LAYERS + REGION_HALO_MORE);
+        Ok(Self { gatherer, writer: HaloWriter::create(path)? })
+    }
+
+    /// Takes whole planes; planes come in order.
+    pub(super) fn add(&mut self, planes: Range<u32>, labels: &[u32], distances: &[u8]) -> Result<(), StoreError> {
+        let take = |shell: &mut (Vec<u32>, Vec<u8>), run: Range<usize>| {
+            shell.0.extend_from_slice(&labels[run.clone()]);
+            shell.1.extend_from_slice(&distances[run]);
+        };
+        let record = |shell: &(Vec<u32>, Vec<u8>)| halo_regions::encode(&shell.0, &shell.1);
+        self.gatherer.add(planes, take, |shells| self.writer.add(shells, record))
+    }
+
+    pub(super) fn finish(self) -> Result<WrittenHalos, StoreError> {
+        self.writer.finish()
+    }
+}
