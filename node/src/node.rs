@@ -14,7 +14,7 @@ use brickcast_proto::{
 use brickcast_volume::store::{BrickFactsTable, ChunkCache};
 use bytes::Bytes;
 use tokio::runtime::Handle;
-use tokio::sync::{Semaphore, mpsc};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
 use tokio::task::JoinError;
 
 use crate::config::NodeConfig;
@@ -29,8 +29,8 @@ use crate::stores::{OpenStore, Stores};
 pub const MAX_WAITING: usize = 16;
 /// Parts between the renderer and the connection: 4 MiB of tiles at most.
 const PARTS_IN_FLIGHT: usize = 64;
-/// A client that takes no part for this long is given up, so that it cannot hold the node.
-const STALL_TIMEOUT: Duration = Duration::from_secs(30);
+/// A client that takes no part for this long is given up, so that it cannot hold memory. Others have their turn meanwhile.
+const STALL_TIMEOUT: Duration = Duration::from_secs(10);
 /// Decoded chunks of the store kept for neighbours, bytes, on top of the budget for bricks: a quarter of it within these. The
 /// smaller a budget, the oftener bricks are read again, so the cache does not vanish with it.
 const CACHE_BYTES: std::ops::RangeInclusive<u64> = 32 << 20..=256 << 20;
@@ -134,15 +134,12 @@ impl Node {
         tokio::spawn(async move {
             let _place = place;
             let turn = tokio::select! {
-                turn = self.turn.clone().acquire_owned() => turn,
+                turn = self.turn.clone().acquire_owned() => turn.ok(),
                 () = tx.closed() => return,
             };
             let worker = tx.clone();
             let node = self.clone();
-            let work = tokio::task::spawn_blocking(move || {
-                let _turn = turn;
-                node.render_now(&order, &store, started, &worker)
-            });
+            let work = tokio::task::spawn_blocking(move || node.render_now(&order, &store, started, &worker, turn));
             if let Err(error) = flatten(work.await) {
                 match &error {
                     NodeError::Cancelled => tracing::debug!("{error}"),
@@ -155,19 +152,29 @@ impl Node {
         Ok(rx)
     }
 
-    /// Renders on this (blocking) thread.
+    /// Renders on this (blocking) thread. The turn is given to others while the client takes no parts.
     fn render_now(
         &self,
         order: &RenderOrder,
         store: &OpenStore,
         started: Instant,
         parts: &mpsc::Sender<Result<FramePart, NodeError>>,
+        mut turn: Option<OwnedSemaphorePermit>,
     ) -> Result<(), NodeError> {
         let mut meter = FrameMeter::new(started, order.layers.len());
         let cancelled = || parts.is_closed() || self.stopped();
         let mut emit = |part| {
             let part = FramePart { frame: order.frame, epoch: order.epoch, part };
-            send(parts, Ok(part))
+            match send(parts, Ok(part)) {
+                Sent::Taken => Ok(()),
+                Sent::Gone => Err(NodeError::Cancelled),
+                Sent::Full(part) => {
+                    turn = None;
+                    wait_until_taken(parts, part)?;
+                    turn = Handle::current().block_on(self.turn.clone().acquire_owned()).ok();
+                    Ok(())
+                }
+            }
         };
         let result = render_frame(order, store, self.workshop(), &mut meter, &cancelled, &mut emit);
         match result {
@@ -317,19 +324,31 @@ fn panic_text(error: JoinError) -> String {
     }
 }
 
+enum Sent {
+    Taken,
+    Gone,
+    /// The client has not taken what was sent before.
+    Full(Result<FramePart, NodeError>),
+}
+
+fn send(parts: &mpsc::Sender<Result<FramePart, NodeError>>, part: Result<FramePart, NodeError>) -> Sent {
+    use mpsc::error::TrySendError;
+    match parts.try_send(part) {
+        Ok(()) => Sent::Taken,
+        Err(TrySendError::Closed(_)) => Sent::Gone,
+        Err(TrySendError::Full(part)) => Sent::Full(part),
+    }
+}
+
 /// Waits for the client to take parts, but not for ever.
-fn send(
+fn wait_until_taken(
     parts: &mpsc::Sender<Result<FramePart, NodeError>>,
     part: Result<FramePart, NodeError>,
 ) -> Result<(), NodeError> {
-    use mpsc::error::{SendTimeoutError, TrySendError};
-    match parts.try_send(part) {
+    use mpsc::error::SendTimeoutError;
+    match Handle::current().block_on(parts.send_timeout(part, STALL_TIMEOUT)) {
         Ok(()) => Ok(()),
-        Err(TrySendError::Closed(_)) => Err(NodeError::Cancelled),
-        Err(TrySendError::Full(part)) => match Handle::current().block_on(parts.send_timeout(part, STALL_TIMEOUT)) {
-            Ok(()) => Ok(()),
-            Err(SendTimeoutError::Closed(_)) => Err(NodeError::Cancelled),
-            Err(SendTimeoutError::Timeout(_)) => Err(NodeError::Stalled(STALL_TIMEOUT.as_secs())),
-        },
+        Err(SendTimeoutError::Closed(_)) => Err(NodeError::Cancelled),
+        Err(SendTimeoutError::Timeout(_)) => Err(NodeError::Stalled(STALL_TIMEOUT.as_secs())),
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 
 use brickcast_proto::{LayerOrder, RenderOrder, TileRect};
 use brickcast_volume::brick::OwnedBox;
@@ -127,6 +127,8 @@ pub(crate) struct FakeRaycaster {
     pub(crate) calls: AtomicUsize,
     /// Panics in the call of this number.
     pub(crate) panic_in_call: AtomicUsize,
+    /// Calls wait while this is set.
+    pub(crate) is_held: AtomicBool,
 }
 
 impl FakeRaycaster {
@@ -139,6 +141,7 @@ impl FakeRaycaster {
             uploads: AtomicUsize::default(),
             calls: AtomicUsize::default(),
             panic_in_call: AtomicUsize::new(usize::MAX),
+            is_held: AtomicBool::default(),
         }
     }
 
@@ -177,6 +180,9 @@ impl Raycaster for FakeRaycaster {
     }
 
     fn render(&self, scene: &KernelScene, jobs: &[Job]) -> Result<Vec<JobImage>, RaycastError> {
+        while self.is_held.load(Ordering::SeqCst) {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
         let call = self.calls.fetch_add(1, Ordering::SeqCst);
         assert!(call != self.panic_in_call.load(Ordering::SeqCst), "the fake was told to panic");
         let render = |job: &Job| {

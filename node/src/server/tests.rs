@@ -13,6 +13,7 @@ use tonic::{Code, Status};
 
 use super::*;
 use crate::config::{DataRoot, NodeConfig};
+use crate::connections::MAX_FRAMES;
 use crate::node::MAX_WAITING;
 use crate::service::client::{Client, Frame, RawOrder, encode};
 use crate::testing::{FakeRaycaster, make_store, ramp, scene, whole_order};
@@ -21,6 +22,7 @@ struct Served {
     _folder: tempfile::TempDir,
     hash: StoreHash,
     raycaster: Arc<FakeRaycaster>,
+    address: String,
     channel: Channel,
     stop: Option<oneshot::Sender<()>>,
     task: JoinHandle<Result<(), ServeError>>,
@@ -40,7 +42,7 @@ impl Served {
             let _ = stopped.await;
         }));
         let channel = transport::endpoint(&address, None).unwrap().connect().await.unwrap();
-        Self { _folder: folder, hash, raycaster, channel, stop: Some(stop), task }
+        Self { _folder: folder, hash, raycaster, address, channel, stop: Some(stop), task }
     }
 
     fn order(&self, width: u32, height: u32) -> RenderOrder {
@@ -50,6 +52,11 @@ impl Served {
 
     fn client(&self) -> Client {
         Client(self.channel.clone())
+    }
+
+    /// Over a connection of its own.
+    async fn connect(&self) -> Client {
+        Client(transport::endpoint(&self.address, None).unwrap().connect().await.unwrap())
     }
 
     async fn start(&self, order: &RenderOrder) -> Result<Frame, Status> {
@@ -160,8 +167,8 @@ fn mutated(good: &[u8], state: &mut u64) -> RawOrder {
     }
 }
 
-/// Law 6, the network's half: whatever bytes come as an order, the node answers and goes on. Several are under way at once on
-/// one connection, fewer than the node lets wait: an order that is turned away unread would test nothing.
+/// Law 6, the network's half: whatever bytes come as an order, the node answers and goes on. Several are under way at once,
+/// fewer than the node lets wait: an order that is turned away unread would test nothing.
 #[tokio::test(flavor = "multi_thread")]
 async fn mutated_orders_keep_the_node_alive() {
     const SENDERS: u64 = 8;
@@ -169,27 +176,26 @@ async fn mutated_orders_keep_the_node_alive() {
     const { assert!(SENDERS < MAX_WAITING as u64 && SENDERS * EACH >= 10_000) };
     let served = Served::new().await;
     let good = encode(&served.order(40, 30));
-    let senders: Vec<_> = (1..=SENDERS)
-        .map(|sender| {
-            let (good, client) = (good.clone(), served.client());
-            tokio::spawn(async move {
-                let mut state = 0x9E37_79B9_7F4A_7C15_u64.wrapping_mul(sender);
-                let mut refused = 0;
-                for _ in 0..EACH {
-                    let order = mutated(&good, &mut state);
-                    let answer = async { client.start(order).await?.drain().await };
-                    let outcome = tokio::time::timeout(Duration::from_secs(20), answer).await;
-                    if let Err(status) = outcome.expect("an order must not hang") {
-                        use Code::{Internal, ResourceExhausted, Unavailable, Unknown};
-                        let fatal = [Internal, Unknown, Unavailable, ResourceExhausted].contains(&status.code());
-                        assert!(!fatal, "{status:?}");
-                        refused += 1;
-                    }
+    let mut senders = Vec::new();
+    for sender in 1..=SENDERS {
+        let (good, client) = (good.clone(), served.connect().await);
+        senders.push(tokio::spawn(async move {
+            let mut state = 0x9E37_79B9_7F4A_7C15_u64.wrapping_mul(sender);
+            let mut refused = 0;
+            for _ in 0..EACH {
+                let order = mutated(&good, &mut state);
+                let answer = async { client.start(order).await?.drain().await };
+                let outcome = tokio::time::timeout(Duration::from_secs(20), answer).await;
+                if let Err(status) = outcome.expect("an order must not hang") {
+                    use Code::{Internal, ResourceExhausted, Unavailable, Unknown};
+                    let fatal = [Internal, Unknown, Unavailable, ResourceExhausted].contains(&status.code());
+                    assert!(!fatal, "{status:?}");
+                    refused += 1;
                 }
-                refused
-            })
-        })
-        .collect();
+            }
+            refused
+        }));
+    }
     let mut refused = 0;
     for sender in senders {
         refused += sender.await.unwrap();
@@ -202,18 +208,21 @@ async fn mutated_orders_keep_the_node_alive() {
 #[tokio::test(flavor = "multi_thread")]
 async fn too_many_waiting_orders_are_turned_away_and_a_lost_client_gives_its_place_back() {
     let served = Served::new().await;
-    // A large frame that nobody reads holds the turn.
-    let mut order = served.order(4096, 4096);
-    order.scene.camera = scene(1, 1, Orbit { zoom: 4.0, ..Orbit::default() }).camera;
-    let hog = served.start(&order).await.unwrap();
+    // A frame that takes its time has the turn.
+    served.raycaster.is_held.store(true, Ordering::SeqCst);
+    let hog = served.start(&served.order(64, 64)).await.unwrap();
     let mut waiting = Vec::new();
     let small = served.order(64, 64);
-    for _ in 0..MAX_WAITING {
-        waiting.push(served.start(&small).await.unwrap());
+    while waiting.len() < MAX_WAITING {
+        let client = served.connect().await;
+        for _ in 0..MAX_FRAMES.min(MAX_WAITING - waiting.len()) {
+            waiting.push(client.start((&small).into()).await.unwrap());
+        }
     }
     let status = served.start(&small).await.unwrap_err();
     assert_eq!(status.code(), Code::ResourceExhausted, "{status:?}");
     drop(hog);
+    served.raycaster.is_held.store(false, Ordering::SeqCst);
     for stream in waiting {
         tokio::time::timeout(Duration::from_secs(20), stream.finish()).await.unwrap().unwrap();
     }
@@ -249,4 +258,47 @@ async fn health_and_reflection_answer_and_shutdown_finishes_frames() {
     served.stop.take().unwrap().send(()).unwrap();
     stream.finish().await.unwrap();
     tokio::time::timeout(DRAIN_TIMEOUT + CLOSE_TIMEOUT, served.task).await.unwrap().unwrap().unwrap();
+}
+
+/// One client that opens frame after frame must leave room for others.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_connection_has_so_many_frames_open_and_no_more() {
+    let served = Served::new().await;
+    let greedy = served.connect().await;
+    let mut open = Vec::new();
+    for _ in 0..MAX_FRAMES {
+        open.push(greedy.start((&large(&served)).into()).await.unwrap());
+    }
+    let status = greedy.start((&large(&served)).into()).await.unwrap_err();
+    assert_eq!(status.code(), Code::ResourceExhausted, "{status:?}");
+    assert!(status.message().contains("this connection"), "{status:?}");
+    let small = served.order(64, 64);
+    let other = served.connect().await.start((&small).into()).await.unwrap();
+    drop(open);
+    tokio::time::timeout(Duration::from_secs(20), other.finish()).await.unwrap().unwrap();
+    // Its places are free again.
+    let again = async { greedy.start((&small).into()).await?.finish().await };
+    tokio::time::timeout(Duration::from_secs(20), again).await.unwrap().unwrap();
+}
+
+/// More parts than fit between the renderer and a client that takes none.
+fn large(served: &Served) -> RenderOrder {
+    let mut order = served.order(4096, 4096);
+    order.scene.camera = scene(1, 1, Orbit { zoom: 4.0, ..Orbit::default() }).camera;
+    order
+}
+
+/// Whoever takes nothing waits alone: others have their turn meanwhile, and it is told at last.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_client_that_takes_no_parts_does_not_hold_the_turn() {
+    let served = Served::new().await;
+    let lazy = served.connect().await.start((&large(&served)).into()).await.unwrap();
+    // Until it has filled what lies between.
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    let started = std::time::Instant::now();
+    served.render(&served.order(64, 64)).await.unwrap();
+    assert!(started.elapsed() < Duration::from_secs(5), "{:?}", started.elapsed());
+    // It may take its parts late; none is lost.
+    let (parts, receipt) = tokio::time::timeout(Duration::from_secs(60), lazy.finish()).await.unwrap().unwrap();
+    assert_eq!(parts.iter().filter(|p| matches!(p.part, Part::Tile(_))).count(), receipt.tiles as usize);
 }
