@@ -255,7 +255,8 @@ pub struct SceneArgs {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Nodes")]
 pub struct NodeArgs {
-    /// Nodes to render on [default: nodes inside this process]
+    /// Nodes to render on: host:port, dns:NAME:PORT (all that the name resolves to), file:PATH (one a line); they are followed
+    /// [default: nodes inside this process]
     #[arg(long, value_name = "HOST:PORT,...", value_delimiter = ',', conflicts_with_all = ["local", "backend", "memory_budget"])]
     pub nodes: Vec<String>,
     /// Number of nodes inside this process
@@ -331,7 +332,7 @@ pub struct OnTheWayArgs {
 
 #[derive(Debug, Args)]
 pub struct NodesArgs {
-    /// Nodes to ask
+    /// Nodes to ask: host:port, dns:NAME:PORT, file:PATH
     #[arg(long, value_name = "HOST:PORT,...", value_delimiter = ',', required = true)]
     pub nodes: Vec<String>,
     #[arg(long)]

@@ -209,7 +209,7 @@ fn a_deadline_that_passes_is_marked_everywhere() {
         let good = render(&["-o", "good.exr"]);
         assert_eq!(good.status.code(), Some(0), "{}", String::from_utf8_lossy(&good.stderr));
         // Prepare and describe are small; the frame is not.
-        rig.proxies[0].set(Fault::Slow { rate: 150_000 });
+        rig.proxies[0].set(Fault::Slow { rate: 30_000 });
         let late = render(&["-o", "late.png", "--deadline", "2s", "--stats", "late.json"]);
         let error = String::from_utf8_lossy(&late.stderr).into_owned();
         assert_eq!(late.status.code(), Some(3), "{error}");
@@ -240,10 +240,10 @@ fn a_deadline_that_passes_is_marked_everywhere() {
     });
 }
 
-/// Keeps a node occupied with a frame that takes minutes; it answers pings all the while.
-async fn occupy(rig: &Rig, node: usize, orders: usize) -> tokio::task::JoinSet<()> {
+/// Keeps a node occupied with large frames in steps of `step`; it answers pings all the while.
+async fn occupy(rig: &Rig, node: usize, orders: usize, step: f64) -> tokio::task::JoinSet<()> {
     let mut scene = scene(&rig.store, 0.0);
-    (scene.size, scene.step) = (PictureSize::new(4096, 4096).unwrap(), 0.02);
+    (scene.size, scene.step) = (PictureSize::new(2048, 2048).unwrap(), step);
     let mut occupied = tokio::task::JoinSet::new();
     for _ in 0..orders {
         let mut session = open(&rig.store, std::slice::from_ref(&rig.nodes[node].address)).await.unwrap();
@@ -261,7 +261,7 @@ fn a_node_that_answers_pings_but_makes_no_progress() {
     run(async {
         let mut rig = Rig::new(2).await;
         let mut session = rig.session().await;
-        let occupied = occupy(&rig, 1, 1).await;
+        let occupied = occupy(&rig, 1, 1, 0.02).await;
         let started = Instant::now();
         let frame = render(&mut session, &scene(&rig.store, 33.0), 12).await.unwrap();
         assert!(frame.complete, "{:?}", frame.problems);
@@ -281,7 +281,7 @@ fn a_busy_node_is_asked_again() {
         let mut rig = Rig::new(1).await;
         let mut session = rig.session().await;
         // One that renders, and all places to wait in.
-        let mut occupied = occupy(&rig, 0, 17).await;
+        let mut occupied = occupy(&rig, 0, 17, 0.5).await;
         let free = tokio::spawn(async move {
             tokio::time::sleep(Duration::from_millis(400)).await;
             occupied.shutdown().await;

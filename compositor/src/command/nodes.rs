@@ -5,21 +5,26 @@ use serde_json::json;
 
 use super::{bytes, print};
 use crate::cli::NodesArgs;
+use crate::dial::Dial;
+use crate::discovery::NodeList;
 use crate::failure::Failure;
-use crate::service::NodeClient;
+use crate::service::NodeError;
 
 /// Asks every node; those that do not answer are listed with the reason, and make the command fail.
 ///
 /// # Errors
 /// A node that did not answer.
 pub async fn run(args: NodesArgs) -> Result<(), Failure> {
-    let answers = futures_util::future::join_all(args.nodes.iter().map(|address| async move {
-        let mut node = NodeClient::connect(address).await?;
+    let (targets, problems) = NodeList::parse(&args.nodes).map_err(Failure::usage)?.resolve().await;
+    let dial = Dial::default();
+    let answers = futures_util::future::join_all(targets.iter().map(async |target| {
+        let mut node = dial.connect(target.clone()).await?;
         node.describe().await
     }))
     .await;
-    let failed: Vec<String> = answers.iter().filter_map(|a| a.as_ref().err().map(ToString::to_string)).collect();
-    let named = args.nodes.iter().zip(&answers);
+    let mut failed: Vec<String> = problems.iter().map(ToString::to_string).collect();
+    failed.extend(answers.iter().filter_map(|a: &Result<_, NodeError>| a.as_ref().err().map(ToString::to_string)));
+    let named = targets.iter().map(|t| &t.address).zip(&answers);
     if args.json {
         let list: Vec<_> = named
             .map(|(address, answer)| match answer {
