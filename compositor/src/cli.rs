@@ -259,8 +259,8 @@ pub struct SceneArgs {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Nodes")]
 pub struct NodeArgs {
-    /// Nodes to render on: host:port, dns:NAME:PORT (all that the name resolves to) or file:PATH [default: nodes inside this
-    /// process]
+    /// Nodes to render on: host:port, dns:NAME:PORT (all that the name resolves to), file:PATH (one a line); they are followed
+    /// [default: nodes inside this process]
     #[arg(long, value_name = "HOST:PORT,...", env = "BRICKCAST_NODES", value_delimiter = ',', conflicts_with_all = ["local", "backend", "memory_budget"])]
     pub nodes: Vec<String>,
     #[command(flatten)]
@@ -338,7 +338,7 @@ pub struct OnTheWayArgs {
 
 #[derive(Debug, Args)]
 pub struct NodesArgs {
-    /// Nodes to ask: host:port, dns:NAME:PORT (all that the name resolves to) or file:PATH
+    /// Nodes to ask: host:port, dns:NAME:PORT, file:PATH
     #[arg(long, value_name = "HOST:PORT,...", env = "BRICKCAST_NODES", value_delimiter = ',', required = true)]
     pub nodes: Vec<String>,
     #[command(flatten)]

@@ -12,7 +12,7 @@ use tokio::task::{AbortHandle, JoinSet};
 
 use crate::dial::Dial;
 use crate::discovery::{NodeList, Target};
-use crate::follow::{Follower, News, Outlook, SharedOutlook};
+use crate::follow::{Arrival, Follower, News, Outlook, SharedOutlook};
 use crate::service::{NodeClient, NodeError};
 use crate::session::StoreChoice;
 use crate::session_error::SessionError;
@@ -176,7 +176,7 @@ impl Cluster {
         while self.tasks.try_join_next().is_some() {}
         while let Ok(news) = self.news.try_recv() {
             match news {
-                News::Arrived { target, client, description } => self.admit(target, client, description),
+                News::Arrived(arrival) => self.admit(*arrival),
                 News::Left { address, serial, why } => {
                     let left = |(_, m): &(usize, &Member)| m.serial == serial && m.client.address() == address;
                     let position = self.members().find(left).map(|(position, _)| position);
@@ -196,7 +196,7 @@ impl Cluster {
         }
     }
 
-    fn admit(&mut self, target: Target, client: NodeClient, description: NodeDescription) {
+    fn admit(&mut self, Arrival { target, client, description }: Arrival) {
         let twin = self.members().find(|(_, m)| m.description.node_id == description.node_id);
         if let Some((_, twin)) = twin.filter(|(_, m)| m.client.address() != target.address) {
             tracing::debug!("{} is the node that {} is", target.address, twin.client.address());

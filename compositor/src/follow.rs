@@ -29,12 +29,25 @@ pub(crate) const LOAD_LIMIT: Duration = Duration::from_secs(3600);
 /// What the session is told; it listens between frames.
 #[derive(Debug)]
 pub(crate) enum News {
-    /// Connected, described, the store opened, its bricks loaded.
-    Arrived { target: Target, client: NodeClient, description: NodeDescription },
+    Arrived(Box<Arrival>),
     /// A node of the table drains, or its connection broke; `serial` tells which of its lives.
-    Left { address: String, serial: u64, why: String },
+    Left {
+        address: String,
+        serial: u64,
+        why: String,
+    },
     /// The list no longer names it.
-    Gone { address: String },
+    Gone {
+        address: String,
+    },
+}
+
+/// A node that is connected, described, has opened the store and loaded its bricks.
+#[derive(Debug)]
+pub(crate) struct Arrival {
+    pub(crate) target: Target,
+    pub(crate) client: NodeClient,
+    pub(crate) description: NodeDescription,
 }
 
 /// What the session knows of the next frames, so that a node can load what it would be given.
@@ -115,7 +128,7 @@ impl Follower {
                     let state = match result {
                         Ok((client, description)) => {
                             let target = Target::clone(&target);
-                            self.news.send(News::Arrived { target, client, description }).ok();
+                            self.news.send(News::Arrived(Box::new(Arrival { target, client, description }))).ok();
                             State::In { since: now, tries }
                         }
                         Err(error) => {

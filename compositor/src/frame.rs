@@ -60,6 +60,9 @@ struct Sent {
     ended: bool,
 }
 
+/// A worker that was called again, and what came of it.
+type Called = (usize, Result<(NodeClient, NodeFrame), NodeError>);
+
 struct Run<'a> {
     order: &'a FrameOrder<'a>,
     shown: &'a Shown,
@@ -70,7 +73,7 @@ struct Run<'a> {
     workers: Vec<Worker>,
     sent: Vec<Sent>,
     tasks: JoinSet<()>,
-    calls: JoinSet<(usize, Result<(NodeClient, NodeFrame), NodeError>)>,
+    calls: JoinSet<Called>,
     events: mpsc::Sender<Event>,
     /// Layers that are void and not ordered again yet.
     void: usize,

@@ -104,9 +104,9 @@ impl Session {
         &self.store
     }
 
-    /// The nodes of the table.
-    pub fn descriptions(&self) -> impl Iterator<Item = &NodeDescription> {
-        self.cluster.members().map(|(_, member)| &member.description)
+    /// The nodes of the table: address and description.
+    pub fn members(&self) -> impl Iterator<Item = (&str, &NodeDescription)> {
+        self.cluster.members().map(|(_, member)| (member.client.address(), &member.description))
     }
 
     /// Renders by this table of chunks from now on, instead of contiguous runs.

@@ -7,28 +7,32 @@ use comfy_table::Table;
 
 use super::{access, bytes, print};
 use crate::cli::RenderArgs;
+use crate::discovery::NodeList;
 use crate::failure::Failure;
 use crate::plan::{Assignment, Shown, StoreFacts};
-use crate::session::Session;
+use crate::session::{Session, SessionError};
 use crate::source::Source;
 
 /// # Errors
 /// As a render up to the plan.
 pub async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -> Result<(), Failure> {
-    let count = if args.nodes.nodes.is_empty() { args.nodes.local.unwrap_or(1) } else { args.nodes.nodes.len() };
-    let names: Vec<String> = match args.nodes.nodes.is_empty() {
-        true => (0..count).map(|i| format!("local {i}")).collect(),
-        false => args.nodes.nodes.clone(),
-    };
-    let (store, budgets) = match source {
-        Source::Store(store) => (local_facts(&store), vec![memory_budget; count]),
+    let (store, names, budgets): (_, Vec<String>, _) = match source {
+        Source::Store(store) => {
+            let names = match args.nodes.nodes.is_empty() {
+                true => (0..args.nodes.local.unwrap_or(1)).map(|i| format!("local {i}")).collect(),
+                false => found(&args.nodes.nodes).await?,
+            };
+            let budgets = vec![memory_budget; names.len()];
+            (local_facts(&store), names, budgets)
+        }
         Source::Name(_) => {
             let session =
                 Session::open_through(access(&args.nodes.access)?, &args.nodes.nodes, source.choice()).await?;
-            let budgets = session.descriptions().map(|d| d.memory_budget).collect();
-            (session.store().clone(), budgets)
+            let (names, budgets) = session.members().map(|(address, d)| (address.to_owned(), d.memory_budget)).unzip();
+            (session.store().clone(), names, budgets)
         }
     };
+    let count = names.len();
     let choice = args.scene.scene(&store.manifest)?;
     let scene = &choice.scene;
     let geometry = &store.manifest.geometry;
@@ -72,6 +76,16 @@ pub async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -> Resul
         tree.chunk_count(),
         tree.chunk_bricks(),
     ))
+}
+
+/// The addresses that `--nodes` stands for now.
+async fn found(words: &[String]) -> Result<Vec<String>, Failure> {
+    let (targets, problems) = NodeList::parse(words).map_err(Failure::usage)?.resolve().await;
+    problems.iter().for_each(|problem| tracing::warn!("{problem}"));
+    match targets.is_empty() {
+        true => Err(SessionError::NoneServes(problems.iter().map(ToString::to_string).collect()).into()),
+        false => Ok(targets.into_iter().map(|t| t.address).collect()),
+    }
 }
 
 fn local_facts(store: &Store) -> StoreFacts {

@@ -8,25 +8,23 @@ use super::{access, bytes, print};
 use crate::cli::NodesArgs;
 use crate::discovery::NodeList;
 use crate::failure::Failure;
+use crate::service::NodeError;
 
 /// Asks every node; those that do not answer are listed with the reason, and make the command fail.
 ///
 /// # Errors
 /// A node that did not answer.
 pub async fn run(args: NodesArgs) -> Result<(), Failure> {
-    let dial = access(&args.access)?;
     let (targets, problems) = NodeList::parse(&args.nodes).map_err(Failure::usage)?.resolve().await;
-    if let Some(problem) = problems.into_iter().next() {
-        return Err(anyhow::Error::new(problem).into());
-    }
-    let addresses: Vec<String> = targets.iter().map(|t| t.address.clone()).collect();
-    let answers = futures_util::future::join_all(targets.into_iter().map(|target| async {
-        let mut node = dial.connect(target).await?;
+    let dial = access(&args.access)?;
+    let answers = futures_util::future::join_all(targets.iter().map(async |target| {
+        let mut node = dial.connect(target.clone()).await?;
         node.describe().await
     }))
     .await;
-    let failed: Vec<String> = answers.iter().filter_map(|a| a.as_ref().err().map(ToString::to_string)).collect();
-    let named = addresses.iter().zip(&answers);
+    let mut failed: Vec<String> = problems.iter().map(ToString::to_string).collect();
+    failed.extend(answers.iter().filter_map(|a: &Result<_, NodeError>| a.as_ref().err().map(ToString::to_string)));
+    let named = targets.iter().map(|t| &t.address).zip(&answers);
     if args.json {
         let list: Vec<_> = named
             .map(|(address, answer)| match answer {

@@ -58,6 +58,8 @@ pub(crate) struct Rig {
     pub(crate) store: Arc<Store>,
     pub(crate) nodes: Vec<NodeProcess>,
     pub(crate) proxies: Vec<Proxy>,
+    /// Of the pictures, pixels.
+    pub(crate) size: (u32, u32),
     /// What one node draws, per azimuth asked for.
     reference: Session,
     _one: NodeProcess,
@@ -71,7 +73,7 @@ impl Rig {
         let reference = open(&store, std::slice::from_ref(&one.address)).await.unwrap();
         let nodes: Vec<NodeProcess> = (0..count).map(|_| node(folder.path())).collect();
         let proxies = nodes.iter().map(|n| Proxy::start(&n.address)).collect();
-        Self { folder, store, nodes, proxies, reference, _one: one }
+        Self { folder, store, nodes, proxies, size: (320, 256), reference, _one: one }
     }
 
     pub(crate) fn addresses(&self) -> Vec<String> {
@@ -92,9 +94,11 @@ impl Rig {
 
     /// A complete frame with the bits of one node.
     pub(crate) async fn good_frame(&mut self, session: &mut Session, azimuth: f64) -> Frame {
-        let frame = render(session, &scene(&self.store, azimuth), 60).await.unwrap();
+        let mut scene = scene(&self.store, azimuth);
+        scene.size = PictureSize::new(self.size.0, self.size.1).unwrap();
+        let frame = render(session, &scene, 60).await.unwrap();
         assert!(frame.complete && frame.problems.is_empty(), "{:?}", frame.problems);
-        let want = render(&mut self.reference, &scene(&self.store, azimuth), 60).await.unwrap();
+        let want = render(&mut self.reference, &scene, 60).await.unwrap();
         assert!(want.complete && want.picture.pixels().iter().any(|p| p.a > 0.3), "nothing to see");
         assert!(bits(&frame) == bits(&want), "other bits than one node's: {:?}", frame.stats.faults);
         frame
