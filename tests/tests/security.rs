@@ -35,7 +35,7 @@ fn keys_are_for_their_owner_and_are_not_replaced_by_accident() {
     assert_eq!(std::fs::read(at.join("tls/token")).unwrap(), before);
     brickcast_ok(at, &["tls", "init", "tls", "--force", "--group-readable"]);
     assert_ne!(std::fs::read(at.join("tls/token")).unwrap(), before);
-    assert_eq!(mode("client.key"), 0o640);
+    assert_eq!((mode("client.key"), mode("ca.key")), (0o640, 0o600));
 }
 
 #[test]

@@ -68,7 +68,8 @@ pub fn run(args: TlsArgs) -> Result<(), Failure> {
     fs::create_dir_all(dir).with_context(|| format!("{}: cannot make the folder", dir.display()))?;
     let files = issue(&args).context("cannot make certificates")?;
     for (name, content, secret) in &files {
-        write(&dir.join(name), content, *secret, args.group_readable)?;
+        // Whoever reads the authority's key is the authority.
+        write(&dir.join(name), content, *secret, args.group_readable && *name != CA_KEY_FILE)?;
     }
     print(&format!(
         "{}: authority, certificates for nodes and clients ({} days), token\n\
