@@ -9,6 +9,7 @@ use crate::accel_args::AccelArgs;
 use crate::access::AccessArgs;
 use crate::cli_values::{deadline, pair, picture_size, triple};
 use crate::command::bench_table::TableArg;
+use crate::command::config::ConfigArgs;
 use crate::command::tls::TlsArgs;
 use crate::failure::EXIT_CODES;
 use crate::region_args::RegionArgs;
@@ -23,6 +24,9 @@ pub struct Cli {
     /// Say nothing but errors
     #[arg(short, long, global = true, conflicts_with = "verbose")]
     pub quiet: bool,
+    /// Defaults for flags, TOML [default: brickcast/config.toml in the user's configuration folder, if it is there]
+    #[arg(long, global = true, value_name = "FILE", env = "BRICKCAST_CONFIG", help_heading = "Configuration")]
+    pub config: Option<PathBuf>,
     #[command(subcommand)]
     pub command: Command,
 }
@@ -49,6 +53,8 @@ pub enum Command {
     Nodes(NodesArgs),
     /// Compare backends and node counts, or accelerations, on one view
     Bench(Box<BenchArgs>),
+    /// Show the settings that hold, and where each came from: flag, environment, configuration file, default
+    Config(Box<ConfigArgs>),
     /// Make certificates and a token for a cluster
     Tls(TlsArgs),
     /// Print a completion script for a shell
@@ -260,12 +266,12 @@ pub struct SceneArgs {
 #[command(next_help_heading = "Nodes")]
 pub struct NodeArgs {
     /// Nodes to render on: host:port, dns:NAME:PORT (all that the name resolves to), file:PATH (one a line); they are followed
-    /// [default: nodes inside this process]
-    #[arg(long, value_name = "HOST:PORT,...", env = "BRICKCAST_NODES", value_delimiter = ',', conflicts_with_all = ["local", "backend", "memory_budget"])]
+    /// [default: nodes inside this process]. Not with --local, --backend, --memory-budget
+    #[arg(long, value_name = "HOST:PORT,...", env = "BRICKCAST_NODES", value_delimiter = ',')]
     pub nodes: Vec<String>,
     #[command(flatten)]
     pub access: AccessArgs,
-    /// Number of nodes inside this process
+    /// Number of nodes inside this process, whatever nodes the environment or the configuration file names [default: 1]
     #[arg(long, value_name = "N")]
     pub local: Option<usize>,
     /// Which kernel the nodes inside this process use
@@ -339,7 +345,7 @@ pub struct OnTheWayArgs {
 #[derive(Debug, Args)]
 pub struct NodesArgs {
     /// Nodes to ask: host:port, dns:NAME:PORT, file:PATH
-    #[arg(long, value_name = "HOST:PORT,...", env = "BRICKCAST_NODES", value_delimiter = ',', required = true)]
+    #[arg(long, value_name = "HOST:PORT,...", env = "BRICKCAST_NODES", value_delimiter = ',')]
     pub nodes: Vec<String>,
     #[command(flatten)]
     pub access: AccessArgs,

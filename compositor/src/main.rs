@@ -3,14 +3,19 @@
 use std::io::Write as _;
 use std::process::ExitCode;
 
-use brickcast::cli::Cli;
 use brickcast::command;
-use clap::Parser as _;
+use brickcast::failure::Failure;
+use brickcast::invocation::{Invocation, NotInvoked};
 
 fn main() -> ExitCode {
     // Before anything of rustls: two providers in the tree would leave it without a choice. Fails only where one is chosen.
     let _ = rustls::crypto::ring::default_provider().install_default();
-    let cli = Cli::parse();
+    let invocation = match Invocation::parse(std::env::args_os()) {
+        Ok(invocation) => invocation,
+        Err(NotInvoked::Clap(error)) => error.exit(),
+        Err(NotInvoked::Usage(failure)) => return ended(&failure),
+    };
+    let cli = &invocation.cli;
     let level = match (cli.quiet, cli.verbose) {
         (true, _) => "error",
         (false, 0) => "warn",
@@ -24,12 +29,14 @@ fn main() -> ExitCode {
         .without_time()
         .with_target(false)
         .init();
-    match command::run(cli) {
+    match command::run(invocation) {
         Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            // A closed stderr is no reason to panic.
-            writeln!(std::io::stderr(), "brickcast: {}", failure.message()).ok();
-            failure.exit_code()
-        }
+        Err(failure) => ended(&failure),
     }
+}
+
+fn ended(failure: &Failure) -> ExitCode {
+    // A closed stderr is no reason to panic.
+    writeln!(std::io::stderr(), "brickcast: {}", failure.message()).ok();
+    failure.exit_code()
 }

@@ -30,12 +30,22 @@ pub fn binaries() -> PathBuf {
         .clone()
 }
 
+/// `brickcast` in `folder`, its cache there too, untouched by the settings of whoever runs the tests.
+#[must_use]
+pub fn brickcast_command(folder: &Path) -> Command {
+    let mut command = Command::new(binaries().join("brickcast"));
+    for name in ["RUST_LOG", "BRICKCAST_CONFIG", "BRICKCAST_NODES", "BRICKCAST_TLS", "BRICKCAST_TOKEN_FILE"] {
+        command.env_remove(name);
+    }
+    command.env("XDG_CONFIG_HOME", folder.join("no-configuration"));
+    command.current_dir(folder).env("BRICKCAST_CACHE_DIR", folder.join("cache"));
+    command
+}
+
 /// `brickcast` with arguments; its cache stays in `folder`.
 #[must_use]
 pub fn brickcast(folder: &Path, args: &[&str]) -> Output {
-    let mut command = Command::new(binaries().join("brickcast"));
-    command.args(args).current_dir(folder).env("BRICKCAST_CACHE_DIR", folder.join("cache")).env_remove("RUST_LOG");
-    command.output().expect("brickcast runs")
+    brickcast_command(folder).args(args).output().expect("brickcast runs")
 }
 
 /// As [`brickcast`], and it must have ended well.

@@ -9,6 +9,11 @@ use std::os::unix::fs::{PermissionsExt as _, symlink};
 use std::path::Path;
 use std::process::Output;
 
+use brickcast::access::Access;
+use brickcast::cli::BackendArg;
+use brickcast::dial::Dial;
+use brickcast::embedded::{EmbeddedNodes, Kernel};
+use brickcast::session::{Session, StoreChoice};
 use brickcast_tests::process::{NodeProcess, brickcast, brickcast_ok};
 use security_support::{Site, said};
 
@@ -124,8 +129,32 @@ fn health_probes_see_only_what_serves() {
     };
     assert_eq!(probe(&["--tls", "tls"]), Some(0));
     assert_eq!(probe(&[]), Some(1));
+    // A token is wanted for health as for every call.
+    let guarded = site.node(&["--token-file", "tls/token"]);
+    assert_eq!(site.probe(&guarded.address, &["--token-file", "tls/token"]), Some(0));
+    assert_eq!(site.probe(&guarded.address, &[]), Some(1));
     drop(node);
     assert_eq!(site.probe("127.0.0.1:1", &["--tls", "tls"]), Some(1));
+}
+
+/// Other users of this machine reach the loopback ports of nodes inside a process.
+#[test]
+fn nodes_inside_a_process_want_its_token() {
+    let site = Site::new(32);
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    runtime.block_on(async {
+        let kernel = Kernel::open(BackendArg::Cpu).unwrap();
+        let nodes = EmbeddedNodes::start(&kernel, 1, &site.at().join("part.store"), 1 << 30).await.unwrap();
+        let others = EmbeddedNodes::start(&kernel, 1, &site.at().join("part.store"), 1 << 30).await.unwrap();
+        let ask = async |dial: Dial| {
+            Session::open_through(dial, &nodes.addresses(), StoreChoice::Name("part.store".into())).await
+        };
+        assert!(ask(nodes.dial()).await.is_ok());
+        for dial in [Access::default().dial(), others.dial()] {
+            let error = ask(dial).await.unwrap_err().to_string();
+            assert!(error.contains("token"), "{error}");
+        }
+    });
 }
 
 /// Links inside the data root that lead out of it, as the store, as a folder on the way, and as a file of a store.

@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod bench_table;
+pub mod config;
 pub mod demo;
 pub mod dry_run;
 pub mod info;
@@ -21,12 +22,14 @@ use crate::access::{Access, AccessArgs};
 use crate::cli::{Cli, Command};
 use crate::dial::Dial;
 use crate::failure::Failure;
+use crate::invocation::Invocation;
 
 /// Runs the command that was asked for.
 ///
 /// # Errors
 /// As each command; the failure knows its exit code.
-pub fn run(cli: Cli) -> Result<(), Failure> {
+pub fn run(invocation: Invocation) -> Result<(), Failure> {
+    let Invocation { cli, origins } = invocation;
     let quiet = cli.quiet;
     match cli.command {
         Command::Demo(args) => blocking(demo::run(args, quiet)),
@@ -36,6 +39,7 @@ pub fn run(cli: Cli) -> Result<(), Failure> {
         Command::Render(args) => blocking(render::run(*args, quiet)),
         Command::Nodes(args) => blocking(nodes::run(args)),
         Command::Bench(args) => blocking(bench::run(*args, quiet)),
+        Command::Config(args) => config::run(&args, &origins),
         Command::Tls(args) => tls::run(args),
         Command::Completions { shell } => {
             let mut script = Vec::new();

@@ -13,9 +13,15 @@ use crate::service::NodeError;
 /// Asks every node; those that do not answer are listed with the reason, and make the command fail.
 ///
 /// # Errors
-/// A node that did not answer.
+/// Usage: no nodes are named. A node that did not answer.
 pub async fn run(args: NodesArgs) -> Result<(), Failure> {
-    let (targets, problems) = NodeList::parse(&args.nodes).map_err(Failure::usage)?.resolve().await;
+    let mut list = NodeList::parse(&args.nodes).map_err(Failure::usage)?;
+    if list.is_empty() {
+        return Err(Failure::usage(anyhow::anyhow!(
+            "no nodes are named: give --nodes HOST:PORT,..., BRICKCAST_NODES, or `nodes` in the configuration file"
+        )));
+    }
+    let (targets, problems) = list.resolve().await;
     let dial = access(&args.access)?;
     let answers = futures_util::future::join_all(targets.iter().map(async |target| {
         let mut node = dial.connect(target.clone()).await?;
