@@ -8,13 +8,13 @@ use std::fmt::Display;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use brickcast_node::config::parse_bytes;
 use clap::ValueEnum as _;
 use toml::de::{DeTable, DeValue};
 
 use crate::cli::BackendArg;
 use crate::cli_values::deadline;
 use crate::discovery::NodeList;
+use crate::embedded::parse_size;
 
 /// The keys, which are the names of flags with `_` for `-`.
 pub const KEYS: [&str; 7] = ["nodes", "tls", "token_file", "cache_dir", "backend", "deadline", "memory_budget"];
@@ -121,7 +121,7 @@ impl Place<'_> {
                     _ if path => Ok(vec![self.beside(text).into_os_string()]),
                     "backend" => self.checked(text, BackendArg::from_str(text, false)),
                     "deadline" => self.checked(text, deadline(text)),
-                    _ => self.checked(text, parse_bytes(text)),
+                    _ => self.checked(text, parse_size(text)),
                 }
             }
         }
