@@ -45,9 +45,9 @@ const DIMS: [usize; 3] = [40, 36, 32];
 /// Two tiles.
 const SIZE: (u32, u32) = (128, 64);
 const VIEWS: usize = 4;
-/// What a node sends at once, bytes, and how long that takes: a share of a frame is spread over some 100 ms, so that faults find
+/// What a node sends at once, bytes, and how long that takes: a share of a frame is spread over some 60 ms, so that faults find
 /// it at every stage.
-const PACKET: usize = 2048;
+const PACKET: usize = 256;
 const PACKET_TIME: Duration = Duration::from_millis(1);
 /// Of every frame.
 pub(crate) const DEADLINE: Duration = Duration::from_secs(30);
