@@ -90,7 +90,7 @@ fn check_faults(stats: &serde_json::Value) {
     assert!(reissued.len() >= 2, "{reissued:?}");
     assert_eq!(nodes[0], 3);
     // Whoever came back works again.
-    assert!(nodes[20..].iter().any(|&n| n == 3), "{nodes:?}");
+    assert!(nodes[20..].contains(&3), "{nodes:?}");
 }
 
 /// As ordinary user, on a read-only root, without capabilities, and with a limit on memory.
