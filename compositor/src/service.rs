@@ -14,7 +14,7 @@ use brickcast_proto::{
 };
 use brickcast_volume::StoreHash;
 use futures_util::{Stream, StreamExt as _};
-use tonic::transport::Channel;
+use tonic::transport::{Channel, Endpoint};
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
@@ -88,10 +88,7 @@ impl NodeClient {
     /// # Errors
     /// A malformed address, no connection within [`transport::CONNECT_TIMEOUT`].
     pub async fn connect(address: &str, access: &Access) -> Result<Self, NodeError> {
-        let endpoint = transport::endpoint(address, access.tls.as_ref())?
-            .http2_keep_alive_interval(PING_AFTER)
-            .keep_alive_timeout(PING_TIMEOUT)
-            .keep_alive_while_idle(true);
+        let endpoint = Self::endpoint(address, access)?;
         let unreachable = |reason: String| NodeError::Unreachable { address: address.to_owned(), reason };
         let channel = match tokio::time::timeout(transport::CONNECT_TIMEOUT, endpoint.connect()).await {
             Ok(connected) => connected.map_err(|e| match innermost(&e) {
@@ -105,6 +102,17 @@ impl NodeClient {
             }
         };
         Ok(Self { is_plain: access.tls.is_none(), ..Self::over(address, channel, access.badge.clone()) })
+    }
+
+    /// The settings of every connection to a node, however it is made: pings among them.
+    ///
+    /// # Errors
+    /// A malformed address, a certificate that is none.
+    pub fn endpoint(address: &str, access: &Access) -> Result<Endpoint, NodeError> {
+        Ok(transport::endpoint(address, access.tls.as_ref())?
+            .http2_keep_alive_interval(PING_AFTER)
+            .keep_alive_timeout(PING_TIMEOUT)
+            .keep_alive_while_idle(true))
     }
 
     /// A node behind a connection that is there already.

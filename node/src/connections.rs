@@ -10,10 +10,9 @@ use std::time::Duration;
 
 use futures_util::Stream;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
-use tokio::net::TcpStream;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Sleep, sleep};
-use tonic::transport::server::{Connected, TcpIncoming};
+use tonic::transport::server::{Connected, TcpConnectInfo};
 
 /// Connections that a node has open at a time; more are closed as they come.
 pub const MAX_CONNECTIONS: usize = 512;
@@ -31,21 +30,26 @@ pub struct Peer {
     pub frames: Arc<Semaphore>,
 }
 
+/// What a node can talk over: TCP, or a test's idea of it.
+pub trait Pipe: AsyncRead + AsyncWrite + Connected<ConnectInfo = TcpConnectInfo> + Unpin + Send + 'static {}
+
+impl<T: AsyncRead + AsyncWrite + Connected<ConnectInfo = TcpConnectInfo> + Unpin + Send + 'static> Pipe for T {}
+
 /// Connections that were let in.
 #[derive(Debug)]
-pub(crate) struct Connections {
-    incoming: TcpIncoming,
+pub(crate) struct Connections<I> {
+    incoming: I,
     places: Arc<Semaphore>,
 }
 
-impl Connections {
-    pub(crate) fn new(incoming: TcpIncoming) -> Self {
+impl<I> Connections<I> {
+    pub(crate) fn new(incoming: I) -> Self {
         Self { incoming, places: Arc::new(Semaphore::new(MAX_CONNECTIONS)) }
     }
 }
 
-impl Stream for Connections {
-    type Item = io::Result<Connection>;
+impl<P: Pipe, I: Stream<Item = io::Result<P>> + Unpin> Stream for Connections<I> {
+    type Item = io::Result<Connection<P>>;
 
     fn poll_next(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
         loop {
@@ -65,22 +69,22 @@ impl Stream for Connections {
 
 /// A connection; its place is free again when it is dropped.
 #[derive(Debug)]
-pub(crate) struct Connection {
-    stream: TcpStream,
+pub(crate) struct Connection<P> {
+    stream: P,
     peer: Peer,
     /// Bytes that must still come, and until when.
     hello: Option<(usize, Pin<Box<Sleep>>)>,
     _place: OwnedSemaphorePermit,
 }
 
-impl Connection {
-    fn new(stream: TcpStream, place: OwnedSemaphorePermit) -> Self {
-        let peer = Peer { address: stream.peer_addr().ok(), frames: Arc::new(Semaphore::new(MAX_FRAMES)) };
+impl<P: Pipe> Connection<P> {
+    fn new(stream: P, place: OwnedSemaphorePermit) -> Self {
+        let peer = Peer { address: stream.connect_info().remote_addr(), frames: Arc::new(Semaphore::new(MAX_FRAMES)) };
         Self { stream, peer, hello: Some((HELLO_BYTES, Box::pin(sleep(HELLO_TIMEOUT)))), _place: place }
     }
 }
 
-impl Connected for Connection {
+impl<P: Pipe> Connected for Connection<P> {
     type ConnectInfo = Peer;
 
     fn connect_info(&self) -> Peer {
@@ -88,7 +92,7 @@ impl Connected for Connection {
     }
 }
 
-impl AsyncRead for Connection {
+impl<P: Pipe> AsyncRead for Connection<P> {
     fn poll_read(mut self: Pin<&mut Self>, context: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
         let before = buf.filled().len();
         let polled = Pin::new(&mut self.stream).poll_read(context, buf);
@@ -105,7 +109,7 @@ impl AsyncRead for Connection {
     }
 }
 
-impl AsyncWrite for Connection {
+impl<P: Pipe> AsyncWrite for Connection<P> {
     fn poll_write(mut self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
         Pin::new(&mut self.stream).poll_write(context, bytes)
     }

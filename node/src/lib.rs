@@ -25,4 +25,4 @@ mod worth;
 pub use config::{DataRoot, NodeConfig};
 pub use error::NodeError;
 pub use node::Node;
-pub use server::{serve, serve_admitted};
+pub use server::{serve, serve_admitted, serve_incoming};

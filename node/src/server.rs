@@ -1,17 +1,19 @@
 //! A node on a listener: render and cluster services, health, reflection, and a shutdown that ends.
 
 use std::future::Future;
+use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
 use brickcast_proto::status::innermost;
 use brickcast_proto::{DESCRIPTORS, transport};
+use futures_util::Stream;
 use tokio::net::TcpListener;
 use tonic::service::InterceptorLayer;
 use tonic_health::ServingStatus;
 
 use crate::admission::Admission;
-use crate::connections::Connections;
+use crate::connections::{Connections, Pipe};
 use crate::node::Node;
 use crate::service::Service;
 
@@ -55,6 +57,19 @@ pub async fn serve_admitted(
     admission: Admission,
     shutdown: impl Future<Output = ()>,
 ) -> Result<(), ServeError> {
+    serve_incoming(node, transport::incoming(listener), admission, shutdown).await
+}
+
+/// As [`serve_admitted`], for connections from wherever they come.
+///
+/// # Errors
+/// Certificates that are none, an `incoming` that fails.
+pub async fn serve_incoming<P: Pipe>(
+    node: Arc<Node>,
+    incoming: impl Stream<Item = io::Result<P>> + Unpin,
+    admission: Admission,
+    shutdown: impl Future<Output = ()>,
+) -> Result<(), ServeError> {
     let (health, health_service) = tonic_health::server::health_reporter();
     for name in HEALTH_NAMES {
         health.set_service_status(name, ServingStatus::Serving).await;
@@ -78,7 +93,7 @@ pub async fn serve_admitted(
         .add_service(reflection)
         .add_service(transport::render_server(service.clone()))
         .add_service(transport::cluster_server(service))
-        .serve_with_incoming_shutdown(Connections::new(transport::incoming(listener)), async {
+        .serve_with_incoming_shutdown(Connections::new(incoming), async {
             // A dropped sender means the same.
             let _ = stopped.await;
         });

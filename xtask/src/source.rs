@@ -28,6 +28,33 @@ pub(crate) fn code_only(text: &str) -> String {
     String::from_utf8_lossy(&out).into_owned()
 }
 
+/// The string literals of `text`, without those in comments: escapes of quotes and of line breaks are resolved, others are not.
+pub(crate) fn strings(text: &str) -> Vec<String> {
+    let bytes = text.as_bytes();
+    let (mut found, mut i) = (Vec::new(), 0);
+    while i < bytes.len() {
+        match literal_end(bytes, i) {
+            Some(end) => {
+                if let Some(inner) = text.get(i..end).and_then(|t| t.strip_prefix('"')?.strip_suffix('"')) {
+                    // A backslash at the end of a line swallows the next line's indentation.
+                    let mut lines = inner.split("\\\n");
+                    let mut whole = lines.next().unwrap_or_default().to_owned();
+                    lines.for_each(|line| whole.push_str(line.trim_start()));
+                    found.push(whole.replace("\\\"", "\""));
+                }
+                i = end;
+            }
+            None => {
+                i += 1;
+                while is_word(bytes[i - 1]) && bytes.get(i).copied().is_some_and(is_word) {
+                    i += 1;
+                }
+            }
+        }
+    }
+    found
+}
+
 fn is_word(byte: u8) -> bool {
     byte == b'_' || byte.is_ascii_alphanumeric() || byte >= 0x80
 }
@@ -130,6 +157,12 @@ mod tests {
         let names: Vec<_> = found(text).into_iter().map(|(_, w)| w).collect();
         assert!(names.contains(&"wgpu".to_owned()) && names.contains(&"wire".to_owned()), "{names:?}");
         assert!(names.contains(&"for_each".to_owned()) && names.contains(&"type".to_owned()), "{names:?}");
+    }
+
+    #[test]
+    fn strings_are_whole_and_comments_are_none() {
+        let text = "// \"no\"\nf(\"a \\\n    b \\\"c\\\"\", 'x', r\"raw\"); /* \"no\" */ g(\"\")";
+        assert_eq!(strings(text), ["a b \"c\"", ""]);
     }
 
     #[test]

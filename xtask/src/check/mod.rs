@@ -1,6 +1,7 @@
 //! The checks, one file each.
 
 mod documents;
+mod error_texts;
 mod file_length;
 mod machine_paths;
 mod manifests;
@@ -19,5 +20,12 @@ pub(crate) struct Check {
     pub(crate) run: fn(&Tree) -> anyhow::Result<Vec<String>>,
 }
 
-pub(crate) const ALL: [Check; 6] =
-    [manifests::CHECK, names::CHECK, shaders::CHECK, documents::CHECK, machine_paths::CHECK, file_length::CHECK];
+pub(crate) const ALL: [Check; 7] = [
+    manifests::CHECK,
+    names::CHECK,
+    shaders::CHECK,
+    documents::CHECK,
+    error_texts::CHECK,
+    machine_paths::CHECK,
+    file_length::CHECK,
+];
