@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use brickcast::cli::BackendArg;
+use brickcast::dial::Dial;
 use brickcast::embedded::{EmbeddedNodes, Kernel};
 use brickcast::session::{Session, StoreChoice};
 use brickcast::stats::LoadStats;
@@ -91,8 +92,8 @@ async fn separate_nodes(store: &Store, count: usize) -> Vec<String> {
 }
 
 /// What all nodes together load of the store's default scene.
-async fn loaded(addresses: &[String], store: &Store) -> LoadStats {
-    let mut session = Session::open(addresses, StoreChoice::Hash(store.hash())).await.unwrap();
+async fn loaded(dial: Dial, addresses: &[String], store: &Store) -> LoadStats {
+    let mut session = Session::open_through(dial, addresses, StoreChoice::Hash(store.hash())).await.unwrap();
     let load = session.load(&default_scene(store)).await.unwrap();
     assert!(load.fits && load.owned_bytes > 0 && load.decoded_bytes > 0, "{load:?}");
     load
@@ -143,7 +144,7 @@ fn separate_nodes_decode_at_most_half_as_much_again_as_they_own() {
                     let store = prepared(target.path(), &input, brick_size, range);
                     let mut ratios = Vec::new();
                     for count in 1..=8 {
-                        let load = loaded(&separate_nodes(&store, count).await, &store).await;
+                        let load = loaded(Dial::default(), &separate_nodes(&store, count).await, &store).await;
                         assert!(
                             range.is_none() || load.owned_bytes > owned,
                             "labels and distances were not read: {load:?}"
@@ -174,7 +175,7 @@ fn nodes_of_one_process_decode_together_what_one_decodes() {
             let mut alone = None;
             for count in [1, 2, 3, 8] {
                 let nodes = EmbeddedNodes::start(&kernel, count, &store.path(), BUDGET).await.unwrap();
-                let ratio = decoded_per_owned(&loaded(&nodes.addresses(), &store).await);
+                let ratio = decoded_per_owned(&loaded(nodes.dial(), &nodes.addresses(), &store).await);
                 eprintln!("{name}: {count} nodes of one process, bricks of 32: {ratio:.2}");
                 assert!(ratio <= MOST, "{name}: {count} nodes of one process: {ratio}");
                 assert_eq!(*alone.get_or_insert(ratio), ratio, "{name}: {count} nodes of one process");
