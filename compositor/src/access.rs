@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use brickcast_proto::credentials::{Badge, CredentialError, TOKEN_FILE, Tls, Token, read_tokens};
+use brickcast_proto::credentials::{Badge, CredentialError, Tls, Token, tokens};
 use clap::Args;
 
 use crate::dial::Dial;
@@ -32,10 +32,8 @@ impl Access {
     /// Files that are missing or hold something else.
     pub fn read(args: &AccessArgs) -> Result<Self, CredentialError> {
         let tls = args.tls.as_deref().map(Tls::of_client).transpose()?;
-        let file = args.token_file.clone().or_else(|| args.tls.as_ref().map(|folder| folder.join(TOKEN_FILE)));
-        let tokens = file.map(|path| read_tokens(&path)).transpose()?;
-        let badge = tokens.iter().flatten().next().map_or_else(Badge::default, Badge::of);
-        Ok(Self { tls, badge })
+        let tokens = tokens(args.token_file.as_deref(), args.tls.as_deref())?;
+        Ok(Self { tls, badge: Badge::of_first(&tokens) })
     }
 
     /// With this token and no certificate.

@@ -22,6 +22,8 @@ use crate::stats::{FrameFaults, FrameStats, LoadStats};
 
 /// Between two attempts to load on a node that is busy.
 const BUSY_PAUSE: Duration = Duration::from_millis(250);
+/// A node that is busy for longer does not get to load: the others take its share.
+const BUSY_LIMIT: Duration = Duration::from_secs(60);
 
 /// Which store a session renders.
 #[derive(Debug, Clone)]
@@ -157,7 +159,7 @@ impl Session {
                 let mut client = member.client.clone();
                 async move { (position, client.prepare(request, LOAD_LIMIT).await) }
             }));
-            let (mut again, mut fits) = (false, true);
+            let (mut again, mut pause, mut fits) = (false, Duration::ZERO, true);
             for (position, answer) in answers.await {
                 match answer {
                     Ok(receipt) => {
@@ -165,9 +167,8 @@ impl Session {
                         stats.owned_bytes += receipt.owned_bytes;
                         fits &= receipt.fits;
                     }
-                    Err(error) if error.is_busy() => {
-                        again = true;
-                        tokio::time::sleep(BUSY_PAUSE).await;
+                    Err(error) if error.is_busy() && started.elapsed() < BUSY_LIMIT => {
+                        (again, pause) = (true, BUSY_PAUSE);
                     }
                     Err(error) => {
                         again = true;
@@ -179,6 +180,7 @@ impl Session {
             if self.cluster.members().next().is_none() {
                 return Err(SessionError::NoNodeLeft(self.cluster.reasons()));
             }
+            tokio::time::sleep(pause).await;
             if !again {
                 stats.load_ms = started.elapsed().as_secs_f64() * 1e3;
                 stats.fits = fits;

@@ -1,9 +1,9 @@
 //! Who may use a node, and where it may listen.
 
 use std::net::SocketAddr;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use brickcast_proto::credentials::{CredentialError, Doorkeeper, TOKEN_FILE, Tls, read_tokens};
+use brickcast_proto::credentials::{CredentialError, Doorkeeper, Tls, tokens};
 
 #[derive(Debug, thiserror::Error)]
 pub enum AdmissionError {
@@ -43,9 +43,7 @@ impl Admission {
     /// Files that are missing or hold something else.
     pub fn read(options: &AdmissionOptions) -> Result<Self, AdmissionError> {
         let tls = options.tls.as_deref().map(Tls::of_node).transpose()?;
-        let token_file =
-            options.token_file.clone().or_else(|| options.tls.as_deref().map(|d: &Path| d.join(TOKEN_FILE)));
-        let tokens = token_file.map_or_else(|| Ok(Vec::new()), |path| read_tokens(&path))?;
+        let tokens = tokens(options.token_file.as_deref(), options.tls.as_deref())?;
         Ok(Self { tls, tokens: Doorkeeper::new(tokens) })
     }
 

@@ -25,7 +25,8 @@ pub enum NodeError {
     )]
     OtherContent { name: String, got: StoreHash, want: StoreHash },
     #[error(
-        "store `{name}`: {} is a link that leads out of the node's --data, which is never followed; copy the file itself",
+        "store `{name}`: {} is a link that leads out of the node's --data, which is never followed, or cannot be read; copy \
+         the file itself",
         file.display()
     )]
     Outside { name: String, file: PathBuf },

@@ -12,7 +12,7 @@ use brickcast_node::admission::{Admission, AdmissionError};
 use brickcast_node::config::format_bytes;
 use brickcast_node::probe::probe;
 use brickcast_node::{DataRoot, Node, NodeConfig, raycaster, serve_admitted};
-use brickcast_proto::credentials::{Badge, TOKEN_FILE, read_tokens};
+use brickcast_proto::credentials::{Badge, tokens};
 use clap::Parser as _;
 use tokio::net::TcpListener;
 
@@ -65,10 +65,8 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
 }
 
 async fn ask(cli: &Cli, address: &str) -> anyhow::Result<()> {
-    let token_file = cli.token_file.clone().or_else(|| cli.tls.as_ref().map(|folder| folder.join(TOKEN_FILE)));
-    let tokens = token_file.map(|path| read_tokens(&path)).transpose()?;
-    let badge = tokens.iter().flatten().next().map_or_else(Badge::default, Badge::of);
-    Ok(probe(address, cli.tls.as_deref(), badge).await?)
+    let tokens = tokens(cli.token_file.as_deref(), cli.tls.as_deref())?;
+    Ok(probe(address, cli.tls.as_deref(), Badge::of_first(&tokens)).await?)
 }
 
 async fn run_node(cli: &Cli) -> anyhow::Result<()> {

@@ -1,6 +1,6 @@
 //! The stores below the data root, by hash and by name. Nothing outside the root is ever opened.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -127,7 +127,9 @@ impl Stores {
     }
 
     fn open(&self, name: String, path: &Path) -> Result<Arc<OpenStore>, NodeError> {
-        if let Some(file) = first_outside(&self.root, path) {
+        // A single store was named by whoever runs the node, links and all.
+        let outside = if self.single.is_none() { first_outside(&self.root, path) } else { None };
+        if let Some(file) = outside {
             return Err(NodeError::Outside { name, file });
         }
         let store = Store::open(path).map_err(|source| NodeError::Store { name: name.clone(), source })?;
@@ -221,17 +223,29 @@ fn scan_folder(
     }
 }
 
-/// A file or folder of the store that a link leads out of the data root, relative to the store.
+/// What of the store a link leads out of the data root to, or cannot be looked at; relative to the store. Folders behind links
+/// that stay inside are looked at too, each once.
 fn first_outside(root: &Path, store: &Path) -> Option<PathBuf> {
+    let relative = |path: &Path| path.strip_prefix(store).unwrap_or(path).to_path_buf();
+    let mut seen = HashSet::new();
     let mut folders = vec![store.to_path_buf()];
     while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(&folder).ok()?.flatten() {
-            let path = entry.path();
-            let Ok(kind) = entry.file_type() else { return Some(path) };
-            if kind.is_dir() {
+        match folder.canonicalize() {
+            Ok(real) if !real.starts_with(root) => return Some(relative(&folder)),
+            Ok(real) => {
+                if !seen.insert(real) {
+                    continue;
+                }
+            }
+            Err(_) => return Some(relative(&folder)),
+        }
+        let Ok(entries) = std::fs::read_dir(&folder) else { return Some(relative(&folder)) };
+        for entry in entries {
+            let Ok(path) = entry.map(|e| e.path()) else { return Some(relative(&folder)) };
+            if path.is_dir() {
                 folders.push(path);
-            } else if kind.is_symlink() && !path.canonicalize().is_ok_and(|to| to.starts_with(root)) {
-                return Some(path.strip_prefix(store).map_or_else(|_| path.clone(), Path::to_path_buf));
+            } else if path.is_symlink() && !path.canonicalize().is_ok_and(|to| to.starts_with(root)) {
+                return Some(relative(&path));
             }
         }
     }
@@ -320,6 +334,32 @@ mod tests {
             assert!(matches!(error, NodeError::BadName { .. }), "{name}: {error}");
         }
         assert!(stores.list().is_empty(), "a link must not put outside stores into the index");
+    }
+
+    /// A link in the store itself, and one behind a link that stays inside; links that lead nowhere else are fine.
+    #[cfg(unix)]
+    #[test]
+    fn links_of_a_store_that_lead_outside_are_refused_however_deep() {
+        use std::os::unix::fs::symlink;
+        let outside = tempfile::tempdir().unwrap();
+        for (at, to, is_refused) in [
+            ("ramp/more", "inner", false),
+            ("ramp/round", "ramp", false),
+            ("inner/deep", "OUTSIDE", true),
+            ("ramp/0/gone", "nothing", true),
+        ] {
+            let folder = tempfile::tempdir().unwrap();
+            make_store(&folder.path().join("ramp"), ramp);
+            std::fs::create_dir(folder.path().join("inner")).unwrap();
+            let target = if to == "OUTSIDE" { outside.path().to_path_buf() } else { folder.path().join(to) };
+            symlink(target, folder.path().join(at)).unwrap();
+            if at.starts_with("inner") {
+                symlink(folder.path().join("inner"), folder.path().join("ramp/more")).unwrap();
+            }
+            let answer = Stores::new(&DataRoot::Folder(folder.path().to_path_buf())).unwrap().query(&by_name("ramp"));
+            assert_eq!(matches!(answer, Err(NodeError::Outside { .. })), is_refused, "{at} to {to}: {answer:?}");
+            assert_eq!(answer.is_ok(), !is_refused, "{at} to {to}");
+        }
     }
 
     #[cfg(unix)]

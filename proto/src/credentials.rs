@@ -166,11 +166,31 @@ pub fn read_tokens(path: &Path) -> Result<Vec<Token>, CredentialError> {
     if tokens.is_empty() { Err(CredentialError::NoToken { path: path.to_path_buf() }) } else { Ok(tokens) }
 }
 
+/// The file of tokens: the one given, else the one in the folder of certificates.
+#[must_use]
+pub fn token_file(given: Option<&Path>, tls: Option<&Path>) -> Option<PathBuf> {
+    given.map(Path::to_path_buf).or_else(|| Some(tls?.join(TOKEN_FILE)))
+}
+
+/// The tokens of [`token_file`]; none where there is no file.
+///
+/// # Errors
+/// As [`read_tokens`].
+pub fn tokens(given: Option<&Path>, tls: Option<&Path>) -> Result<Vec<Token>, CredentialError> {
+    token_file(given, tls).map_or(Ok(Vec::new()), |path| read_tokens(&path))
+}
+
 /// What a client shows with every call.
 #[derive(Debug, Clone, Default)]
 pub struct Badge(Option<MetadataValue<Ascii>>);
 
 impl Badge {
+    /// A client shows the first of its tokens, and nothing where it has none.
+    #[must_use]
+    pub fn of_first(tokens: &[Token]) -> Self {
+        tokens.first().map_or_else(Self::default, Self::of)
+    }
+
     #[must_use]
     pub fn of(token: &Token) -> Self {
         let value =

@@ -1,6 +1,6 @@
 //! `brickcast config`: what holds, and where it came from.
 
-use brickcast_proto::credentials::TOKEN_FILE;
+use brickcast_proto::credentials::token_file;
 use clap::Args;
 use comfy_table::Table;
 use serde_json::{Value, json};
@@ -65,11 +65,8 @@ fn settings(args: &ConfigArgs, origins: &Origins) -> Vec<Setting> {
     };
     let path = |path: &std::path::Path| json!(path.display().to_string());
     let tls = nodes.access.tls.as_deref();
-    let (token, token_note) = match (&nodes.access.token_file, tls) {
-        (Some(file), _) => (Some(file.clone()), ""),
-        (None, Some(folder)) => (Some(folder.join(TOKEN_FILE)), "in the folder of tls"),
-        (None, None) => (None, ""),
-    };
+    let token = token_file(nodes.access.token_file.as_deref(), tls);
+    let token_note = if nodes.access.token_file.is_none() && token.is_some() { "in the folder of tls" } else { "" };
     let given = |key| origins.get(key);
     // Where the environment or the file names nodes and there are none, `--local` has ruled them out.
     let ruled_out = !elsewhere && matches!(given("local"), Origin::Flag(_));
