@@ -67,7 +67,12 @@ impl NodeError {
     /// True where the way to the node broke, so that another connection may do.
     #[must_use]
     pub fn is_lost(&self) -> bool {
-        matches!(self, Self::Lost { .. } | Self::NoAnswer { .. } | Self::Unreachable { .. } | Self::Invalid { .. })
+        match self {
+            Self::Lost { .. } | Self::NoAnswer { .. } | Self::Unreachable { .. } | Self::Invalid { .. } => true,
+            // What was sent was damaged on its way, or what was answered taken too slowly.
+            Self::Refused { code, .. } => *code == tonic::Code::Aborted,
+            _ => false,
+        }
     }
 }
 

@@ -100,7 +100,8 @@ pub(crate) mod client {
     impl RawOrder {
         /// `None` where the bytes are not even a message.
         pub(crate) fn decode(bytes: &[u8]) -> Option<Self> {
-            wire::RenderOrder::decode(bytes).ok().map(Self)
+            // Sealed anew: behind the checksum is what is tested.
+            wire::RenderOrder::decode(bytes).ok().map(|order| Self(order.sealed()))
         }
 
         pub(crate) fn pixels(&self) -> u64 {

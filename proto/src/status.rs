@@ -7,6 +7,8 @@ use tonic::{Code, Status};
 pub enum Fault {
     /// The request breaks an invariant.
     Invalid,
+    /// The request was damaged on its way.
+    Damaged,
     /// The node does not know the store.
     UnknownStore,
     /// The name is taken by another content.
@@ -47,7 +49,7 @@ impl Fault {
             Self::OtherContent | Self::BudgetTooSmall => Code::FailedPrecondition,
             Self::Busy => Code::ResourceExhausted,
             Self::Draining => Code::Unavailable,
-            Self::Abandoned => Code::Aborted,
+            Self::Abandoned | Self::Damaged => Code::Aborted,
             Self::BrokenStore => Code::DataLoss,
             Self::Device | Self::Internal => Code::Internal,
         }
@@ -99,7 +101,8 @@ impl From<Failure> for Status {
 
 impl From<crate::WireError> for Failure {
     fn from(error: crate::WireError) -> Self {
-        Self::new(Fault::Invalid, error.to_string())
+        let fault = if let crate::WireError::OrderChecksum { .. } = error { Fault::Damaged } else { Fault::Invalid };
+        Self::new(fault, error.to_string())
     }
 }
 
@@ -121,7 +124,7 @@ mod tests {
     fn a_retry_never_helps_a_bad_request_and_may_help_the_rest() {
         use Fault::*;
         for fault in
-            [UnknownStore, OtherContent, BudgetTooSmall, Busy, Draining, Abandoned, BrokenStore, Device, Internal]
+            [Damaged, UnknownStore, OtherContent, BudgetTooSmall, Busy, Draining, Abandoned, BrokenStore, Device, Internal]
         {
             assert!(Retry::after(fault.code()).helps(), "{fault:?}");
         }

@@ -34,7 +34,9 @@ pub const ORDER_CONNECTION_WINDOW: u32 = 4 << 20;
 pub const MAX_HEADER_BYTES: u32 = 16 << 10;
 pub const KEEP_ALIVE_INTERVAL: Duration = Duration::from_secs(10);
 pub const KEEP_ALIVE_TIMEOUT: Duration = Duration::from_secs(5);
-pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
+/// Until a connection stands, TLS included: no longer than a silent one takes to be found, since a node may be lost between frames
+/// and then be given a share.
+pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 /// Calls that one connection may have open at once.
 pub const MAX_CONCURRENT_STREAMS: u32 = 64;
 

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// What happens to the bytes that a node sends.
+/// What happens to the bytes that a node sends, or is sent.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fault {
     None,
@@ -22,6 +22,10 @@ pub enum Fault {
     Corrupt {
         after: u64,
     },
+    /// The same of the bytes that the node is sent.
+    CorruptOrder {
+        after: u64,
+    },
     /// So many bytes a second.
     Slow {
         rate: u64,
@@ -33,6 +37,8 @@ struct Shared {
     fault: Mutex<Fault>,
     /// Bytes from the node since the fault was set.
     passed: AtomicU64,
+    /// Bytes to the node since then.
+    sent: AtomicU64,
     /// How often the fault struck.
     hits: AtomicU64,
     stopped: AtomicBool,
@@ -58,6 +64,7 @@ impl Proxy {
         let shared = Arc::new(Shared {
             fault: Mutex::new(Fault::None),
             passed: AtomicU64::new(0),
+            sent: AtomicU64::new(0),
             hits: AtomicU64::new(0),
             stopped: AtomicBool::new(false),
             open: Mutex::default(),
@@ -81,6 +88,7 @@ impl Proxy {
     pub fn set(&self, fault: Fault) {
         let mut now = self.shared.fault.lock().expect("no panic");
         self.shared.passed.store(0, Ordering::SeqCst);
+        self.shared.sent.store(0, Ordering::SeqCst);
         self.shared.hits.store(0, Ordering::SeqCst);
         *now = fault;
     }
@@ -137,7 +145,9 @@ impl Shared {
                 return;
             }
             let bytes = &mut buffer[..got];
-            let before = if from_node { self.passed.fetch_add(got as u64, Ordering::SeqCst) } else { self.passed() };
+            let own = if from_node { &self.passed } else { &self.sent };
+            let own_before = own.fetch_add(got as u64, Ordering::SeqCst);
+            let before = if from_node { own_before } else { self.passed() };
             let fault = *self.fault.lock().expect("no panic");
             let end = before + got as u64;
             match fault {
@@ -152,9 +162,13 @@ impl Shared {
                         std::thread::sleep(Duration::from_millis(10));
                     }
                 }
-                Fault::Corrupt { after } if from_node && before <= after && after < end => {
+                Fault::Corrupt { after } | Fault::CorruptOrder { after }
+                    if from_node == matches!(fault, Fault::Corrupt { .. })
+                        && own_before <= after
+                        && after < own_before + got as u64 =>
+                {
                     self.hits.fetch_add(1, Ordering::SeqCst);
-                    bytes[(after - before) as usize] ^= 0x10;
+                    bytes[(after - own_before) as usize] ^= 0x10;
                 }
                 Fault::Slow { rate } if from_node => {
                     self.hits.fetch_add(1, Ordering::SeqCst);

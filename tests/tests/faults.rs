@@ -72,6 +72,28 @@ fn a_bit_that_flips_on_the_way() {
     });
 }
 
+/// Wherever a bit flips on the way to a node: a camera, a chunk's number, a colour would be another picture.
+#[test]
+fn a_bit_of_an_order_that_flips_on_the_way() {
+    run(async {
+        let mut rig = Rig::new(2).await;
+        let mut session = rig.session().await;
+        let (mut checksums, mut orders) = (0, 0);
+        for after in (60..800).step_by(61) {
+            rig.proxies[1].set(Fault::CorruptOrder { after });
+            // A flip that nobody has to mind, in the body of a ping, hurts nobody.
+            let frame = rig.good_frame(&mut session, after as f64).await;
+            assert!(rig.proxies[1].hits() > 0, "{after} did not strike");
+            checksums += frame.stats.faults.lost.iter().filter(|lost| lost.why.contains("the order has crc32c")).count();
+            orders += 1;
+            rig.proxies[1].set(Fault::None);
+            comes_back(&mut rig, &mut session, 2).await;
+        }
+        eprintln!("{checksums} of {orders} flips were found by the order's checksum");
+        assert!(checksums * 2 > orders, "{checksums} of {orders}");
+    });
+}
+
 #[test]
 fn a_node_killed_mid_frame() {
     run(async {

@@ -59,6 +59,8 @@ pub enum WireError {
     Beyond { what: &'static str, index: u64, last: u64 },
     #[error("{what} must be strictly increasing; {after} follows {before}")]
     Order { what: &'static str, before: u32, after: u32 },
+    #[error("the order has crc32c {got:08x}, it says {want:08x}: damaged on the way; send it again")]
+    OrderChecksum { got: u32, want: u32 },
     #[error("the manifest's bytes have hash {got}, the message says {want}")]
     ManifestHash { got: StoreHash, want: StoreHash },
     #[error("store: {0}")]

@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use brickcast_volume::scene::Transport;
 use brickcast_volume::{Epoch, FrameId, TreeNode};
+use prost::Message as _;
 
 use super::scene::{format_from_wire, format_to_wire};
 use super::{WireError, at_most, tree_node};
@@ -26,14 +27,33 @@ impl From<&LayerOrder> for wire::Layer {
 
 impl From<&RenderOrder> for wire::RenderOrder {
     fn from(order: &RenderOrder) -> Self {
-        Self {
+        let unsealed = Self {
             frame: order.frame.0,
             epoch: order.epoch.0,
             store_hash: order.store.to_string(),
             scene: Some((&order.scene).into()),
             transport: format_to_wire(order.transport),
             layers: order.layers.iter().map(Into::into).collect(),
-        }
+            crc32c: 0,
+        };
+        unsealed.sealed()
+    }
+}
+
+impl wire::RenderOrder {
+    /// With the checksum of what it says: a flipped bit must not become another camera, and so another picture.
+    #[must_use]
+    pub fn sealed(mut self) -> Self {
+        self.crc32c = self.checksum();
+        self
+    }
+
+    /// The crc32c of its encoding without one.
+    fn checksum(&mut self) -> u32 {
+        let sealed = std::mem::take(&mut self.crc32c);
+        let crc = crc32c::crc32c(&self.encode_to_vec());
+        self.crc32c = sealed;
+        crc
     }
 }
 
@@ -59,7 +79,11 @@ impl TryFrom<wire::Layer> for LayerOrder {
 impl TryFrom<wire::RenderOrder> for RenderOrder {
     type Error = WireError;
 
-    fn try_from(order: wire::RenderOrder) -> Result<Self, WireError> {
+    fn try_from(mut order: wire::RenderOrder) -> Result<Self, WireError> {
+        let (got, want) = (order.checksum(), order.crc32c);
+        if got != want {
+            return Err(WireError::OrderChecksum { got, want });
+        }
         at_most("layers", order.layers.len(), MAX_LAYERS)?;
         if order.layers.is_empty() {
             return Err(WireError::Missing("a layer: the order has none, and that"));
