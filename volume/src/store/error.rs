@@ -19,6 +19,17 @@ pub enum StoreError {
         path.display()
     )]
     NotAStore { path: PathBuf },
+    #[error(
+        "{} lies behind a link that leads out of the data root, which is never followed, or that was put there just now; copy \
+         the file itself",
+        file.display()
+    )]
+    Outside {
+        /// Relative to the store.
+        file: PathBuf,
+    },
+    #[error("{} is no regular file; the store is damaged: prepare it again", path.display())]
+    NotAFile { path: PathBuf },
     #[error("manifest: {0}; prepare the store again")]
     Manifest(#[from] ManifestError),
     #[error("{}: {got} bytes, the manifest promises {want}; the store is damaged: prepare it again", path.display())]

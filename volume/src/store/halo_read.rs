@@ -1,8 +1,7 @@
 //! The halos of an open store, and bricks put together from their own inner chunks and their halo.
 
-use std::fs::File;
 use std::io::{self, Read};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3Default;
@@ -10,11 +9,12 @@ use xxhash_rust::xxh3::Xxh3Default;
 use super::cache::ChunkCache;
 use super::codec;
 use super::error::{ChunkFault, HaloFault, StoreError};
+use super::folder::StoreFolder;
 use super::halo_index::{ENTRY_BYTES, HaloIndex, HaloRecord};
 use super::halo_manifest::HaloHashes;
 use super::hash::ContentHash;
 use super::profile::InnerChunk;
-use super::read::{Store, check_hash, read_exactly};
+use super::read::Store;
 use super::shard_read::{Shards, read_exact_at};
 use super::shell::Shell;
 use super::window::{RowDecoder, Window};
@@ -24,7 +24,8 @@ use crate::ids::BrickIndex;
 /// One file of halos.
 #[derive(Debug)]
 pub(super) struct Halos {
-    path: PathBuf,
+    folder: StoreFolder,
+    file: &'static str,
     grid: BrickGrid,
     pub(super) layers: u32,
     index: HaloIndex,
@@ -50,25 +51,24 @@ impl RecordBound {
 impl Halos {
     /// Checks the index, and that the file is there in its full length.
     pub(super) fn open(
-        root: &Path,
+        folder: &StoreFolder,
         grid: BrickGrid,
         layers: u32,
-        (file, index_file, hashes): (&str, &str, HaloHashes),
+        (file, index_file, hashes): (&'static str, &str, HaloHashes),
         bound: RecordBound,
     ) -> Result<Self, StoreError> {
-        let index_path = root.join(index_file);
-        let bytes = read_exactly(&index_path, grid.brick_count() * ENTRY_BYTES as u64)?;
-        check_hash(&index_path, &bytes, hashes.index)?;
+        let bytes = folder.read_exactly(index_file, grid.brick_count() * ENTRY_BYTES as u64)?;
+        folder.check_hash(index_file, &bytes, hashes.index)?;
         let raw = |brick| bound.bytes(Shell::of(&grid, brick, layers).voxels());
         let index = HaloIndex::from_bytes(&bytes, &grid, |brick| codec::compressed_bound(raw(brick) as usize) as u64)?;
-        let path = root.join(file);
-        let got = std::fs::metadata(&path).map_err(StoreError::io("read", &path))?.len();
+        let got = folder.open(file)?.bytes;
+        let path = folder.path_of(file);
         match index.file_bytes() {
             want if got < want => {
                 Err(StoreError::HaloCut { path, brick: grid.brick_at(index.first_cut(got)), got, want })
             }
             want if got > want => Err(StoreError::FileLength { path, got, want }),
-            _ => Ok(Self { path, grid, layers, index, hash: hashes.file, bound }),
+            _ => Ok(Self { folder: folder.clone(), file, grid, layers, index, hash: hashes.file, bound }),
         }
     }
 
@@ -92,21 +92,21 @@ impl Halos {
         if record.length == 0 {
             return Ok(None);
         }
-        let file = File::open(&self.path).map_err(StoreError::io("open", &self.path))?;
+        let file = self.folder.open(self.file)?.file;
         // The index was checked: no more than a halo can have.
         let mut bytes = vec![0; record.length as usize];
         let voxels = self.shell(brick).voxels();
         let decoded = match read_exact_at(&file, &mut bytes, record.start) {
             Ok(()) => decode(&bytes, record, self.bound.bytes(voxels)),
             Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => Err(HaloFault::Cut),
-            Err(e) => return Err(StoreError::io("read", &self.path)(e)),
+            Err(e) => return Err(StoreError::io("read", &self.path())(e)),
         };
         let parsed = decoded.and_then(|raw| {
             cache.count_decoded(raw.len() as u64);
             parse(raw, voxels as usize)
         });
         parsed.map(Some).map_err(|fault| StoreError::Halo {
-            path: self.path.clone(),
+            path: self.path(),
             brick,
             start: record.start,
             end: record.start + u64::from(record.length),
@@ -120,19 +120,22 @@ impl Halos {
         (0..self.grid.brick_count() as usize)
             .into_par_iter()
             .try_for_each(|linear| self.read(self.grid.brick_at(linear), &uncounted, |_, _| Ok(())).map(drop))?;
-        let hashed = File::open(&self.path).and_then(|mut file| {
-            let (mut hash, mut part) = (Xxh3Default::new(), vec![0; 1 << 20]);
-            loop {
-                match file.read(&mut part)? {
-                    0 => return Ok(hash.digest128()),
-                    n => hash.update(&part[..n]),
-                }
+        let mut file = self.folder.open(self.file)?.file;
+        let (mut hash, mut part) = (Xxh3Default::new(), vec![0; 1 << 20]);
+        loop {
+            match file.read(&mut part).map_err(StoreError::io("read", &self.path()))? {
+                0 => break,
+                n => hash.update(&part[..n]),
             }
-        });
-        match ContentHash(hashed.map_err(StoreError::io("read", &self.path))?) {
-            got if got == self.hash => Ok(()),
-            got => Err(StoreError::FileHash { path: self.path.clone(), got, want: self.hash }),
         }
+        match ContentHash(hash.digest128()) {
+            got if got == self.hash => Ok(()),
+            got => Err(StoreError::FileHash { path: self.path(), got, want: self.hash }),
+        }
+    }
+
+    fn path(&self) -> PathBuf {
+        self.folder.path_of(self.file)
     }
 }
 

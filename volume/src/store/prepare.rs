@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use super::brick_ranges::RangeBuilder;
 use super::error::StoreError;
+use super::folder::StoreFolder;
 use super::halo_manifest::HaloEntry;
 use super::halo_write::{VoxelHalos, WrittenHalos};
 use super::hash::ContentHash;
@@ -222,8 +223,8 @@ impl Job<'_> {
         let Some(options) = &self.options.regions else { return Ok(None) };
         let map = manifest.value_map();
         let root = work.store();
-        let shards =
-            Shards::new(&root, StoreArray::Voxels, self.shards, gathered.shards.clone(), manifest.stored_type.bytes());
+        let (folder, voxel_bytes) = (StoreFolder::free(&root), manifest.stored_type.bytes());
+        let shards = Shards::new(folder, StoreArray::Voxels, self.shards, gathered.shards.clone(), voxel_bytes);
         let mut histogram = vec![0; usize::from(MAX_DENSITY) + 1];
         for (code, count) in map.code_of_ordinal_table().into_iter().zip(gathered.histogram.counts()) {
             histogram[usize::from(density_of_code(code))] += count;

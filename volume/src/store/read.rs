@@ -1,7 +1,6 @@
 //! An open store and its bricks.
 
-use std::fs::File;
-use std::io::{self, Read};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -9,6 +8,7 @@ use super::brick_ranges::BrickRanges;
 use super::cache::ChunkCache;
 use super::codec;
 use super::error::{HaloFault, StoreError};
+use super::folder::StoreFolder;
 use super::halo_read::{Halos, RecordBound};
 use super::hash::ContentHash;
 use super::manifest::Manifest;
@@ -41,7 +41,7 @@ pub struct Store {
 
 #[derive(Debug)]
 struct Inner {
-    path: PathBuf,
+    folder: StoreFolder,
     hash: StoreHash,
     manifest: Manifest,
     manifest_bytes: Vec<u8>,
@@ -61,43 +61,49 @@ impl Store {
     /// # Errors
     /// Not a finished store, unknown version, a file that is not the one that the manifest speaks of.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
-        let manifest_path = path.join(MANIFEST_FILE);
-        let manifest_bytes = match read_at_most(&manifest_path, Manifest::MAX_BYTES + 1) {
+        Self::open_in(&StoreFolder::free(path))
+    }
+
+    /// The same of a store that may be in a [`Jail`](super::Jail): its files are opened through `folder`, now and later.
+    ///
+    /// # Errors
+    /// As [`Store::open`]; a file that leads out of the jail.
+    pub fn open_in(folder: &StoreFolder) -> Result<Self, StoreError> {
+        let manifest_bytes = match folder.read_at_most(MANIFEST_FILE, Manifest::MAX_BYTES + 1) {
             Err(StoreError::Io { source, .. })
                 if matches!(source.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) =>
             {
-                return Err(StoreError::NotAStore { path: path.to_path_buf() });
+                return Err(StoreError::NotAStore { path: folder.path().to_path_buf() });
             }
             read => read?,
         };
         let manifest = Manifest::from_bytes(&manifest_bytes)?;
         for (name, want) in [(GROUP_FILE, manifest.files.group), (ARRAY_FILE, manifest.files.array)] {
-            let path = path.join(name);
-            check_hash(&path, &read_at_most(&path, Manifest::MAX_BYTES)?, want)?;
+            folder.check_file(name, Manifest::MAX_BYTES, want)?;
         }
-        let ranges = read_exactly(&path.join(RANGES_FILE), manifest.grid.brick_count() * 4)?;
+        let ranges = folder.read_exactly(RANGES_FILE, manifest.grid.brick_count() * 4)?;
         let ranges = BrickRanges::from_bytes(&manifest, &ranges)?;
         let grid = ShardGrid::new(manifest.geometry.dims())?;
         let voxel_bytes = manifest.stored_type.bytes();
-        let shards = open_shards(path, StoreArray::Voxels, grid, (SHARDS_FILE, manifest.files.shards), voxel_bytes)?;
+        let shards = open_shards(folder, StoreArray::Voxels, grid, (SHARDS_FILE, manifest.files.shards), voxel_bytes)?;
         let halos = manifest.halo.map(|halo| {
             let files = (HALOS_FILE, HALO_INDEX_FILE, halo.voxels);
             let bound = RecordBound { head: 0, per_voxel: voxel_bytes as u64 };
-            Halos::open(path, manifest.grid, halo.layers, files, bound)
+            Halos::open(folder, manifest.grid, halo.layers, files, bound)
         });
         let halos = halos.transpose()?;
-        let regions = StoreRegions::open(path, &manifest, grid)?;
+        let regions = StoreRegions::open(folder, &manifest, grid)?;
         let codes = manifest.value_map().code_of_bits_table();
         let hash = StoreHash::of(&manifest_bytes);
-        let path = path.to_path_buf();
+        let folder = folder.clone();
         Ok(Self {
-            inner: Arc::new(Inner { path, hash, manifest, manifest_bytes, ranges, shards, halos, regions, codes }),
+            inner: Arc::new(Inner { folder, hash, manifest, manifest_bytes, ranges, shards, halos, regions, codes }),
         })
     }
 
     #[must_use]
     pub fn path(&self) -> PathBuf {
-        self.inner.path.clone()
+        self.inner.folder.path().to_path_buf()
     }
 
     #[must_use]
@@ -206,43 +212,18 @@ impl Store {
 
 /// The shards of an array, after checking their table and that each is there in its full length.
 pub(super) fn open_shards(
-    root: &Path,
+    folder: &StoreFolder,
     array: StoreArray,
     grid: ShardGrid,
     (table_file, table_hash): (&str, ContentHash),
     voxel_bytes: usize,
 ) -> Result<Shards, StoreError> {
-    let table_path = root.join(table_file);
-    let table = read_exactly(&table_path, shard_table::table_bytes(&grid))?;
-    check_hash(&table_path, &table, table_hash)?;
+    let table = folder.read_exactly(table_file, shard_table::table_bytes(&grid))?;
+    folder.check_hash(table_file, &table, table_hash)?;
     let table = shard_table::from_bytes(array, &grid, &table, codec::encoded_bound(CHUNK_VOXELS * voxel_bytes))?;
-    let shards = Shards::new(root, array, grid, table, voxel_bytes);
+    let shards = Shards::new(folder.clone(), array, grid, table, voxel_bytes);
     for linear in 0..shards.table.len() {
-        shards.check_length(grid.at(linear))?;
+        shards.open_file(grid.at(linear))?;
     }
     Ok(shards)
-}
-
-pub(super) fn read_at_most(path: &Path, max: u64) -> Result<Vec<u8>, StoreError> {
-    let mut bytes = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(max).read_to_end(&mut bytes));
-    read.map_err(StoreError::io("read", path))?;
-    Ok(bytes)
-}
-
-/// Reads a file whose length is known beforehand.
-pub(super) fn read_exactly(path: &Path, want: u64) -> Result<Vec<u8>, StoreError> {
-    let got = std::fs::metadata(path).map_err(StoreError::io("read", path))?.len();
-    let bytes = if got == want { read_at_most(path, want)? } else { Vec::new() };
-    match bytes.len() as u64 {
-        n if n == want => Ok(bytes),
-        _ => Err(StoreError::FileLength { path: path.to_path_buf(), got, want }),
-    }
-}
-
-pub(super) fn check_hash(path: &Path, bytes: &[u8], want: ContentHash) -> Result<(), StoreError> {
-    match ContentHash::of(bytes) {
-        got if got == want => Ok(()),
-        got => Err(StoreError::FileHash { path: path.to_path_buf(), got, want }),
-    }
 }

@@ -1,10 +1,9 @@
 //! The regions of an open store.
 
-use std::path::Path;
-
 use super::cache::ChunkCache;
 use super::error::StoreError;
 use super::facts_table::{BrickFactsTable, FACTS_BYTES, REGION_BYTES, regions_from_bytes};
+use super::folder::StoreFolder;
 use super::halo_read::Halos;
 use super::halo_regions::{self, RegionHalo};
 use super::manifest::Manifest;
@@ -13,7 +12,7 @@ use super::profile::{
     LABELS_GROUP_FILE, REGION_BRICKS_FILE, REGION_HALO_INDEX_FILE, REGION_HALOS_FILE, REGIONS_FILE, ShardGrid,
     StoreArray,
 };
-use super::read::{Store, check_hash, open_shards, read_at_most, read_exactly};
+use super::read::{Store, open_shards};
 use super::region_error::RegionsError;
 use super::shard_read::Shards;
 use super::window::{ToDistances, ToLabels};
@@ -32,7 +31,7 @@ pub(super) struct StoreRegions {
 
 impl StoreRegions {
     /// Checks all that [`Store::open`] checks of the volume; nothing where the store has no regions.
-    pub(super) fn open(root: &Path, manifest: &Manifest, grid: ShardGrid) -> Result<Option<Self>, StoreError> {
+    pub(super) fn open(folder: &StoreFolder, manifest: &Manifest, grid: ShardGrid) -> Result<Option<Self>, StoreError> {
         let Some(entry) = &manifest.regions else { return Ok(None) };
         let files = &entry.files;
         let described = [
@@ -42,24 +41,21 @@ impl StoreRegions {
             (DISTANCE_ARRAY_FILE, files.distances),
         ];
         for (name, want) in described {
-            let path = root.join(name);
-            check_hash(&path, &read_at_most(&path, Manifest::MAX_BYTES)?, want)?;
+            folder.check_file(name, Manifest::MAX_BYTES, want)?;
         }
-        let path = root.join(REGIONS_FILE);
-        let bytes = read_exactly(&path, u64::from(entry.count) * REGION_BYTES as u64)?;
-        check_hash(&path, &bytes, files.regions)?;
+        let bytes = folder.read_exactly(REGIONS_FILE, u64::from(entry.count) * REGION_BYTES as u64)?;
+        folder.check_hash(REGIONS_FILE, &bytes, files.regions)?;
         let table = regions_from_bytes(manifest.geometry.voxel_count(), &bytes)?;
-        let path = root.join(REGION_BRICKS_FILE);
-        let bytes = read_exactly(&path, manifest.grid.brick_count() * FACTS_BYTES as u64)?;
-        check_hash(&path, &bytes, files.bricks)?;
+        let bytes = folder.read_exactly(REGION_BRICKS_FILE, manifest.grid.brick_count() * FACTS_BYTES as u64)?;
+        folder.check_hash(REGION_BRICKS_FILE, &bytes, files.bricks)?;
         let facts = BrickFactsTable::from_bytes(manifest, &bytes)?;
         let labels = (LABEL_SHARDS_FILE, files.label_shards);
-        let labels = open_shards(root, StoreArray::Labels, grid, labels, size_of::<u32>())?;
+        let labels = open_shards(folder, StoreArray::Labels, grid, labels, size_of::<u32>())?;
         let distances = (DISTANCE_SHARDS_FILE, files.distance_shards);
-        let distances = open_shards(root, StoreArray::Distances, grid, distances, size_of::<u8>())?;
+        let distances = open_shards(folder, StoreArray::Distances, grid, distances, size_of::<u8>())?;
         let halos = manifest.halo.and_then(|halo| {
             let files = (REGION_HALOS_FILE, REGION_HALO_INDEX_FILE, halo.regions?);
-            Some(Halos::open(root, manifest.grid, halo.region_layers(), files, halo_regions::BOUND))
+            Some(Halos::open(folder, manifest.grid, halo.region_layers(), files, halo_regions::BOUND))
         });
         let halos = halos.transpose()?;
         Ok(Some(Self { table, facts, labels, distances, halos }))

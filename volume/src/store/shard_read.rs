@@ -3,11 +3,12 @@
 use std::collections::HashMap;
 use std::fs::File;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::codec;
 use super::error::{IndexFault, StoreError};
+use super::folder::{StoreFile, StoreFolder};
 use super::hash::ContentHash;
 use super::profile::{ABSENT, CHUNK_VOXELS, INDEX_BYTES, InnerChunk, ShardGrid, ShardIndex, StoreArray};
 use super::shard_table::ShardRecord;
@@ -18,7 +19,7 @@ const MAX_OPEN: usize = 32;
 /// The shards of one array of a store.
 #[derive(Debug)]
 pub(super) struct Shards {
-    root: PathBuf,
+    pub(super) folder: StoreFolder,
     pub(super) array: StoreArray,
     pub(super) grid: ShardGrid,
     pub(super) table: Vec<ShardRecord>,
@@ -46,13 +47,13 @@ pub(super) struct OpenShard {
 
 impl Shards {
     pub(super) fn new(
-        root: &Path,
+        folder: StoreFolder,
         array: StoreArray,
         grid: ShardGrid,
         table: Vec<ShardRecord>,
         voxel_bytes: usize,
     ) -> Self {
-        Self { root: root.to_path_buf(), array, grid, table, voxel_bytes, open: Mutex::default() }
+        Self { folder, array, grid, table, voxel_bytes, open: Mutex::default() }
     }
 
     /// Bytes of a decoded inner chunk.
@@ -60,20 +61,20 @@ impl Shards {
         CHUNK_VOXELS * self.voxel_bytes
     }
 
-    pub(super) fn path(&self, shard: ShardIndex) -> PathBuf {
-        self.root.join(shard.path(self.array))
-    }
-
-    /// Checks without opening it that the shard is there and as long as promised.
-    pub(super) fn check_length(&self, shard: ShardIndex) -> Result<(), StoreError> {
-        let (array, path) = (self.array, self.path(shard));
+    /// Opens the shard's file, as long as promised. Its content is not looked at.
+    pub(super) fn open_file(&self, shard: ShardIndex) -> Result<StoreFile, StoreError> {
+        let (array, file) = (self.array, shard.path(self.array));
         let want = self.table[self.grid.linear(shard)].bytes;
-        match std::fs::metadata(&path) {
-            Ok(m) if m.is_file() && m.len() == want => Ok(()),
-            Ok(m) if m.is_file() => Err(StoreError::ShardLength { array, shard, path, got: m.len(), want }),
-            Ok(_) => Err(StoreError::ShardMissing { array, shard, path }),
-            Err(e) if e.kind() == io::ErrorKind::NotFound => Err(StoreError::ShardMissing { array, shard, path }),
-            Err(e) => Err(StoreError::io("look at", &path)(e)),
+        match self.folder.open(&file) {
+            Ok(opened) if opened.bytes == want => Ok(opened),
+            Ok(opened) => {
+                Err(StoreError::ShardLength { array, shard, path: self.folder.path_of(&file), got: opened.bytes, want })
+            }
+            Err(StoreError::NotAFile { path }) => Err(StoreError::ShardMissing { array, shard, path }),
+            Err(StoreError::Io { source, path, .. }) if source.kind() == io::ErrorKind::NotFound => {
+                Err(StoreError::ShardMissing { array, shard, path })
+            }
+            Err(error) => Err(error),
         }
     }
 
@@ -95,10 +96,9 @@ impl Shards {
 
     /// Opens a shard and checks length and index.
     pub(super) fn open_new(&self, shard: ShardIndex) -> Result<OpenShard, StoreError> {
-        self.check_length(shard)?;
-        let path = self.path(shard);
+        let file = self.open_file(shard)?.file;
+        let path = self.folder.path_of(&shard.path(self.array));
         let record = self.table[self.grid.linear(shard)];
-        let file = File::open(&path).map_err(StoreError::io("open", &path))?;
         let data = record.bytes - INDEX_BYTES as u64;
         let mut bytes = vec![0; INDEX_BYTES];
         read_exact_at(&file, &mut bytes, data).map_err(StoreError::io("read", &path))?;

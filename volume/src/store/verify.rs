@@ -1,12 +1,8 @@
 //! Reading all of a store to find damage.
 
-use std::fs::File;
-use std::io::Read;
-
 use rayon::prelude::*;
 
 use super::error::StoreError;
-use super::hash::ContentHash;
 use super::prepare_options::{Phase, Progress};
 use super::profile::{CHUNKS_PER_SHARD, InnerChunk};
 use super::read::Store;
@@ -30,15 +26,8 @@ impl Store {
                 let chunk = InnerChunk::at(shard, slot);
                 open.read_chunk(chunk, shards.chunk_bytes()).map(drop)
             })?;
-            let path = shards.path(shard);
             // No longer than inner chunks and index of one shard can be: the table was checked.
-            let mut bytes = Vec::with_capacity(record.bytes as usize);
-            let read = File::open(&path).and_then(|file| file.take(record.bytes).read_to_end(&mut bytes));
-            read.map_err(StoreError::io("read", &path))?;
-            match ContentHash::of(&bytes) {
-                got if got == record.hash => {}
-                got => return Err(StoreError::FileHash { path, got, want: record.hash }),
-            }
+            shards.folder.check_file(&shard.path(shards.array), record.bytes, record.hash)?;
         }
         for (done, halos) in (shards..).zip(self.halos()) {
             progress(Progress { phase: Phase::Verify, done, total });

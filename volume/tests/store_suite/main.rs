@@ -5,6 +5,8 @@
 
 mod damage;
 mod halos;
+#[cfg(unix)]
+mod jail;
 mod labels;
 mod mutations;
 mod outcome;
