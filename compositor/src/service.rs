@@ -1,7 +1,7 @@
 //! A node as the compositor calls it: domain types in, domain types out; wire types stay in here.
 
 use std::error::Error as _;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::access::Access;
 use crate::tls_words::{PERHAPS_CERTIFICATE, PERHAPS_TLS, explained, is_handshake};
@@ -23,6 +23,9 @@ use wire::render_client::RenderClient;
 
 /// How long a node may take for a small question.
 const CALL_TIMEOUT: Duration = Duration::from_secs(10);
+/// A node that answers others of this address first is asked again after the pause, for so long.
+const BUSY_PAUSE: Duration = Duration::from_millis(100);
+const BUSY_LIMIT: Duration = Duration::from_secs(30);
 /// A connection that says nothing for so long is pinged, between frames too ...
 const PING_AFTER: Duration = Duration::from_secs(1);
 /// ... and given up where no answer comes within this: a hanging node is found within 2 s.
@@ -164,9 +167,9 @@ impl NodeClient {
     /// # Errors
     /// No answer, or a node of another protocol.
     pub async fn describe(&mut self) -> Result<NodeDescription, NodeError> {
-        let mut cluster = self.cluster.clone();
-        let call = cluster.describe(wire::DescribeRequest {});
-        let answer = self.within("Describe", CALL_TIMEOUT, call).await.map_err(|error| match error {
+        let describe =
+            |mut cluster: ClusterClient<Line>| async move { cluster.describe(wire::DescribeRequest {}).await };
+        let answer = self.ask("Describe", describe).await.map_err(|error| match error {
             NodeError::Lost { address, call, reason } if self.is_plain => {
                 NodeError::Lost { address, call, reason: format!("{reason}; {PERHAPS_TLS}") }
             }
@@ -208,9 +211,12 @@ impl NodeClient {
     }
 
     async fn open(&mut self, query: StoreQuery) -> Result<StoreDescription, NodeError> {
-        let mut cluster = self.cluster.clone();
-        let call = cluster.open_store(wire::OpenStoreRequest::from(query));
-        let answer = self.within("OpenStore", CALL_TIMEOUT, call).await?;
+        let request = wire::OpenStoreRequest::from(query);
+        let open = |mut cluster: ClusterClient<Line>| {
+            let request = request.clone();
+            async move { cluster.open_store(request).await }
+        };
+        let answer = self.ask("OpenStore", open).await?;
         StoreDescription::try_from(answer).map_err(|e| self.invalid("OpenStore", e))
     }
 
@@ -246,6 +252,22 @@ impl NodeClient {
             })?;
             Ok((part, bytes))
         }))
+    }
+
+    /// A small question, asked again while the node is busy.
+    async fn ask<T, F>(&self, call: &'static str, question: impl Fn(ClusterClient<Line>) -> F) -> Result<T, NodeError>
+    where
+        F: Future<Output = Result<tonic::Response<T>, tonic::Status>>,
+    {
+        let started = Instant::now();
+        loop {
+            match self.within(call, CALL_TIMEOUT, question(self.cluster.clone())).await {
+                Err(error) if error.is_busy() && started.elapsed() < BUSY_LIMIT => {
+                    tokio::time::sleep(BUSY_PAUSE).await;
+                }
+                answer => return answer,
+            }
+        }
     }
 
     async fn within<T>(

@@ -1,8 +1,7 @@
-//! Connections as a node takes them: so many at a time, those that say nothing not for long, and each with so many frames.
+//! Connections as a node takes them: so many at a time, of each client so many, and those that say nothing not for long.
 
 use std::future::Future as _;
 use std::io;
-use std::net::SocketAddr;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll, ready};
@@ -14,21 +13,16 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Sleep, sleep};
 use tonic::transport::server::{Connected, TcpConnectInfo};
 
+use crate::client::Client;
+use crate::quota::{Place, Quota};
+
 /// Connections that a node has open at a time; more are closed as they come.
 pub const MAX_CONNECTIONS: usize = 512;
-/// Frames that one connection may have open (waiting, rendering or being sent): a client needs one, and room to overlap.
-pub const MAX_FRAMES: usize = 4;
+/// Connections that one client has open at a time, those in the middle of a handshake too.
+pub const MAX_CONNECTIONS_EACH: usize = MAX_CONNECTIONS / 2;
 /// A connection that has not said so much (HTTP/2's preface, or as much of a TLS handshake) within [`HELLO_TIMEOUT`] is closed.
 const HELLO_BYTES: usize = 24;
 pub const HELLO_TIMEOUT: Duration = Duration::from_secs(5);
-
-/// What calls know of the connection that they came by.
-#[derive(Debug, Clone)]
-pub struct Peer {
-    pub address: Option<SocketAddr>,
-    /// [`MAX_FRAMES`] permits.
-    pub frames: Arc<Semaphore>,
-}
 
 /// What a node can talk over: TCP, or a test's idea of it.
 pub trait Pipe: AsyncRead + AsyncWrite + Connected<ConnectInfo = TcpConnectInfo> + Unpin + Send + 'static {}
@@ -40,11 +34,13 @@ impl<T: AsyncRead + AsyncWrite + Connected<ConnectInfo = TcpConnectInfo> + Unpin
 pub(crate) struct Connections<I> {
     incoming: I,
     places: Arc<Semaphore>,
+    each: Arc<Quota>,
 }
 
 impl<I> Connections<I> {
     pub(crate) fn new(incoming: I) -> Self {
-        Self { incoming, places: Arc::new(Semaphore::new(MAX_CONNECTIONS)) }
+        let places = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+        Self { incoming, places, each: Quota::new(MAX_CONNECTIONS_EACH) }
     }
 }
 
@@ -58,37 +54,41 @@ impl<P: Pipe, I: Stream<Item = io::Result<P>> + Unpin> Stream for Connections<I>
                 Some(Err(error)) => return Poll::Ready(Some(Err(error))),
                 None => return Poll::Ready(None),
             };
+            let client = Client::from(stream.connect_info().remote_addr().map(|address| address.ip()));
+            // A stream that is dropped is closed: the client sees a connection that ends at once.
+            let Some(own) = self.each.take(client) else {
+                tracing::debug!("{client:?} has {MAX_CONNECTIONS_EACH} connections open: closed another");
+                continue;
+            };
             match self.places.clone().try_acquire_owned() {
-                Ok(place) => return Poll::Ready(Some(Ok(Connection::new(stream, place)))),
-                // Dropped, which closes it: the client sees a connection that ends at once.
+                Ok(place) => return Poll::Ready(Some(Ok(Connection::new(stream, client, (own, place))))),
                 Err(_) => tracing::debug!("{MAX_CONNECTIONS} connections are open: closed another"),
             }
         }
     }
 }
 
-/// A connection; its place is free again when it is dropped.
+/// A connection; its places are free again when it is dropped. What its calls know of it is whose it is.
 #[derive(Debug)]
 pub(crate) struct Connection<P> {
     stream: P,
-    peer: Peer,
+    client: Client,
     /// Bytes that must still come, and until when.
     hello: Option<(usize, Pin<Box<Sleep>>)>,
-    _place: OwnedSemaphorePermit,
+    _places: (Place, OwnedSemaphorePermit),
 }
 
 impl<P: Pipe> Connection<P> {
-    fn new(stream: P, place: OwnedSemaphorePermit) -> Self {
-        let peer = Peer { address: stream.connect_info().remote_addr(), frames: Arc::new(Semaphore::new(MAX_FRAMES)) };
-        Self { stream, peer, hello: Some((HELLO_BYTES, Box::pin(sleep(HELLO_TIMEOUT)))), _place: place }
+    fn new(stream: P, client: Client, places: (Place, OwnedSemaphorePermit)) -> Self {
+        Self { stream, client, hello: Some((HELLO_BYTES, Box::pin(sleep(HELLO_TIMEOUT)))), _places: places }
     }
 }
 
 impl<P: Pipe> Connected for Connection<P> {
-    type ConnectInfo = Peer;
+    type ConnectInfo = Client;
 
-    fn connect_info(&self) -> Peer {
-        self.peer.clone()
+    fn connect_info(&self) -> Client {
+        self.client
     }
 }
 

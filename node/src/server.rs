@@ -14,6 +14,7 @@ use tonic_health::ServingStatus;
 
 use crate::admission::Admission;
 use crate::connections::{Connections, Pipe};
+use crate::door::Door;
 use crate::node::Node;
 use crate::service::Service;
 
@@ -89,6 +90,7 @@ pub async fn serve_incoming<P: Pipe>(
     }
     let server = server
         .layer(InterceptorLayer::new(admission.tokens))
+        .layer(Door::new())
         .add_service(health_service)
         .add_service(reflection)
         .add_service(transport::render_server(service.clone()))

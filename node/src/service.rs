@@ -6,14 +6,12 @@ use std::sync::Arc;
 use brickcast_proto::wire;
 use brickcast_proto::{Failure, PrepareRequest, RenderOrder, StoreQuery, WireError};
 use futures_util::{Stream, StreamExt as _};
-use tokio::sync::OwnedSemaphorePermit;
 use tokio_stream::wrappers::ReceiverStream;
-use tonic::transport::server::TlsConnectInfo;
 use tonic::{Request, Response, Status};
 
-use crate::connections::{MAX_FRAMES, Peer};
 use crate::error::NodeError;
 use crate::node::Node;
+use crate::quota::Caller;
 
 /// Both services of a node.
 #[derive(Debug, Clone)]
@@ -27,12 +25,9 @@ fn fail(error: NodeError) -> Status {
     Failure::from(error).into()
 }
 
-/// One of the frames that the call's connection may have open.
-fn frame_place(extensions: &tonic::Extensions) -> Result<Option<OwnedSemaphorePermit>, NodeError> {
-    let peer = extensions.get::<Peer>().or_else(|| Some(extensions.get::<TlsConnectInfo<Peer>>()?.get_ref()));
-    // Calls that come by no connection of ours are tests of the service alone.
-    let Some(peer) = peer else { return Ok(None) };
-    peer.frames.clone().try_acquire_owned().map(Some).map_err(|_| NodeError::TooManyFrames(MAX_FRAMES))
+/// As the door let them in.
+fn caller<T>(request: &Request<T>) -> Caller {
+    request.extensions().get().cloned().unwrap_or_default()
 }
 
 #[tonic::async_trait]
@@ -43,15 +38,10 @@ impl wire::render_server::Render for Service {
         &self,
         request: Request<wire::RenderOrder>,
     ) -> Result<Response<Self::RenderFrameStream>, Status> {
-        let frame = frame_place(request.extensions()).map_err(fail)?;
+        let caller = caller(&request);
         let order = RenderOrder::try_from(request.into_inner()).map_err(refuse)?;
-        let parts = self.0.clone().render(order).await.map_err(fail)?;
-        let parts = ReceiverStream::new(parts).map(move |part| {
-            // Free when the stream ends.
-            let _frame = &frame;
-            part.map(Into::into).map_err(fail)
-        });
-        Ok(Response::new(Box::pin(parts)))
+        let parts = self.0.clone().render(caller, order).await.map_err(fail)?;
+        Ok(Response::new(Box::pin(ReceiverStream::new(parts).map(|part| part.map(Into::into).map_err(fail)))))
     }
 }
 
@@ -59,22 +49,24 @@ impl wire::render_server::Render for Service {
 impl wire::cluster_server::Cluster for Service {
     async fn describe(
         &self,
-        _request: Request<wire::DescribeRequest>,
+        request: Request<wire::DescribeRequest>,
     ) -> Result<Response<wire::NodeDescription>, Status> {
-        Ok(Response::new(self.0.describe().await.map_err(fail)?.into()))
+        Ok(Response::new(self.0.describe(caller(&request)).await.map_err(fail)?.into()))
     }
 
     async fn open_store(
         &self,
         request: Request<wire::OpenStoreRequest>,
     ) -> Result<Response<wire::StoreDescription>, Status> {
+        let caller = caller(&request);
         let query = StoreQuery::try_from(request.into_inner()).map_err(refuse)?;
-        Ok(Response::new(self.0.describe_store(query).await.map_err(fail)?.into()))
+        Ok(Response::new(self.0.describe_store(caller, query).await.map_err(fail)?.into()))
     }
 
     async fn prepare(&self, request: Request<wire::PrepareRequest>) -> Result<Response<wire::PrepareReceipt>, Status> {
+        let caller = caller(&request);
         let request = PrepareRequest::try_from(request.into_inner()).map_err(refuse)?;
-        Ok(Response::new(self.0.prepare(request).await.map_err(fail)?.into()))
+        Ok(Response::new(self.0.prepare(caller, request).await.map_err(fail)?.into()))
     }
 }
 

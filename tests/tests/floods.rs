@@ -1,7 +1,8 @@
-//! Floods: what one client can do to a node by sheer number or size, while another is served all along.
+//! Floods: what one client can do to a node by sheer number or size, while another is served all along. The other comes from
+//! another address: that is what makes it another client.
 
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
-#![cfg(unix)]
+#![cfg(target_os = "linux")]
 
 #[allow(dead_code)] // of tests of faults
 mod fault_support;
@@ -13,6 +14,8 @@ use std::time::{Duration, Instant};
 
 use brickcast::plan::{Assignment, Shown};
 use brickcast::session::Session;
+use brickcast_node::arrival::SILENCE;
+use brickcast_node::quota::{MAX_FRAMES, MAX_LOADS, MAX_QUESTIONS};
 use brickcast_proto::credentials::Badge;
 use brickcast_proto::{RenderOrder, transport, wire};
 use brickcast_tests::process::NodeProcess;
@@ -22,11 +25,12 @@ use brickcast_volume::{Epoch, FrameId, View};
 use bytes::Bytes;
 use tokio::io::AsyncReadExt as _;
 use tokio::net::TcpStream;
-use tokio::task::JoinHandle;
+use tokio::task::{JoinHandle, JoinSet};
 use tonic::Code;
+use wire::render_client::RenderClient;
 
-/// The victim's frames take longer than this only where the flood gets through: it waits for at most the frames that others
-/// have open, of some milliseconds each, on a machine that the flood keeps busy too.
+/// The victim's frames take longer than this only where the flood gets through: it waits for at most one frame of the flood, of
+/// some milliseconds, on a machine that the flood keeps busy too.
 const PATIENCE: Duration = Duration::from_secs(20);
 /// Resident memory that a flood may add, MiB: receive windows and orders of all connections that are let in.
 const MAY_GROW: u64 = 700;
@@ -78,12 +82,16 @@ impl Victim {
     }
 }
 
+/// The loopback addresses that the flood and the victim come from.
+const FLOOD: u8 = 1;
+const VICTIM: u8 = 2;
+
 /// An order for the whole of the store.
 fn order(session: &Session, store: &Store) -> wire::RenderOrder {
     let scene = fault_support::scene(store, 0.0);
     let view = View::new(&store.manifest().geometry, &scene.camera, scene.size, scene.step).unwrap();
     let shown = Shown::in_scene(session.store(), &scene);
-    let layers = Assignment::contiguous(&shown, 1).orders(&shown, &view).remove(0);
+    let layers = Assignment::contiguous(&shown, 1).orders(&shown, &view).remove(0).concat();
     let order = RenderOrder {
         frame: FrameId(1),
         epoch: Epoch(1),
@@ -109,8 +117,15 @@ impl Target {
         Self { folder, store, node }
     }
 
-    async fn session(&self) -> Session {
-        fault_support::open(&self.store, std::slice::from_ref(&self.node.address)).await.unwrap()
+    async fn session(&self, client: u8) -> Session {
+        fault_support::open_from(client, &self.store, std::slice::from_ref(&self.node.address)).await.unwrap()
+    }
+
+    /// Takes at most `window` bytes ahead of what is read.
+    async fn connect(&self, client: u8, window: u32) -> RenderClient<transport::Line> {
+        let endpoint = transport::endpoint(&self.node.address, None).unwrap().initial_stream_window_size(window);
+        let channel = endpoint.local_address(Some(fault_support::loopback(client))).connect().await.unwrap();
+        transport::render_client(transport::line(channel, Badge::default()))
     }
 
     fn data(&self) -> &Path {
@@ -126,18 +141,17 @@ fn ten_thousand_open_streams_are_shed_and_others_are_served() {
     fault_support::run(async {
         let target = Target::new();
         assert!(target.data().join("part").is_dir());
-        let session = target.session().await;
+        let session = target.session(VICTIM).await;
         let order = order(&session, &target.store);
         let before = resident_mib(&target.node);
         let victim = Victim::start(session, &target.store);
-        let mut flood = tokio::task::JoinSet::new();
+        let mut flood = JoinSet::new();
         for _ in 0..CONNECTIONS {
-            let endpoint = transport::endpoint(&target.node.address, None).unwrap();
-            let channel = endpoint.connect().await.unwrap();
+            let client = target.connect(FLOOD, transport::STREAM_WINDOW).await;
             for _ in 0..EACH {
-                let (line, order) = (transport::line(channel.clone(), Badge::default()), order.clone());
+                let (mut client, order) = (client.clone(), order.clone());
                 flood.spawn(async move {
-                    let answer = transport::render_client(line).render_frame(order).await;
+                    let answer = client.render_frame(order).await;
                     // What was let in stays open, unread, until all are there.
                     answer.map_err(|status| status.code())
                 });
@@ -161,23 +175,175 @@ fn ten_thousand_open_streams_are_shed_and_others_are_served() {
     });
 }
 
+/// What the tasks of a flood share.
+#[derive(Default)]
+struct Flood {
+    over: AtomicBool,
+    /// Frames that it got to the end, and orders that were refused.
+    served: AtomicUsize,
+    shed: AtomicUsize,
+}
+
+impl Flood {
+    /// Over each of 20 connections, two orders after two, again and again; frames that are let in are read, or else held.
+    async fn start(self: &Arc<Self>, target: &Target, order: &wire::RenderOrder, reads: bool) -> JoinSet<usize> {
+        let mut tasks = JoinSet::new();
+        for _ in 0..20 {
+            let client = target.connect(FLOOD, if reads { transport::STREAM_WINDOW } else { 1 << 16 }).await;
+            for _ in 0..2 {
+                tasks.spawn(self.clone().send(client.clone(), order.clone(), reads));
+            }
+        }
+        tasks
+    }
+
+    /// Returns how many frames it holds at the end.
+    async fn send(
+        self: Arc<Self>,
+        mut client: RenderClient<transport::Line>,
+        order: wire::RenderOrder,
+        reads: bool,
+    ) -> usize {
+        let mut held = Vec::new();
+        while !self.over.load(Ordering::SeqCst) {
+            match client.render_frame(order.clone()).await {
+                Ok(frame) if reads => {
+                    let mut parts = frame.into_inner();
+                    while parts.message().await.unwrap().is_some() {}
+                    self.served.fetch_add(1, Ordering::SeqCst);
+                }
+                Ok(frame) => held.push(frame),
+                Err(status) => {
+                    assert_eq!(status.code(), Code::ResourceExhausted, "{status:?}");
+                    self.shed.fetch_add(1, Ordering::SeqCst);
+                    tokio::time::sleep(Duration::from_millis(1)).await;
+                }
+            }
+        }
+        held.len()
+    }
+}
+
+/// Renders `frames` frames from the victim's address, two at a time, so that one waits all along; none may be refused.
+async fn render_frames(target: &Target, order: &wire::RenderOrder, frames: usize) {
+    let mut lines = JoinSet::new();
+    for _ in 0..2 {
+        let (mut client, order) = (target.connect(VICTIM, transport::STREAM_WINDOW).await, order.clone());
+        lines.spawn(async move {
+            for _ in 0..frames / 2 {
+                let mut parts = client.render_frame(order.clone()).await.unwrap().into_inner();
+                while parts.message().await.unwrap().is_some() {}
+            }
+        });
+    }
+    while let Some(line) = lines.join_next().await {
+        line.unwrap();
+    }
+}
+
+/// Frames that nobody takes, and orders without end: none of another client's orders is refused.
+#[test]
+fn a_client_that_holds_frames_open_gets_nobody_else_refused() {
+    fault_support::run(async {
+        let target = Target::new();
+        let order = order(&target.session(VICTIM).await, &target.store);
+        let flood = Arc::new(Flood::default());
+        let tasks = flood.start(&target, &order, false).await;
+        render_frames(&target, &order, 20).await;
+        flood.over.store(true, Ordering::SeqCst);
+        let held: usize = tasks.join_all().await.into_iter().sum();
+        assert_eq!(held, MAX_FRAMES, "of 20 connections");
+        assert!(flood.shed.load(Ordering::SeqCst) > 0);
+    });
+}
+
+/// The node serves clients in turn, not orders: a flood that takes its frames as fast as they come gets about one for each of
+/// the victim's. In the order of their coming it would be as many as it may have open, for two of the victim's.
+#[test]
+fn a_flood_of_orders_gets_one_frame_for_each_of_another_client() {
+    const FRAMES: usize = 40;
+    fault_support::run(async {
+        let target = Target::new();
+        let order = order(&target.session(VICTIM).await, &target.store);
+        let flood = Arc::new(Flood::default());
+        let tasks = flood.start(&target, &order, true).await;
+        // Until the flood has all places that it gets.
+        while flood.served.load(Ordering::SeqCst) < MAX_FRAMES {
+            tokio::time::sleep(Duration::from_millis(10)).await;
+        }
+        let before = flood.served.load(Ordering::SeqCst);
+        render_frames(&target, &order, FRAMES).await;
+        let between = flood.served.load(Ordering::SeqCst) - before;
+        flood.over.store(true, Ordering::SeqCst);
+        tasks.join_all().await;
+        eprintln!("{between} frames of the flood while {FRAMES} of another client");
+        assert!(between <= 2 * FRAMES, "{between} of the flood, {FRAMES} of the victim");
+    });
+}
+
+/// Orders and questions of which only a half comes hold places of the client that sends them, and not for long.
+#[test]
+fn half_messages_are_given_up_by_name() {
+    fault_support::run(async {
+        let target = Target::new();
+        let victim = Victim::start(target.session(VICTIM).await, &target.store);
+        let (mut calls, mut open) = (JoinSet::new(), Vec::new());
+        let started = Instant::now();
+        for _ in 0..10 {
+            let tcp = TcpStream::connect(&target.node.address).await.unwrap();
+            let (mut send, connection) = h2::client::handshake(tcp).await.unwrap();
+            tokio::spawn(connection);
+            for call in ["Render/RenderFrame", "Cluster/Prepare", "Cluster/OpenStore"] {
+                let (answer, mut body) = send.send_request(request(call), false).unwrap();
+                body.send_data(Bytes::from_static(&[0, 0, 0, 0, 100, 1, 2, 3]), false).unwrap();
+                open.push(body);
+                calls.spawn(answer);
+            }
+            open.push(send.send_request(request("Cluster/Describe"), false).unwrap().1);
+        }
+        // Waits for a place, as every client of this address now does.
+        let mut session = target.session(FLOOD).await;
+        let mut given_up = 0;
+        while let Some(answer) = calls.join_next().await {
+            let answer = answer.unwrap().unwrap();
+            let word = |name: &str| answer.headers()[name].to_str().unwrap().replace("%20", " ");
+            match Code::from(word("grpc-status").parse::<i32>().unwrap()) {
+                Code::Aborted => {
+                    assert!(word("grpc-message").starts_with("nothing more of the request came"), "{answer:?}");
+                    given_up += 1;
+                }
+                Code::ResourceExhausted => {}
+                other => panic!("{other:?}: {answer:?}"),
+            }
+        }
+        assert!(started.elapsed() < SILENCE + PATIENCE, "{:?}", started.elapsed());
+        assert!((MAX_FRAMES + MAX_LOADS..=MAX_FRAMES + MAX_LOADS + MAX_QUESTIONS).contains(&given_up), "{given_up}");
+        victim.served("half messages").await;
+        // All of it is free again, though the connections are open still.
+        session.load(&fault_support::scene(&target.store, 0.0)).await.unwrap();
+    });
+}
+
+fn request(call: &str) -> http::Request<()> {
+    http::Request::post(format!("http://node/brickcast.v1.{call}"))
+        .header("content-type", "application/grpc")
+        .header("te", "trailers")
+        .body(())
+        .unwrap()
+}
+
 /// A message that says it has 1 GiB is refused by its first bytes, whatever follows.
 #[test]
 fn a_message_of_a_gibibyte_is_refused_unread() {
     fault_support::run(async {
         let target = Target::new();
         let before = resident_mib(&target.node);
-        let victim = Victim::start(target.session().await, &target.store);
+        let victim = Victim::start(target.session(VICTIM).await, &target.store);
         for call in ["Render/RenderFrame", "Cluster/Prepare", "Cluster/OpenStore", "Cluster/Describe"] {
             let tcp = TcpStream::connect(&target.node.address).await.unwrap();
             let (mut send, connection) = h2::client::handshake(tcp).await.unwrap();
             tokio::spawn(connection);
-            let request = http::Request::post(format!("http://node/brickcast.v1.{call}"))
-                .header("content-type", "application/grpc")
-                .header("te", "trailers")
-                .body(())
-                .unwrap();
-            let (answer, mut body) = send.send_request(request, false).unwrap();
+            let (answer, mut body) = send.send_request(request(call), false).unwrap();
             let mut head = vec![0];
             head.extend((1_u32 << 30).to_be_bytes());
             head.resize(4096, 7);
@@ -199,7 +365,7 @@ fn silent_connections_are_closed_and_make_room() {
     const SILENT: usize = brickcast_node::connections::MAX_CONNECTIONS + 50;
     fault_support::run(async {
         let target = Target::new();
-        let victim = Victim::start(target.session().await, &target.store);
+        let victim = Victim::start(target.session(VICTIM).await, &target.store);
         let mut silent = Vec::new();
         for _ in 0..SILENT {
             silent.push(TcpStream::connect(&target.node.address).await.unwrap());
@@ -215,7 +381,7 @@ fn silent_connections_are_closed_and_make_room() {
             }
             assert!(ended.is_ok(), "a silent connection stays open");
         }
-        target.session().await;
+        target.session(FLOOD).await;
         victim.served("silent connections").await;
     });
 }

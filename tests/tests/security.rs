@@ -196,11 +196,27 @@ fn links_never_lead_out_of_the_data_root() {
     for name in ["../../etc", "crossed.store/../linked.store", "a\u{7f}b", &long, "nothing/here"] {
         ask_name(name);
     }
-    // A link swapped in after the node has seen the store.
+    // A link swapped in after the node has seen the store, but not opened it.
     let file = at.join("crossed.store/bricks.bin");
     std::fs::copy(&file, outside.path().join("bricks.bin")).unwrap();
     std::fs::remove_file(&file).unwrap();
     symlink(outside.path().join("bricks.bin"), &file).unwrap();
     ask("crossed.store", &["bricks.bin", "link"]);
     site.render(&node, &[]);
+    std::fs::remove_file(&file).unwrap();
+    std::fs::copy(outside.path().join("bricks.bin"), &file).unwrap();
+    // Links swapped in after it has opened it.
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    for (link, named) in [("halos.bin", "halos.bin"), ("0", "0/c/0/0/0"), ("brickcast.json", "brickcast.json")] {
+        let choice = StoreChoice::Name("crossed.store".into());
+        drop(runtime.block_on(Session::open(std::slice::from_ref(&node.address), choice)).unwrap());
+        let (link, kept) = (at.join("crossed.store").join(link), outside.path().join("kept"));
+        std::fs::rename(&link, &kept).unwrap();
+        symlink(&kept, &link).unwrap();
+        let text = ask_name("crossed.store");
+        assert!(text.contains(named) && text.contains("link"), "{named}: {text}");
+        site.render(&node, &[]);
+        std::fs::remove_file(&link).unwrap();
+        std::fs::rename(&kept, &link).unwrap();
+    }
 }

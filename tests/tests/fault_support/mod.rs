@@ -1,11 +1,17 @@
 //! What the tests of faults share: a store, nodes behind proxies, a session, and the bits that every frame must have.
 
+use std::net::{IpAddr, Ipv4Addr};
 use std::path::Path;
 use std::process::Command;
 use std::sync::Arc;
 use std::time::Duration;
 
+use brickcast::access::Access;
+use brickcast::dial::Dial;
+use brickcast::discovery::Target;
+use brickcast::service::{NodeClient, NodeError};
 use brickcast::session::{Frame, Session, SessionError, StoreChoice};
+use brickcast_proto::credentials::Badge;
 use brickcast_tests::process::{NodeProcess, brickcast_ok};
 use brickcast_tests::proxy::{Fault, Proxy};
 use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
@@ -121,6 +127,23 @@ impl Rig {
 
 pub(crate) async fn open(store: &Store, nodes: &[String]) -> Result<Session, SessionError> {
     Session::open(nodes, StoreChoice::Hash(store.hash())).await
+}
+
+/// A loopback address of many, all of which Linux has without being told: a client of its own to a node.
+pub(crate) fn loopback(number: u8) -> IpAddr {
+    IpAddr::V4(Ipv4Addr::new(127, 0, 0, number))
+}
+
+/// A session from [`loopback`].
+pub(crate) async fn open_from(number: u8, store: &Store, nodes: &[String]) -> Result<Session, SessionError> {
+    let dial = Dial::through(move |target: Target| async move {
+        let endpoint = NodeClient::endpoint(&target.address, &Access::default())?;
+        let channel = endpoint.local_address(Some(loopback(number))).connect().await;
+        let channel = channel
+            .map_err(|e| NodeError::Unreachable { address: target.address.clone(), reason: format!("{e:?}") })?;
+        Ok(NodeClient::over(&target.address, channel, Badge::default()))
+    });
+    Session::open_through(dial, nodes, StoreChoice::Hash(store.hash())).await
 }
 
 pub(crate) async fn render(session: &mut Session, scene: &Scene, seconds: u64) -> Result<Frame, SessionError> {
