@@ -1,7 +1,7 @@
 //! What leaping and skipping gain: a synthetic casting of 256^3 in bricks of 64, 512 x 512, step 0.5.
 //!
 //! `cargo run --release -p brickcast-node --example accelerated [-- FRAMES [BACKEND [WAYS]]]` prints a row for each way to accelerate:
-//! milliseconds a frame, and million reads, positions and positions leapt. Regions are known here, not segmented.
+//! milliseconds a frame, and million reads, skips, positions and positions leapt. Regions are known here, not segmented.
 
 #![allow(clippy::print_stdout)]
 
@@ -172,9 +172,10 @@ fn measure(raycaster: &dyn Raycaster, filter: Filter, casting: &Casting, frames:
             let ms = started.elapsed().as_secs_f64() * 1e3 / f64::from(frames);
             let processor = processor.zip(cpu_seconds()).map_or(0.0, |(before, after)| after - before);
             let cpu_ms = processor * 1e3 / f64::from(frames);
-            let [reads, positions, leapt] = [counts.samples, counts.positions, counts.leapt].map(|n| n as f64 / 1e6);
+            let BrickCounts { samples, skips, positions, leapt } = counts;
+            let [reads, skips, positions, leapt] = [samples, skips, positions, leapt].map(|n| n as f64 / 1e6);
             println!(
-                "{} {filter:?} {name:24} {what:6} {ms:7.1} ms, {cpu_ms:7.1} CPU ms, {reads:6.2} M reads, {positions:6.2} M positions, \
+                "{} {filter:?} {name:24} {what:6} {ms:7.1} ms, {cpu_ms:7.1} CPU ms, {reads:6.2} M reads, {skips:5.2} M skips, {positions:6.2} M positions, \
                  {leapt:6.2} M leapt",
                 raycaster.info().backend
             );

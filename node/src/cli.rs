@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use brickcast_node::admission::AdmissionOptions;
 use brickcast_node::config::parse_bytes;
 use brickcast_node::raycaster::BackendChoice;
-use brickcast_proto::PROTOCOL_VERSION;
+use brickcast_proto::{PROTOCOL_VERSION, Throttle};
 use clap::{ArgAction, Parser, ValueEnum};
 
 /// Of the software and of the protocol.
@@ -54,6 +54,10 @@ pub(crate) struct Cli {
     /// Memory for resident bricks, with a unit such as 512MiB or 4GiB
     #[arg(long, value_name = "SIZE", default_value = "4GiB", value_parser = parse_bytes)]
     pub(crate) memory_budget: u64,
+
+    /// Render at one such part of the speed, 1 to 100: after its work the node rests (to try clusters whose nodes differ)
+    #[arg(long, value_name = "X", default_value = "1")]
+    pub(crate) throttle: Throttle,
 
     /// More words on stderr; twice for still more
     #[arg(short, long, action = ArgAction::Count, conflicts_with = "quiet")]

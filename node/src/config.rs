@@ -4,6 +4,8 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{SystemTime, UNIX_EPOCH};
 
+use brickcast_proto::Throttle;
+
 /// Where a node finds stores.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum DataRoot {
@@ -20,12 +22,14 @@ pub struct NodeConfig {
     pub memory_budget: u64,
     /// Unique per process; see [`unique_node_id`].
     pub node_id: String,
+    /// Renders at one such part of its speed, for tests and measurements of clusters whose nodes differ.
+    pub throttle: Throttle,
 }
 
 impl NodeConfig {
     #[must_use]
     pub fn new(data: DataRoot, memory_budget: u64) -> Self {
-        Self { data, memory_budget, node_id: unique_node_id() }
+        Self { data, memory_budget, node_id: unique_node_id(), throttle: Throttle::NONE }
     }
 }
 

@@ -175,7 +175,7 @@ impl CpuRaycaster {
     pub fn new() -> Self {
         let threads = rayon::current_num_threads() as u32;
         let adapter = format!("CPU ({}), {threads} threads", std::env::consts::ARCH);
-        let info = BackendInfo { backend: "cpu", adapter, notes: Vec::new(), threads };
+        let info = BackendInfo { backend: "cpu", adapter, notes: Vec::new(), threads, is_on_processor: true };
         Self { info, emptiness: EmptinessCache::default() }
     }
 
@@ -299,13 +299,14 @@ fn render_tile(
                 let ray = &rays[(y * width + x) as usize];
                 let (sum, took) = if brick.is_plain {
                     let (sum, n) = raycast_ray(frame, &brick.uniform, data.texels, tables.table, ray, *pixel);
-                    (sum, RayCounts { samples: n, positions: n, leapt: 0 })
+                    (sum, RayCounts { samples: n, positions: n, ..RayCounts::default() })
                 } else {
                     accelerated_ray(frame, &brick.uniform, &data, tables, ray, *pixel, &mut Unwatched)
                 };
                 *pixel = sum;
-                let [samples, positions, leapt] = [took.samples, took.positions, took.leapt].map(u64::from);
-                *counts = counts.plus(BrickCounts { samples, positions, leapt });
+                let [samples, positions] = [took.samples, took.positions].map(u64::from);
+                let [leapt, skips] = [took.leapt, took.skips].map(u64::from);
+                *counts = counts.plus(BrickCounts { samples, positions, leapt, skips });
                 finished &= sum.a >= frame.stop_alpha;
             }
         }

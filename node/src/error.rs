@@ -25,8 +25,8 @@ pub enum NodeError {
     )]
     OtherContent { name: String, got: StoreHash, want: StoreHash },
     #[error(
-        "store `{name}`: {} is a link that leads out of the node's --data, which is never followed, or cannot be read; copy \
-         the file itself",
+        "store `{name}`: {} lies behind a link that leads out of the node's --data, which is never followed, or that was put \
+         there just now; copy the file itself",
         file.display()
     )]
     Outside { name: String, file: PathBuf },
@@ -66,8 +66,18 @@ pub enum NodeError {
 
     #[error("{0} orders wait already; try again later")]
     Busy(usize),
-    #[error("{0} frames of this connection are open already; take them, or try again later")]
+    #[error("{0} frames of this client are open already; take them, or try again later")]
     TooManyFrames(usize),
+    #[error("{0} calls of this client load bricks already; try again later")]
+    TooManyLoads(usize),
+    #[error("{0} questions of this client are open already; take the answers, or try again later")]
+    TooManyQuestions(usize),
+    #[error("nothing more of the request came for {0} s; look at the network, or try again later")]
+    Silent(u64),
+    #[error("the request was not there as a whole after {0} s; look at the network, or try again later")]
+    Unfinished(u64),
+    #[error("the request has more than the {0} bytes that this call takes")]
+    TooLong(usize),
     #[error("the node is shutting down and takes no more orders")]
     Draining,
     #[error("the client took no part of the frame for {0} s")]
@@ -79,6 +89,15 @@ pub enum NodeError {
 }
 
 impl NodeError {
+    /// What went wrong with the store `name`.
+    pub(crate) fn of_store(name: &str, source: StoreError) -> Self {
+        let name = name.to_owned();
+        match source {
+            StoreError::Outside { file } => Self::Outside { name, file },
+            source => Self::Store { name, source },
+        }
+    }
+
     #[must_use]
     pub fn fault(&self) -> Fault {
         match self {
@@ -90,6 +109,7 @@ impl NodeError {
             | Self::ChunkElsewhere { .. }
             | Self::NoSuchBrick { .. }
             | Self::View(_)
+            | Self::TooLong(_)
             | Self::OpacityUnit { .. } => Fault::Invalid,
             Self::DataRoot { .. } | Self::Store { .. } | Self::Outside { .. } => Fault::BrokenStore,
             Self::BrickTooLarge { .. }
@@ -97,9 +117,9 @@ impl NodeError {
             | Self::BatchTooLarge { .. }
             | Self::Raycast(RaycastError::BrickTooLarge { .. }) => Fault::BudgetTooSmall,
             Self::Raycast(_) => Fault::Device,
-            Self::Busy(_) | Self::TooManyFrames(_) => Fault::Busy,
+            Self::Busy(_) | Self::TooManyFrames(_) | Self::TooManyLoads(_) | Self::TooManyQuestions(_) => Fault::Busy,
             Self::Draining => Fault::Draining,
-            Self::Stalled(_) | Self::Cancelled => Fault::Abandoned,
+            Self::Stalled(_) | Self::Cancelled | Self::Silent(_) | Self::Unfinished(_) => Fault::Abandoned,
             Self::Panicked(_) => Fault::Internal,
         }
     }

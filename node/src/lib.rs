@@ -1,15 +1,21 @@
 //! The render node: adapter, brick residency, rendering and the tonic service.
 
 pub mod admission;
+pub mod arrival;
+pub mod client;
 pub mod config;
 pub mod connections;
 pub mod cpu;
+pub mod door;
 mod emptiness;
 pub mod error;
 pub mod gpu;
+mod lanes;
 pub mod meter;
 pub mod node;
+pub mod pace;
 pub mod probe;
+pub mod quota;
 pub mod raycaster;
 pub mod recipe;
 pub mod render;

@@ -12,6 +12,7 @@ use brickcast_node::admission::{Admission, AdmissionError};
 use brickcast_node::config::format_bytes;
 use brickcast_node::probe::probe;
 use brickcast_node::{DataRoot, Node, NodeConfig, raycaster, serve_admitted};
+use brickcast_proto::Throttle;
 use brickcast_proto::credentials::{Badge, tokens};
 use clap::Parser as _;
 use tokio::net::TcpListener;
@@ -92,7 +93,11 @@ async fn run_node(cli: &Cli) -> anyhow::Result<()> {
     for note in &info.notes {
         tracing::warn!("{note}");
     }
-    let config = NodeConfig::new(DataRoot::Folder(cli.data.clone().unwrap_or_default()), cli.memory_budget);
+    if cli.throttle > Throttle::NONE {
+        tracing::warn!("--throttle {}: rendering that many times slower than it could", cli.throttle.get());
+    }
+    let data = DataRoot::Folder(cli.data.clone().unwrap_or_default());
+    let config = NodeConfig { throttle: cli.throttle, ..NodeConfig::new(data, cli.memory_budget) };
     let node = Arc::new(Node::new(config, raycaster)?);
     announce(&format!("listening on {address}")).context("cannot write to stdout")?;
     serve_admitted(node, listener, admission, async {

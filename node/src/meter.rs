@@ -1,9 +1,9 @@
 //! What a frame costs, counted while it is made.
 
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 use std::time::{Duration, Instant};
 
-use brickcast_proto::Receipt;
+use brickcast_proto::{ChunkCost, Receipt};
 use brickcast_volume::regions::Drawn;
 
 use crate::raycaster::BrickCounts;
@@ -13,6 +13,8 @@ use crate::raycaster::BrickCounts;
 pub struct FrameMeter {
     started: Instant,
     counts: BrickCounts,
+    costs: BTreeMap<u32, ChunkCost>,
+    work_ms: f64,
     bricks: HashSet<u32>,
     flattened: HashSet<u32>,
     uniform: HashSet<u32>,
@@ -53,6 +55,8 @@ impl FrameMeter {
         Self {
             started,
             counts: BrickCounts::default(),
+            costs: BTreeMap::new(),
+            work_ms: 0.0,
             bricks: HashSet::new(),
             flattened: HashSet::new(),
             uniform: HashSet::new(),
@@ -64,7 +68,8 @@ impl FrameMeter {
         }
     }
 
-    pub fn rendered(&mut self, brick: u32, drawn: &Drawn, counts: &BrickCounts) {
+    /// A brick (linear index) of a chunk (likewise) was rendered into one accumulator.
+    pub fn rendered(&mut self, brick: u32, chunk: u32, drawn: &Drawn, counts: &BrickCounts) {
         self.bricks.insert(brick);
         for (bricks, is) in [
             (&mut self.flattened, drawn.flattened),
@@ -75,9 +80,15 @@ impl FrameMeter {
                 bricks.insert(brick);
             }
         }
-        self.counts.samples = self.counts.samples.saturating_add(counts.samples);
-        self.counts.positions = self.counts.positions.saturating_add(counts.positions);
-        self.counts.leapt = self.counts.leapt.saturating_add(counts.leapt);
+        self.counts = self.counts.plus(*counts);
+        let cost = self.costs.entry(chunk).or_insert(ChunkCost { chunk, ..ChunkCost::default() });
+        cost.samples = cost.samples.saturating_add(counts.samples);
+        cost.skips = cost.skips.saturating_add(counts.skips);
+    }
+
+    /// A batch took so many milliseconds of the node's own time, times its throttle.
+    pub fn worked(&mut self, milliseconds: f64) {
+        self.work_ms += milliseconds;
     }
 
     pub fn loaded(&mut self, load: LoadMeter) {
@@ -106,6 +117,9 @@ impl FrameMeter {
             load_ms: self.load.milliseconds(),
             decoded_bytes: self.load.decoded_bytes,
             owned_bytes: self.load.owned_bytes,
+            skips: self.counts.skips,
+            work_ms: self.work_ms,
+            costs: self.costs.values().copied().collect(),
         }
     }
 }
@@ -134,13 +148,19 @@ mod tests {
         let mut meter = FrameMeter::new(Instant::now(), 2);
         let plain = Drawn { flattened: false, over_tolerance: false, only_region: None };
         let flat = Drawn { flattened: true, ..plain };
-        meter.rendered(7, &plain, &BrickCounts { samples: 10, positions: 9, leapt: 0 });
-        meter.rendered(7, &flat, &BrickCounts { samples: 5, positions: 20, leapt: 15 });
+        meter.rendered(7, 2, &plain, &BrickCounts { samples: 10, positions: 9, leapt: 0, skips: 1 });
+        meter.rendered(7, 2, &flat, &BrickCounts { samples: 5, positions: 20, leapt: 15, skips: 2 });
+        meter.rendered(8, 0, &plain, &BrickCounts { samples: 4, ..BrickCounts::default() });
+        meter.worked(1.5);
+        meter.worked(2.0);
         meter.answered(3, 4);
         let receipt = meter.receipt();
-        assert_eq!((receipt.bricks, receipt.samples, receipt.layers), (1, 15, 2));
+        assert_eq!((receipt.bricks, receipt.samples, receipt.layers), (2, 19, 2));
         assert_eq!((receipt.positions, receipt.leapt_positions, receipt.flattened_bricks), (29, 15, 1));
         assert_eq!((receipt.tiles, receipt.empty_tiles), (3, 4));
+        let cost = |chunk, samples, skips| ChunkCost { chunk, samples, skips };
+        assert_eq!(receipt.costs, [cost(0, 4, 0), cost(2, 15, 3)]);
+        assert_eq!((receipt.skips, receipt.work_ms), (3, 3.5));
     }
 
     #[cfg(target_os = "linux")]

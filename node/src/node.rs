@@ -1,4 +1,4 @@
-//! A node: stores, residency and a raycaster behind a fair queue of orders.
+//! A node: stores, residency and a raycaster, whose turn clients have one after the other.
 //!
 //! Stateless towards orders: a frame is exactly what its order says, and nothing of it stays but resident bricks.
 
@@ -14,12 +14,16 @@ use brickcast_proto::{
 use brickcast_volume::store::{BrickFactsTable, ChunkCache};
 use bytes::Bytes;
 use tokio::runtime::Handle;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, mpsc};
+use tokio::sync::{Semaphore, mpsc};
 use tokio::task::JoinError;
 
+use crate::client::Client;
 use crate::config::NodeConfig;
 use crate::error::NodeError;
+use crate::lanes::{Lanes, Turn};
 use crate::meter::{FrameMeter, LoadMeter, peak_resident_set};
+use crate::pace::Pace;
+use crate::quota::Caller;
 use crate::raycaster::{Features, Raycaster};
 use crate::render::{BrickChoice, TableCache, Workshop, load_bricks, render_frame};
 use crate::residency::Residency;
@@ -45,8 +49,9 @@ pub struct Node {
     residency: Residency,
     cache: ChunkCache,
     tables: TableCache,
-    /// One frame, or one batch of loading ahead, at a time; fair.
-    turn: Arc<Semaphore>,
+    pace: Pace,
+    /// One frame, or one batch of loading ahead, at a time.
+    lanes: Arc<Lanes>,
     /// The one that renders and those that wait.
     places: Arc<Semaphore>,
     draining: AtomicBool,
@@ -77,6 +82,7 @@ impl Node {
     /// A data root that is not there.
     pub fn sharing(config: NodeConfig, raycaster: Arc<dyn Raycaster>, cache: ChunkCache) -> Result<Self, NodeError> {
         let stores = Stores::new(&config.data)?;
+        let pace = Pace::new(config.throttle, raycaster.info().is_on_processor);
         Ok(Self {
             residency: Residency::new(config.memory_budget),
             config,
@@ -84,15 +90,17 @@ impl Node {
             stores,
             cache,
             tables: TableCache::default(),
-            turn: Arc::new(Semaphore::new(1)),
+            pace,
+            lanes: Arc::default(),
             places: Arc::new(Semaphore::new(MAX_WAITING + 1)),
             draining: AtomicBool::new(false),
             stopped: AtomicBool::new(false),
         })
     }
 
-    /// From now on new orders are refused; frames under way finish.
+    /// From now on new orders are refused; frames under way finish, at full speed.
     pub fn drain(&self) {
+        self.pace.hurry();
         self.draining.store(true, Ordering::Relaxed);
     }
 
@@ -106,7 +114,7 @@ impl Node {
     pub async fn idle(&self) {
         // Closed semaphores (there are none) would count as idle.
         let _places = self.places.acquire_many(MAX_WAITING as u32 + 1).await;
-        let _turn = self.turn.acquire().await;
+        let _turn = self.lanes.turn(Client::Local).await;
     }
 
     fn stopped(&self) -> bool {
@@ -118,28 +126,33 @@ impl Node {
     }
 
     fn workshop(&self) -> Workshop<'_> {
-        Workshop { raycaster: &*self.raycaster, residency: &self.residency, cache: &self.cache, tables: &self.tables }
+        let (raycaster, pace) = (&*self.raycaster, &self.pace);
+        Workshop { raycaster, residency: &self.residency, cache: &self.cache, tables: &self.tables, pace }
     }
 
     /// Takes an order; its parts come as they are made. Dropping the receiver cancels the frame.
     ///
     /// # Errors
     /// Draining, too many orders waiting, an unknown store. What goes wrong later comes through the channel.
-    pub async fn render(self: Arc<Self>, order: RenderOrder) -> Result<Parts, NodeError> {
+    pub async fn render(self: Arc<Self>, caller: Caller, order: RenderOrder) -> Result<Parts, NodeError> {
         let started = Instant::now();
         self.accepting()?;
         let place = self.places.clone().try_acquire_owned().map_err(|_| NodeError::Busy(MAX_WAITING))?;
-        let store = self.open(StoreQuery::Hash(order.store)).await?;
+        let store = self.open(&caller, StoreQuery::Hash(order.store)).await?;
         let (tx, rx) = mpsc::channel(PARTS_IN_FLIGHT);
+        let client = caller.client;
+        let turn = self.lanes.turn(client);
         tokio::spawn(async move {
-            let _place = place;
+            // Free before the stream ends: the next order may come at once.
+            let _places = (place, caller);
             let turn = tokio::select! {
-                turn = self.turn.clone().acquire_owned() => turn.ok(),
+                turn = turn => turn,
                 () = tx.closed() => return,
             };
             let worker = tx.clone();
             let node = self.clone();
-            let work = tokio::task::spawn_blocking(move || node.render_now(&order, &store, started, &worker, turn));
+            let work =
+                tokio::task::spawn_blocking(move || node.render_now(&order, &store, started, &worker, (client, turn)));
             if let Err(error) = flatten(work.await) {
                 match &error {
                     NodeError::Cancelled => tracing::debug!("{error}"),
@@ -159,8 +172,9 @@ impl Node {
         store: &OpenStore,
         started: Instant,
         parts: &mpsc::Sender<Result<FramePart, NodeError>>,
-        mut turn: Option<OwnedSemaphorePermit>,
+        (client, turn): (Client, Turn),
     ) -> Result<(), NodeError> {
+        let mut turn = Some(turn);
         let mut meter = FrameMeter::new(started, order.layers.len());
         let cancelled = || parts.is_closed() || self.stopped();
         let mut emit = |part| {
@@ -171,7 +185,7 @@ impl Node {
                 Sent::Full(part) => {
                     turn = None;
                     wait_until_taken(parts, part)?;
-                    turn = Handle::current().block_on(self.turn.clone().acquire_owned()).ok();
+                    turn = Some(Handle::current().block_on(self.lanes.turn(client)));
                     Ok(())
                 }
             }
@@ -189,22 +203,39 @@ impl Node {
 
     /// A store that reads badly is closed, so that a repaired one is found.
     fn note_broken(&self, error: &NodeError, store: &OpenStore) {
-        if matches!(error, NodeError::Store { .. }) {
+        if matches!(error, NodeError::Store { .. } | NodeError::Outside { .. }) {
             self.stores.forget(store.store.hash());
         }
     }
 
-    async fn open(self: &Arc<Self>, query: StoreQuery) -> Result<Arc<OpenStore>, NodeError> {
-        let node = self.clone();
-        flatten(tokio::task::spawn_blocking(move || node.stores.query(&query)).await)
+    async fn open(self: &Arc<Self>, caller: &Caller, query: StoreQuery) -> Result<Arc<OpenStore>, NodeError> {
+        self.aside(caller, move |node| node.stores.query(&query)).await
+    }
+
+    /// Runs blocking work, whose caller counts as served until it is done.
+    async fn aside<T: Send + 'static>(
+        self: &Arc<Self>,
+        caller: &Caller,
+        work: impl FnOnce(&Self) -> Result<T, NodeError> + Send + 'static,
+    ) -> Result<T, NodeError> {
+        let (node, caller) = (self.clone(), caller.clone());
+        let done = tokio::task::spawn_blocking(move || {
+            let _caller = caller;
+            work(&node)
+        });
+        flatten(done.await)
     }
 
     /// Manifest and brick ranges of a store.
     ///
     /// # Errors
     /// A store that is not here, or not under that name, or not with that content.
-    pub async fn describe_store(self: &Arc<Self>, query: StoreQuery) -> Result<StoreDescription, NodeError> {
-        let open = self.open(query).await?;
+    pub async fn describe_store(
+        self: &Arc<Self>,
+        caller: Caller,
+        query: StoreQuery,
+    ) -> Result<StoreDescription, NodeError> {
+        let open = self.open(&caller, query).await?;
         Ok(StoreDescription {
             name: open.name.clone(),
             hash: open.store.hash(),
@@ -219,9 +250,8 @@ impl Node {
     ///
     /// # Errors
     /// Only where looking at the stores panicked.
-    pub async fn describe(self: &Arc<Self>) -> Result<NodeDescription, NodeError> {
-        let node = self.clone();
-        let stores = flatten(tokio::task::spawn_blocking(move || Ok(node.stores.list())).await)?;
+    pub async fn describe(self: &Arc<Self>, caller: Caller) -> Result<NodeDescription, NodeError> {
+        let stores = self.aside(&caller, |node| Ok(node.stores.list())).await?;
         let info = self.raycaster.info();
         let occupancy = self.residency.occupancy();
         Ok(NodeDescription {
@@ -238,25 +268,32 @@ impl Node {
             notes: info.notes.clone(),
             threads: info.threads,
             max_resident_set: peak_resident_set(),
+            throttle: self.config.throttle,
         })
     }
 
-    /// Warms the pipelines and makes bricks resident, in the order asked and as many as the budget holds; frames get their
-    /// turn in between.
+    /// Lets go of bricks, warms the pipelines and makes bricks resident, in the order asked and as many as the budget holds;
+    /// frames get their turn in between, in the background after every brick.
     ///
     /// # Errors
     /// An unknown store or brick, a broken store, a failing adapter, draining.
-    pub async fn prepare(self: &Arc<Self>, request: PrepareRequest) -> Result<PrepareReceipt, NodeError> {
+    pub async fn prepare(
+        self: &Arc<Self>,
+        caller: Caller,
+        request: PrepareRequest,
+    ) -> Result<PrepareReceipt, NodeError> {
         self.accepting()?;
-        let store = self.open(StoreQuery::Hash(request.store)).await?;
+        let store = self.open(&caller, StoreQuery::Hash(request.store)).await?;
         let grid = store.store.manifest().grid;
         let choice = BrickChoice::new(&store.store, &request.scene, &self.tables)?;
         let mut wanted = Vec::with_capacity(request.bricks.len());
         let mut bytes = 0_u64;
+        let all = request.bricks.iter().chain(&request.release);
+        if let Some(&brick) = all.into_iter().find(|&&brick| u64::from(brick) >= grid.brick_count()) {
+            return Err(NodeError::NoSuchBrick { brick, last: grid.brick_count().saturating_sub(1) });
+        }
+        self.residency.release(request.store, &request.release);
         for &brick in &request.bricks {
-            if u64::from(brick) >= grid.brick_count() {
-                return Err(NodeError::NoSuchBrick { brick, last: grid.brick_count().saturating_sub(1) });
-            }
             // What the scene does not show need not be there.
             let Some(chosen) = choice.of(grid.brick_at(brick as usize), &*self.raycaster) else { continue };
             bytes = bytes.saturating_add(chosen.wanted.bytes);
@@ -267,7 +304,7 @@ impl Node {
         let features: HashSet<Features> = wanted.iter().map(|w| w.key.recipe.features()).collect();
         let mut load = LoadMeter::default();
         load.add(
-            self.in_turn(move |node| {
+            self.in_turn(&caller, move |node| {
                 for features in features.into_iter().chain([Features::PLAIN]) {
                     node.raycaster.warm_up(request.scene.filter, features)?;
                 }
@@ -275,9 +312,10 @@ impl Node {
             })
             .await?,
         );
-        for batch in wanted.chunks(PREPARE_BATCH) {
+        for batch in wanted.chunks(if request.background { 1 } else { PREPARE_BATCH }) {
+            self.accepting()?;
             let (batch, store) = (batch.to_vec(), store.clone());
-            let loaded = self.in_turn(move |node| {
+            let loaded = self.in_turn(&caller, move |node| {
                 let loaded = load_bricks(&batch, &store, node.workshop(), &|| node.stopped());
                 loaded.map(|(_, meter)| meter).inspect_err(|error| node.note_broken(error, &store))
             });
@@ -290,21 +328,22 @@ impl Node {
             owned_bytes: load.owned_bytes,
             resident_bytes: self.residency.occupancy().bytes,
             fits: bytes <= self.config.memory_budget,
+            bytes: self.residency.resident_bytes(&wanted),
         })
     }
 
     /// Runs blocking work when its turn comes.
     async fn in_turn<T: Send + 'static>(
         self: &Arc<Self>,
+        caller: &Caller,
         work: impl FnOnce(&Self) -> Result<T, NodeError> + Send + 'static,
     ) -> Result<T, NodeError> {
-        let turn = self.turn.clone().acquire_owned().await;
-        let node = self.clone();
-        let done = tokio::task::spawn_blocking(move || {
+        let turn = self.lanes.turn(caller.client).await;
+        self.aside(caller, move |node| {
             let _turn = turn;
-            work(&node)
-        });
-        flatten(done.await)
+            work(node)
+        })
+        .await
     }
 }
 
@@ -352,3 +391,6 @@ fn wait_until_taken(
         Err(SendTimeoutError::Timeout(_)) => Err(NodeError::Stalled(STALL_TIMEOUT.as_secs())),
     }
 }
+
+#[cfg(test)]
+mod tests;

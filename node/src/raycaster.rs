@@ -104,15 +104,18 @@ pub struct BrickCounts {
     pub positions: u64,
     /// Positions that leaps covered.
     pub leapt: u64,
+    /// Jumps by macrocells alone: turns of a ray's loop that read no texel.
+    pub skips: u64,
 }
 
 impl BrickCounts {
     #[must_use]
     pub fn plus(self, more: Self) -> Self {
         Self {
-            samples: self.samples + more.samples,
-            positions: self.positions + more.positions,
-            leapt: self.leapt + more.leapt,
+            samples: self.samples.saturating_add(more.samples),
+            positions: self.positions.saturating_add(more.positions),
+            leapt: self.leapt.saturating_add(more.leapt),
+            skips: self.skips.saturating_add(more.skips),
         }
     }
 }
@@ -176,6 +179,8 @@ pub struct BackendInfo {
     pub notes: Vec<String>,
     /// Processor threads that render; 1 where a real GPU does.
     pub threads: u32,
+    /// The processor renders, by itself or playing GPU.
+    pub is_on_processor: bool,
 }
 
 /// The GPU or the CPU kernel behind one door. Calls block; a node calls them from a blocking thread.

@@ -4,7 +4,7 @@
 //! two frames never wait for each other's bricks half-served. A thread that holds a lease must not ask for another.
 //! Each brick is loaded once, whoever asks; the least recently used go first; leased bricks stay.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -97,6 +97,30 @@ impl Residency {
         Occupancy { bytes: table.used, bricks }
     }
 
+    /// Bytes of those of `wanted` that are there.
+    #[must_use]
+    pub fn resident_bytes(&self, wanted: &[Wanted]) -> u64 {
+        let table = self.lock();
+        let slots = wanted.iter().filter_map(|w| table.slots.get(&w.key));
+        slots.filter(|slot| matches!(slot.state, State::Ready(_))).map(|slot| slot.bytes).sum()
+    }
+
+    /// Lets go of these bricks of a store (linear indices), however they are drawn, but for those that a lease holds. Returns
+    /// their bytes.
+    pub fn release(&self, store: StoreHash, bricks: &[u32]) -> u64 {
+        let bricks: HashSet<u32> = bricks.iter().copied().collect();
+        let mut table = self.lock();
+        let gone: Vec<(BrickKey, Slot)> = table
+            .slots
+            .extract_if(|key, slot| slot.pins == 0 && key.store == store && bricks.contains(&key.brick))
+            .collect();
+        let freed = gone.iter().map(|(_, slot)| slot.bytes).sum();
+        table.used = table.used.saturating_sub(freed);
+        drop(table);
+        self.changed.notify_all();
+        freed
+    }
+
     /// Holds all of `wanted` (none twice), loading what is missing; waits for bricks that others load and for room that
     /// others hold, until `cancelled`.
     ///
@@ -171,15 +195,15 @@ impl Residency {
     fn load(
         &self,
         mut claim: Claim<'_>,
-        load: &Load<'_>,
+        make: &Load<'_>,
         cancelled: &(dyn Fn() -> bool + Sync),
     ) -> Result<(), NodeError> {
         claim.keys.sort_unstable();
-        claim.keys.par_iter().try_for_each(|key| {
+        let load = |key: &BrickKey| {
             if cancelled() {
                 return Err(NodeError::Cancelled);
             }
-            let brick = load(*key)?;
+            let brick = make(*key)?;
             let mut table = self.lock();
             let now = brick.bytes();
             if let Some(slot) = table.slots.get_mut(key) {
@@ -190,7 +214,12 @@ impl Residency {
             drop(table);
             self.changed.notify_all();
             Ok(())
-        })
+        };
+        match &claim.keys[..] {
+            // Alone, it waits for its file and its texture here, not where others compute.
+            [key] => load(key),
+            keys => keys.par_iter().try_for_each(load),
+        }
     }
 
     fn lock(&self) -> MutexGuard<'_, Table> {
@@ -209,7 +238,7 @@ impl Table {
         if over == 0 || missing == 0 {
             return true;
         }
-        let keep: std::collections::HashSet<BrickKey> = keep.iter().map(|w| w.key).collect();
+        let keep: HashSet<BrickKey> = keep.iter().map(|w| w.key).collect();
         let mut idle: Vec<(u64, BrickKey, u64)> = self
             .slots
             .iter()

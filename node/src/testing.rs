@@ -1,8 +1,8 @@
 //! What the unit tests of this crate share: a volume in memory, stores, scenes, and a raycaster whose picture is known.
 
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, mpsc};
 
 use brickcast_proto::{LayerOrder, RenderOrder, TileRect};
 use brickcast_volume::brick::OwnedBox;
@@ -54,10 +54,15 @@ pub(crate) const DIMS: [u32; 3] = [40, 33, 50];
 
 /// A store of [`DIMS`] voxels in bricks of 8: 5 x 5 x 7 bricks, chunks of single bricks.
 pub(crate) fn make_store(path: &Path, value: fn(u32, u32, u32) -> u8) -> StoreHash {
+    make_store_of(8, path, value)
+}
+
+/// A store of [`DIMS`] voxels in other bricks; from 16 on they have halos.
+pub(crate) fn make_store_of(brick_size: u32, path: &Path, value: fn(u32, u32, u32) -> u8) -> StoreHash {
     let geometry = Geometry::new(DIMS, [1.0, 1.0, 1.5], [0.0; 3]).unwrap();
     let header =
         SourceHeader { geometry, voxel_type: VoxelType::U8, format: "test", space_unit: None, notes: Vec::new() };
-    let options = PrepareOptions { brick_size: 8, range: Some((0.0, 255.0)), ..PrepareOptions::default() };
+    let options = PrepareOptions { brick_size, range: Some((0.0, 255.0)), ..PrepareOptions::default() };
     prepare(&mut MemoryVolume { header, value, next: 0 }, path, &options, &mut |_| {}).unwrap().hash
 }
 
@@ -125,24 +130,46 @@ pub(crate) struct FakeRaycaster {
     pub(crate) most_alive: AtomicU64,
     pub(crate) uploads: AtomicUsize,
     pub(crate) calls: AtomicUsize,
+    /// Widths of the pictures as they were rendered, each once in a row.
+    pub(crate) widths: Mutex<Vec<u32>>,
     /// Panics in the call of this number.
     pub(crate) panic_in_call: AtomicUsize,
     /// Calls wait while this is set.
     pub(crate) is_held: AtomicBool,
+    /// Each upload waits for one of these, until the sender is gone.
+    pub(crate) permits: Mutex<Option<mpsc::Receiver<()>>>,
+    /// Uploads that wait for a permit, or have had one.
+    pub(crate) asked: AtomicUsize,
 }
 
 impl FakeRaycaster {
     pub(crate) fn new() -> Self {
-        let info = BackendInfo { backend: "cpu", adapter: "fake".to_owned(), notes: Vec::new(), threads: 1 };
+        let info = BackendInfo {
+            backend: "cpu",
+            adapter: "fake".to_owned(),
+            notes: Vec::new(),
+            threads: 1,
+            is_on_processor: true,
+        };
         Self {
             info,
             alive: Arc::default(),
             most_alive: AtomicU64::default(),
             uploads: AtomicUsize::default(),
             calls: AtomicUsize::default(),
+            widths: Mutex::default(),
             panic_in_call: AtomicUsize::new(usize::MAX),
             is_held: AtomicBool::default(),
+            permits: Mutex::default(),
+            asked: AtomicUsize::default(),
         }
+    }
+
+    /// From now on each upload waits for what comes through the sender.
+    pub(crate) fn hold_uploads(&self) -> mpsc::Sender<()> {
+        let (sender, receiver) = mpsc::channel();
+        *self.permits.lock().unwrap() = Some(receiver);
+        sender
     }
 
     fn plate(owned: &OwnedBox) -> Premul {
@@ -163,6 +190,11 @@ impl Raycaster for FakeRaycaster {
     }
 
     fn upload(&self, owned: OwnedBox, input: &BrickInput<'_>) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
+        self.asked.fetch_add(1, Ordering::SeqCst);
+        if let Some(permits) = &*self.permits.lock().unwrap() {
+            // Gone: go on without.
+            let _ = permits.recv();
+        }
         let bytes = self.brick_bytes(input.voxels.stored.voxel_count(), input.recipe);
         self.uploads.fetch_add(1, Ordering::SeqCst);
         let now = self.alive.fetch_add(bytes, Ordering::SeqCst) + bytes;
@@ -184,6 +216,10 @@ impl Raycaster for FakeRaycaster {
             std::thread::sleep(std::time::Duration::from_millis(1));
         }
         let call = self.calls.fetch_add(1, Ordering::SeqCst);
+        let mut widths = self.widths.lock().unwrap();
+        widths.push(scene.view.size().width());
+        widths.dedup();
+        drop(widths);
         assert!(call != self.panic_in_call.load(Ordering::SeqCst), "the fake was told to panic");
         let render = |job: &Job| {
             let width = job.rect.size().x as usize;
@@ -198,7 +234,7 @@ impl Raycaster for FakeRaycaster {
                     }
                 }
             }
-            let counts = vec![BrickCounts { samples: 10, positions: 10, leapt: 0 }; job.bricks.len()];
+            let counts = vec![BrickCounts { samples: 10, positions: 10, leapt: 0, skips: 4 }; job.bricks.len()];
             JobImage { rect: job.rect, pixels, counts }
         };
         Ok(jobs.iter().map(render).collect())

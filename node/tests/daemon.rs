@@ -36,7 +36,8 @@ fn help_names_the_exit_codes_and_version_the_protocol() {
     let (code, stdout, _) = run(&["--help"]);
     assert!(code == Some(0) && stdout.contains("Exit codes: 0 "), "{stdout}");
     let (code, stdout, _) = run(&["--version"]);
-    assert!(code == Some(0) && stdout.contains("(protocol 3)"), "{stdout}");
+    let protocol = format!("(protocol {})", brickcast_proto::PROTOCOL_VERSION);
+    assert!(code == Some(0) && stdout.contains(&protocol), "{stdout}");
 }
 
 /// The address of the line `listening on ADDR`.

@@ -12,6 +12,47 @@ pub const MAX_STORES: usize = 4096;
 /// The most notes that a node tells of.
 pub const MAX_NOTES: usize = 64;
 
+/// A node renders at one such part of its speed: from 1 to 100.
+#[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
+pub struct Throttle(f64);
+
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("throttle {0}: must be a number from 1 (the whole speed) to 100")]
+pub struct NotAThrottle(String);
+
+impl Throttle {
+    /// The whole speed.
+    pub const NONE: Self = Self(1.0);
+
+    /// # Errors
+    /// Below 1, above 100, or no number.
+    pub fn new(value: f64) -> Result<Self, NotAThrottle> {
+        if (1.0..=100.0).contains(&value) { Ok(Self(value)) } else { Err(NotAThrottle(value.to_string())) }
+    }
+
+    #[must_use]
+    pub fn get(self) -> f64 {
+        self.0
+    }
+}
+
+/// Never NaN.
+impl Eq for Throttle {}
+
+impl Default for Throttle {
+    fn default() -> Self {
+        Self::NONE
+    }
+}
+
+impl std::str::FromStr for Throttle {
+    type Err = NotAThrottle;
+
+    fn from_str(text: &str) -> Result<Self, NotAThrottle> {
+        text.trim().parse().map_err(|_| NotAThrottle(super::convert::clip(text, 64))).and_then(Self::new)
+    }
+}
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum NodeState {
     #[default]
@@ -62,6 +103,7 @@ pub struct NodeDescription {
     pub threads: u32,
     /// Peak resident set of the process, bytes; 0 where the system does not tell.
     pub max_resident_set: u64,
+    pub throttle: Throttle,
 }
 
 /// Which store a client asks for.
@@ -97,6 +139,10 @@ pub struct PrepareRequest {
     pub bricks: Vec<u32>,
     /// What is loaded of the bricks and which pipelines are warmed; its camera does not matter.
     pub scene: Scene,
+    /// One brick at a time: no frame waits for more than that.
+    pub background: bool,
+    /// Bricks to let go of before any is loaded, but for those that a frame uses just now; none twice, none that is asked for.
+    pub release: Vec<u32>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -108,4 +154,6 @@ pub struct PrepareReceipt {
     pub resident_bytes: u64,
     /// False where the budget holds fewer bricks than asked: frames will load on the way.
     pub fits: bool,
+    /// Of the bricks asked for, those that are resident now.
+    pub bytes: u64,
 }

@@ -14,11 +14,11 @@ pub mod tile_rect;
 pub mod transport;
 
 pub use cluster::{
-    NodeDescription, NodeState, PrepareReceipt, PrepareRequest, StoreDescription, StoreName, StoreQuery,
+    NodeDescription, NodeState, PrepareReceipt, PrepareRequest, StoreDescription, StoreName, StoreQuery, Throttle,
 };
 pub use convert::WireError;
 pub use order::{LayerOrder, RenderOrder};
-pub use part::{FramePart, Part, Receipt, TilePart};
+pub use part::{ChunkCost, FramePart, Part, Receipt, TilePart};
 pub use status::{Failure, Fault, Retry};
 pub use tile::{EncodedTile, TileError, decode_tile, encode_tile};
 pub use tile_rect::{TILE, TileRect};

@@ -31,8 +31,30 @@ pub struct TilePart {
     pub pixels: EncodedTile,
 }
 
+/// What the rays of a frame did in one chunk on one node.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct ChunkCost {
+    /// Linear index, x fastest.
+    pub chunk: u32,
+    /// Reads of the volume, codes or labels, probes included.
+    pub samples: u64,
+    /// Jumps that read nothing of these.
+    pub skips: u64,
+}
+
+impl ChunkCost {
+    /// What a skip costs where a sample costs 1.
+    pub const SKIP: f64 = 0.3;
+
+    /// In units of one sample.
+    #[must_use]
+    pub fn units(&self) -> f64 {
+        self.samples as f64 + Self::SKIP * self.skips as f64
+    }
+}
+
 /// What a frame cost on one node.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub struct Receipt {
     /// Wall milliseconds from order to last tile; finite, not negative.
     pub render_ms: f64,
@@ -60,4 +82,12 @@ pub struct Receipt {
     pub uniform_bricks: u32,
     /// Bricks that could leap, and that the scene's tolerance forbids it.
     pub over_tolerance_bricks: u32,
+    /// Turns of rays that jumped and read nothing but a macrocell.
+    pub skips: u64,
+    /// Milliseconds of the node's own in rendering, loading left out, times its throttle; finite, not negative. Where the
+    /// processor renders, processor time of the process, all threads together: nodes inside one process share that clock, so
+    /// that each counts what the others do meanwhile. Wall time where a GPU does.
+    pub work_ms: f64,
+    /// Of the chunks that were rendered, by strictly increasing index, at most [`crate::order::MAX_CHUNKS`].
+    pub costs: Vec<ChunkCost>,
 }

@@ -117,8 +117,9 @@ fn accelerated(
     // The first sample at which the map may say something new, and whether it is asked there.
     var k_look = k;
     var look = MAP;
-    // Reads of texels; positions skipped and leapt.
+    // Reads of texels; jumps that read none; positions skipped and leapt.
     var reads = 0.0;
+    var jumps_unread = 0.0;
     var skipped = 0.0;
     var leapt = 0.0;
     while k < k_out && sum.a < frame.stop_alpha {
@@ -188,12 +189,16 @@ fn accelerated(
             probes = select(probes, ENTRY_PROBES, is_empty);
             last = select(code, last, is_empty);
         }
+        jumps_unread += select(0.0, 1.0, is_empty || is_alike);
         skipped += select(0.0, n, is_empty);
         leapt += select(0.0, n, is_leap || is_alike);
         k += n;
     }
     accumulator[slot] = sum;
     atomicAdd(&counters[4u * brick.counter], u32(reads));
+    if MAP {
+        atomicAdd(&counters[4u * brick.counter + 3u], u32(jumps_unread));
+    }
     // Else every position is one read (layout.rs, `reads_every_position`).
     if LEAP || REGIONS || asks_always {
         atomicAdd(&counters[4u * brick.counter + 1u], u32(k - owned.k - skipped));

@@ -18,7 +18,8 @@ pub fn binaries() -> PathBuf {
             let test = std::env::current_exe().expect("the test's own path");
             let folder = test.parent().and_then(Path::parent).expect("target/<profile>/deps/<test>").to_path_buf();
             let mut build = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-            build.args(["build", "--quiet", "--package", "brickcast", "--package", "brickcast-node", "--bins"]);
+            // The whole workspace: of a part of it, dependencies would have other features and be built again.
+            build.args(["build", "--quiet", "--workspace", "--bins"]);
             build.current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));
             build.env("CARGO_TARGET_DIR", folder.parent().expect("target"));
             if folder.ends_with("release") {
@@ -76,13 +77,27 @@ impl NodeProcess {
         Self::start_at(data, "127.0.0.1:0", extra)
     }
 
+    /// As [`NodeProcess::start`], with variables of the environment.
+    ///
+    /// # Panics
+    /// As [`NodeProcess::start`].
+    #[must_use]
+    pub fn start_with(data: &Path, extra: &[&str], variables: &[(&str, &str)]) -> Self {
+        let mut command = Command::new(binaries().join("brickcast-node"));
+        command.envs(variables.iter().copied());
+        Self::listening(command, data, "127.0.0.1:0", extra)
+    }
+
     /// As [`NodeProcess::start`], on a port that the test chose, e.g. of a node that died.
     ///
     /// # Panics
     /// As [`NodeProcess::start`].
     #[must_use]
     pub fn start_at(data: &Path, listen: &str, extra: &[&str]) -> Self {
-        let mut command = Command::new(binaries().join("brickcast-node"));
+        Self::listening(Command::new(binaries().join("brickcast-node")), data, listen, extra)
+    }
+
+    fn listening(mut command: Command, data: &Path, listen: &str, extra: &[&str]) -> Self {
         command.args(["--listen", listen, "--data"]).arg(data).args(extra);
         let mut child = command.stdout(Stdio::piped()).spawn().expect("brickcast-node runs");
         let stdout = child.stdout.take().expect("a pipe");

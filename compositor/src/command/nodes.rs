@@ -1,6 +1,6 @@
 //! `brickcast nodes`
 
-use brickcast_proto::StoreName;
+use brickcast_proto::{NodeDescription, StoreName, Throttle};
 use comfy_table::Table;
 use serde_json::json;
 
@@ -38,6 +38,7 @@ pub async fn run(args: NodesArgs) -> Result<(), Failure> {
                 Ok(n) => json!({
                     "address": address, "node_id": n.node_id, "state": n.state.as_str(), "version": n.version,
                     "protocol": n.protocol, "backend": n.backend, "adapter": n.adapter, "threads": n.threads,
+                    "throttle": n.throttle.get(),
                     "memory_budget": n.memory_budget, "memory_used": n.memory_used,
                     "resident_bricks": n.resident_bricks, "max_resident_set": n.max_resident_set, "notes": n.notes,
                     "stores": n.stores.iter().map(|s| json!({ "name": s.name, "hash": s.hash.to_string() })).collect::<Vec<_>>(),
@@ -54,7 +55,7 @@ pub async fn run(args: NodesArgs) -> Result<(), Failure> {
                 Ok(n) => table.add_row([
                     address.clone(),
                     n.state.as_str().to_owned(),
-                    n.backend.clone(),
+                    backend(n),
                     n.adapter.clone(),
                     format!("{} of {}", bytes(n.memory_used), bytes(n.memory_budget)),
                     n.resident_bricks.to_string(),
@@ -66,6 +67,12 @@ pub async fn run(args: NodesArgs) -> Result<(), Failure> {
         print(&format!("{table}\n"))?;
     }
     if failed.is_empty() { Ok(()) } else { Err(anyhow::anyhow!(failed.join("; ")).into()) }
+}
+
+/// With its throttle, if it has one.
+fn backend(node: &NodeDescription) -> String {
+    let throttle = (node.throttle > Throttle::NONE).then(|| format!(" (throttle {})", node.throttle.get()));
+    [&node.backend, throttle.as_deref().unwrap_or_default()].concat()
 }
 
 /// The first few names; `--json` has them all.

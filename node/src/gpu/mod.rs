@@ -131,7 +131,8 @@ impl GpuRaycaster {
         let kernels = Kernels::new(&gpu, norm16, exact_only).map_err(failed)?;
         let threads =
             if gpu.is_software { std::thread::available_parallelism().map_or(1, |n| n.get() as u32) } else { 1 };
-        let info = BackendInfo { backend: "gpu", adapter: gpu.name.clone(), notes, threads };
+        let info =
+            BackendInfo { backend: "gpu", adapter: gpu.name.clone(), notes, threads, is_on_processor: gpu.is_software };
         let accumulator_bytes = options
             .accumulator_bytes
             .min(gpu.limits.max_storage_buffer_binding_size)

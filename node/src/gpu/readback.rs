@@ -18,7 +18,7 @@ use crate::raycaster::{BrickCounts, Job, JobImage, KernelScene, RaycastError, ne
 
 /// The most dispatches of one submission.
 const SUBMIT_DISPATCHES: usize = 1024;
-/// Reads, positions, positions leapt, none.
+/// Reads, positions, positions leapt, jumps that read none.
 const COUNTER_BYTES: u64 = 16;
 
 /// Buffers that live from call to call.
@@ -284,7 +284,7 @@ fn collect(
             let number = |i: usize| u64::from(u32::from_le_bytes(counter.as_chunks::<4>().0[i]));
             let positions = number(usize::from(!dispatch.uniform.reads_every_position(dispatch.features)));
             let counts = &mut images[dispatch.job].counts[dispatch.brick];
-            *counts = counts.plus(BrickCounts { samples: number(0), positions, leapt: number(2) });
+            *counts = counts.plus(BrickCounts { samples: number(0), positions, leapt: number(2), skips: number(3) });
         }
     })
 }

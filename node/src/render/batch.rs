@@ -8,7 +8,7 @@ use brickcast_volume::Premul;
 use brickcast_volume::regions::Region;
 use brickcast_volume::store::{ChunkCache, Store};
 
-use super::plan::{FramePlan, Unit};
+use super::plan::{FramePlan, PlannedBrick, Unit};
 use super::{MAX_BATCH_BYTES, Workshop};
 use crate::error::NodeError;
 use crate::meter::{FrameMeter, LoadMeter};
@@ -68,10 +68,15 @@ impl<'a> Batches<'a> {
                 rect: unit.rect,
             })
             .collect();
-        let images = self.workshop.raycaster.render(&self.plan.scene, &jobs)?;
+        let workshop = self.workshop;
+        let render = || workshop.raycaster.render(&self.plan.scene, &jobs);
+        let (images, work_ms) = workshop.pace.work(self.cancelled, render)?;
+        meter.worked(work_ms);
         for (unit, image) in units.iter().zip(&images) {
             for (position, counts) in unit.bricks.iter().zip(&image.counts) {
-                meter.rendered(key(position).brick, &self.plan.bricks[*position].drawn, counts);
+                let PlannedBrick { wanted, drawn, index, .. } = &self.plan.bricks[*position];
+                let tree = &self.plan.tree;
+                meter.rendered(wanted.key.brick, tree.chunk_linear(tree.chunk_of(*index)), drawn, counts);
             }
         }
         self.finished = images.into();
@@ -157,7 +162,7 @@ fn load_brick(
     raycaster: &dyn Raycaster,
     cache: &ChunkCache,
 ) -> Result<Arc<dyn ResidentBrick>, NodeError> {
-    let broken = |source| NodeError::Store { name: store.name.clone(), source };
+    let broken = |source| NodeError::of_store(&store.name, source);
     let (grid, recipe, store) = (store.store.manifest().grid, key.recipe, &store.store);
     let index = grid.brick_at(key.brick as usize);
     let owned = grid.owned_box(index);

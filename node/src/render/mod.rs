@@ -19,6 +19,7 @@ pub use tables::TableCache;
 
 use crate::error::NodeError;
 use crate::meter::FrameMeter;
+use crate::pace::Pace;
 use crate::raycaster::Raycaster;
 use crate::residency::Residency;
 use crate::stores::OpenStore;
@@ -40,6 +41,7 @@ pub struct Workshop<'a> {
     pub residency: &'a Residency,
     pub cache: &'a ChunkCache,
     pub tables: &'a TableCache,
+    pub pace: &'a Pace,
 }
 
 /// Renders `order` and hands every ordered (layer, tile) pair to `emit` exactly once, as pixels or as an empty; the receipt

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use brickcast_proto::{Part, RenderOrder, TileRect, decode_tile};
+use brickcast_proto::{ChunkCost, Part, Receipt, RenderOrder, Throttle, TileRect, decode_tile};
 use brickcast_volume::store::{ChunkCache, Store};
 use brickcast_volume::{MergeTree, Orbit, Premul, TreeNode, View, over};
 
@@ -16,6 +16,7 @@ struct Bench {
     store: OpenStore,
     cache: ChunkCache,
     tables: TableCache,
+    pace: Pace,
 }
 
 impl Bench {
@@ -24,7 +25,8 @@ impl Bench {
         let path = folder.path().join("ramp");
         make_store(&path, ramp);
         let store = OpenStore { name: "ramp".to_owned(), store: Store::open(&path).unwrap() };
-        Self { _folder: folder, store, cache: ChunkCache::new(1 << 24), tables: TableCache::default() }
+        let (cache, tables, pace) = (ChunkCache::new(1 << 24), TableCache::default(), Pace::new(Throttle::NONE, true));
+        Self { _folder: folder, store, cache, tables, pace }
     }
 
     fn tree(&self) -> MergeTree {
@@ -38,16 +40,20 @@ impl Bench {
         order
     }
 
+    fn workshop<'a>(&'a self, raycaster: &'a dyn Raycaster, residency: &'a Residency) -> Workshop<'a> {
+        Workshop { raycaster, residency, cache: &self.cache, tables: &self.tables, pace: &self.pace }
+    }
+
     fn render(&self, order: &RenderOrder, raycaster: &dyn Raycaster, budget: u64) -> Result<Frame, NodeError> {
         let residency = Residency::new(budget);
-        let workshop = Workshop { raycaster, residency: &residency, cache: &self.cache, tables: &self.tables };
+        let workshop = self.workshop(raycaster, &residency);
         let mut frame = Frame::default();
         let mut meter = FrameMeter::new(std::time::Instant::now(), order.layers.len());
         render_frame(order, &self.store, workshop, &mut meter, &|| false, &mut |part| {
             frame.add(order, part);
             Ok(())
         })?;
-        frame.bricks = meter.receipt().bricks;
+        frame.receipt = meter.receipt();
         Ok(frame)
     }
 }
@@ -57,7 +63,7 @@ struct Frame {
     /// Answers per ordered (layer, tile).
     answers: HashMap<(TreeNode, [u32; 2]), u32>,
     pictures: HashMap<TreeNode, Vec<Premul>>,
-    bricks: u32,
+    receipt: Receipt,
 }
 
 impl Frame {
@@ -180,7 +186,7 @@ fn a_budget_smaller_than_the_frame_streams_the_same_picture() {
         let most = tight.most_alive.load(std::sync::atomic::Ordering::SeqCst);
         assert!(most <= brick * 5, "{most} bytes lived at once");
         assert!(tight.calls.load(std::sync::atomic::Ordering::SeqCst) > 1);
-        assert_eq!(want.bricks, got.bricks);
+        assert_eq!(want.receipt.bricks, got.receipt.bricks);
     }
 }
 
@@ -213,6 +219,37 @@ fn exact_pictures_have_the_same_bits_for_every_assignment_and_budget() {
     assert!(difference(&default, &want) <= 1.0 / 255.0);
 }
 
+/// What each chunk cost is told with its own index, whoever renders it: the costs of all parts of an assignment are those of
+/// the whole.
+#[test]
+fn costs_are_told_by_chunk_and_are_the_same_for_every_assignment() {
+    let bench = Bench::new();
+    let raycaster = CpuRaycaster::new();
+    let mut order = bench.order(97, 61, true);
+    // Or hidden bricks would be started in the whole that are not in the parts.
+    order.scene.early_termination = 1.0;
+    order.scene.acceleration.skip_empty = true;
+    let costs = |order: &RenderOrder| {
+        let receipt = bench.render(order, &raycaster, 1 << 30).unwrap().receipt;
+        let sum = |of: fn(&ChunkCost) -> u64| receipt.costs.iter().map(of).sum::<u64>();
+        assert_eq!((receipt.samples, receipt.skips), (sum(|c| c.samples), sum(|c| c.skips)));
+        assert!(receipt.costs.windows(2).all(|c| c[0].chunk < c[1].chunk));
+        receipt.costs
+    };
+    let whole = costs(&order);
+    assert!(whole.iter().map(|c| c.skips).sum::<u64>() > 0 && whole.iter().filter(|c| c.samples > 0).count() > 50);
+    let tree = bench.tree();
+    let mut parts = Vec::new();
+    for part in split(&bench, &order, 3) {
+        let ordered: Vec<u32> = part.layers.iter().flat_map(|l| l.chunks.clone()).collect();
+        let costs = costs(&part);
+        assert!(costs.iter().all(|c| ordered.contains(&c.chunk) && u64::from(c.chunk) < tree.chunk_count()));
+        parts.extend(costs);
+    }
+    parts.sort_unstable_by_key(|c| c.chunk);
+    assert_eq!(parts, whole);
+}
+
 #[test]
 fn orders_that_do_not_fit_the_store_are_refused() {
     let bench = Bench::new();
@@ -234,8 +271,7 @@ fn orders_that_do_not_fit_the_store_are_refused() {
 fn a_cancelled_frame_stops_at_its_next_batch() {
     let bench = Bench::new();
     let (raycaster, residency) = (FakeRaycaster::new(), Residency::new(5 * 2000));
-    let workshop =
-        Workshop { raycaster: &raycaster, residency: &residency, cache: &bench.cache, tables: &bench.tables };
+    let workshop = bench.workshop(&raycaster, &residency);
     let order = bench.order(120, 80, true);
     let mut meter = FrameMeter::new(std::time::Instant::now(), 1);
     let calls = || raycaster.calls.load(std::sync::atomic::Ordering::SeqCst);

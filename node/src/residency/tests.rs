@@ -45,6 +45,24 @@ fn the_least_recently_used_bricks_go_first() {
 }
 
 #[test]
+fn released_bricks_go_at_once_but_not_what_a_lease_holds_nor_another_stores() {
+    let residency = Residency::new(100);
+    let mut wanted = want(&[0, 1, 2, 3]);
+    wanted[3].key.store = StoreHash(2);
+    wanted.push(Wanted { key: BrickKey { ghost: 2, ..wanted[0].key }, bytes: 10 });
+    drop(residency.lease(&wanted, &load, &|| false).unwrap());
+    let held = residency.lease(&wanted[1..2], &load, &|| false).unwrap();
+    assert_eq!(residency.resident_bytes(&wanted), 50);
+    // 0 goes in both its forms, 1 is held, 3 is another store's, 9 was never there.
+    assert_eq!(residency.release(StoreHash(1), &[0, 1, 3, 9]), 20);
+    assert_eq!(residency.occupancy(), Occupancy { bytes: 30, bricks: 3 });
+    assert_eq!(residency.resident_bytes(&wanted), 30);
+    drop(held);
+    assert_eq!(residency.release(StoreHash(1), &[0, 1]), 10, "no lease holds it any more");
+    assert_eq!(residency.occupancy(), Occupancy { bytes: 20, bricks: 2 });
+}
+
+#[test]
 fn leased_bricks_stay_and_who_needs_their_room_waits() {
     let residency = Residency::new(40);
     let held = residency.lease(&want(&[0, 1, 2]), &load, &|| false).unwrap();

@@ -105,13 +105,14 @@ fn volumes() -> [Labelled; 2] {
 
 fn assert_twins(gpu: &dyn Raycaster, filters: &[Filter]) {
     let cpu = cpu();
-    let (mut pixels, mut beyond) = (0, 0);
-    for volume in &volumes() {
+    let (mut pixels, mut beyond, mut skips) = (0, 0, 0);
+    let [part, stretched] = volumes();
+    for volume in [part, stretched, Labelled::balls(DIMS, [1.0; 3])] {
         for way in &WAYS {
             for (at, step) in [(0, 0.5), (1, 1.0), (2, 0.25), (4, 0.5), (7, 2.0)] {
-                let twin = render(&cpu, volume, way, at, step, Filter::Exact);
+                let twin = render(&cpu, &volume, way, at, step, Filter::Exact);
                 for &filter in filters {
-                    let image = render(gpu, volume, way, at, step, filter);
+                    let image = render(gpu, &volume, way, at, step, filter);
                     let what = format!("{}, {}, step {step}, {filter:?}", way.name, VIEWPOINTS[at].name);
                     let d = difference(&image.pixels, &twin.pixels);
                     assert!(d.mean < 0.05 / 255.0, "{what}: {d:?}");
@@ -119,7 +120,10 @@ fn assert_twins(gpu: &dyn Raycaster, filters: &[Filter]) {
                     beyond += d.beyond;
                     // Rays do the same but for rounding.
                     let (a, b) = (image.total(), twin.total());
-                    for (a, b) in [(a.samples, b.samples), (a.positions, b.positions), (a.leapt, b.leapt)] {
+                    skips += b.skips;
+                    for (a, b) in
+                        [(a.samples, b.samples), (a.positions, b.positions), (a.leapt, b.leapt), (a.skips, b.skips)]
+                    {
                         assert!(
                             a.abs_diff(b) as f64 <= 0.02 * b as f64 + 40.0,
                             "{what}: {image:?} {twin:?}",
@@ -131,6 +135,7 @@ fn assert_twins(gpu: &dyn Raycaster, filters: &[Filter]) {
             }
         }
     }
+    assert!(skips > 10_000, "{skips}");
     assert!(beyond * 10_000 <= pixels, "{beyond} of {pixels} pixels differ by more than 2/255");
 }
 

@@ -35,7 +35,18 @@ fn part(p: IVec3) -> (u16, u32) {
     }
 }
 
+/// Balls in air, far enough apart that macrocells between them are empty, in whatever brick.
+fn ball(p: IVec3) -> (u16, u32) {
+    let cell = p.div_euclid(IVec3::splat(8));
+    let is_ball = (p - (cell * 8 + 4)).length_squared() <= 6 && cell.element_sum() % 2 == 0;
+    if is_ball { (40_000 + noise(p) % 1300, 0) } else { (2000 + noise(p) % 300, 1) }
+}
+
 impl Labelled {
+    pub(crate) fn balls(dims: [u32; 3], spacing: [f64; 3]) -> Self {
+        Self::new(dims, spacing, ball)
+    }
+
     pub(crate) fn part(dims: [u32; 3], spacing: [f64; 3]) -> Self {
         Self::new(dims, spacing, part)
     }

@@ -8,7 +8,7 @@ use bytes::Bytes;
 use super::{WireError, at_most, duration, text};
 use crate::cluster::{
     MAX_NOTES, MAX_STORES, MAX_TEXT, NodeDescription, NodeState, PrepareReceipt, PrepareRequest, StoreDescription,
-    StoreName, StoreQuery,
+    StoreName, StoreQuery, Throttle,
 };
 use crate::wire;
 
@@ -29,6 +29,7 @@ impl From<NodeDescription> for wire::NodeDescription {
             notes: node.notes,
             threads: node.threads,
             max_resident_set: node.max_resident_set,
+            throttle: node.throttle.get(),
         }
     }
 }
@@ -60,6 +61,8 @@ impl TryFrom<wire::NodeDescription> for NodeDescription {
             notes: node.notes.into_iter().map(|n| text("note", n, MAX_TEXT)).collect::<Result<_, _>>()?,
             threads: node.threads,
             max_resident_set: node.max_resident_set,
+            // Left out: the whole speed.
+            throttle: if node.throttle == 0.0 { Throttle::NONE } else { Throttle::new(node.throttle)? },
         })
     }
 }
@@ -131,7 +134,13 @@ impl TryFrom<wire::StoreDescription> for StoreDescription {
 
 impl From<PrepareRequest> for wire::PrepareRequest {
     fn from(request: PrepareRequest) -> Self {
-        Self { store_hash: request.store.to_string(), bricks: request.bricks, scene: Some((&request.scene).into()) }
+        Self {
+            store_hash: request.store.to_string(),
+            bricks: request.bricks,
+            scene: Some((&request.scene).into()),
+            background: request.background,
+            release: request.release,
+        }
     }
 }
 
@@ -139,8 +148,11 @@ impl TryFrom<wire::PrepareRequest> for PrepareRequest {
     type Error = WireError;
 
     fn try_from(request: wire::PrepareRequest) -> Result<Self, WireError> {
-        at_most("bricks", request.bricks.len(), MAX_BRICKS as usize)?;
-        let mut sorted = request.bricks.clone();
+        for list in [&request.bricks, &request.release] {
+            at_most("bricks", list.len(), MAX_BRICKS as usize)?;
+        }
+        // Nor may a brick be asked for and let go of.
+        let mut sorted = [&request.bricks[..], &request.release].concat();
         sorted.sort_unstable();
         if let Some(pair) = sorted.windows(2).find(|p| p[0] == p[1]) {
             return Err(WireError::Twice { what: "brick", index: pair[0] });
@@ -154,6 +166,8 @@ impl TryFrom<wire::PrepareRequest> for PrepareRequest {
             store: request.store_hash.parse()?,
             bricks: request.bricks,
             scene: request.scene.ok_or(WireError::Missing("scene"))?.try_into()?,
+            background: request.background,
+            release: request.release,
         })
     }
 }
@@ -167,6 +181,7 @@ impl From<PrepareReceipt> for wire::PrepareReceipt {
             owned_bytes: r.owned_bytes,
             resident_bytes: r.resident_bytes,
             fits: r.fits,
+            bytes: r.bytes,
         }
     }
 }
@@ -182,6 +197,7 @@ impl TryFrom<wire::PrepareReceipt> for PrepareReceipt {
             owned_bytes: r.owned_bytes,
             resident_bytes: r.resident_bytes,
             fits: r.fits,
+            bytes: r.bytes,
         })
     }
 }

@@ -13,6 +13,7 @@ use brickcast_volume::transfer_function::TransferFunctionError;
 use brickcast_volume::visibility::ViewError;
 use brickcast_volume::{StoreHash, TreeNode};
 
+use crate::cluster::NotAThrottle;
 use crate::tile::TileError;
 use crate::tile_rect::TileRect;
 
@@ -29,6 +30,8 @@ pub enum WireError {
     Text { what: &'static str, got: usize, max: usize },
     #[error("{what} = {value}: must be finite and not negative")]
     Duration { what: &'static str, value: f64 },
+    #[error(transparent)]
+    Throttle(#[from] NotAThrottle),
     #[error(transparent)]
     StoreHash(#[from] NotAStoreHash),
     #[error(transparent)]

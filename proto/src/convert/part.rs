@@ -4,7 +4,8 @@ use brickcast_volume::{Epoch, FrameId};
 
 use super::scene::{format_from_wire, format_to_wire};
 use super::{WireError, at_most, duration, tree_node};
-use crate::part::{FramePart, Part, Receipt, TilePart};
+use crate::order::MAX_CHUNKS;
+use crate::part::{ChunkCost, FramePart, Part, Receipt, TilePart};
 use crate::tile::EncodedTile;
 use crate::tile_rect::MAX_TILES;
 use crate::wire;
@@ -53,6 +54,13 @@ impl From<Receipt> for wire::Receipt {
             flattened_bricks: r.flattened_bricks,
             uniform_bricks: r.uniform_bricks,
             over_tolerance_bricks: r.over_tolerance_bricks,
+            skips: r.skips,
+            work_ms: r.work_ms,
+            costs: r
+                .costs
+                .into_iter()
+                .map(|c| wire::ChunkCost { chunk: c.chunk, samples: c.samples, skips: c.skips })
+                .collect(),
         }
     }
 }
@@ -61,6 +69,10 @@ impl TryFrom<wire::Receipt> for Receipt {
     type Error = WireError;
 
     fn try_from(r: wire::Receipt) -> Result<Self, WireError> {
+        at_most("chunks with a cost", r.costs.len(), MAX_CHUNKS)?;
+        if let Some(pair) = r.costs.windows(2).find(|p| p[0].chunk >= p[1].chunk) {
+            return Err(WireError::Order { what: "chunks with a cost", before: pair[0].chunk, after: pair[1].chunk });
+        }
         Ok(Self {
             render_ms: duration("render_ms", r.render_ms)?,
             samples: r.samples,
@@ -76,6 +88,13 @@ impl TryFrom<wire::Receipt> for Receipt {
             flattened_bricks: r.flattened_bricks,
             uniform_bricks: r.uniform_bricks,
             over_tolerance_bricks: r.over_tolerance_bricks,
+            skips: r.skips,
+            work_ms: duration("work_ms", r.work_ms)?,
+            costs: r
+                .costs
+                .into_iter()
+                .map(|c| ChunkCost { chunk: c.chunk, samples: c.samples, skips: c.skips })
+                .collect(),
         })
     }
 }

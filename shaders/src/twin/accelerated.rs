@@ -45,6 +45,8 @@ pub struct RayCounts {
     pub positions: u32,
     /// Positions that leaps covered.
     pub leapt: u32,
+    /// Jumps by the map alone: turns of the loop that read no texel.
+    pub skips: u32,
 }
 
 /// Who watches a ray, and which rules it breaks: tests watch the production loop, and show that each rule is needed.
@@ -176,6 +178,7 @@ pub fn accelerated_ray<W: Watch>(
             let lo = std::array::from_fn(|a| (cell[a] + brick.cell_lo[a] - reach) as f32 * edge);
             let hi = std::array::from_fn(|a| (cell[a] + brick.cell_lo[a] + 1 + reach) as f32 * edge);
             let k_exit = sample_at(frame, leaves(ray, lo, hi), k_out).max(k + 1.0);
+            counts.skips += u32::from(empty > 0 || alike > 0);
             if empty > 0 {
                 k = k_exit;
                 probes = if data.means.is_some() { W::ENTRY_PROBES } else { 0 };

@@ -79,7 +79,7 @@ impl<'a> Mapped<'a> {
         let data = BrickData { texels: codes, means: None, map: Some((map, *dims)), flags: &[] };
         let tables = Tables { table: &table.entries, region: None };
         let (plain, n) = raycast_ray(frame, uniform, codes, &table.entries, ray, Premul::CLEAR);
-        let counts = RayCounts { samples: n, positions: n, leapt: 0 };
+        let counts = RayCounts { samples: n, positions: n, ..RayCounts::default() };
         [(plain, counts), accelerated_ray(frame, uniform, &data, &tables, ray, Premul::CLEAR, watch)]
     }
 }
@@ -93,17 +93,22 @@ fn skipping_changes_no_bit() {
         let table = table(from);
         let counts = table.opaque_counts();
         for (step, edge, size) in [(0.5, 4, 16), (1.0, 8, 64), (0.25, 4, 64), (2.0, 4, 8)] {
-            let (mut plain_samples, mut samples) = (0, 0);
+            let (mut plain_samples, mut samples, mut skips) = (0, 0, 0);
             for owned in field.bricks(size) {
                 let brick = Mapped::new(&field, &owned, (&table, &counts), step, edge, None);
                 for ray in &rays {
                     let [plain, skipping] = brick.both(ray, &mut Unwatched);
                     assert_eq!(plain.0, skipping.0, "from {from}, step {step}, cells of {edge}");
+                    let left_out = plain.1.samples - skipping.1.samples;
+                    // A skip leaves out at least one sample, and may leave out many.
+                    assert!(skipping.1.skips <= left_out && (skipping.1.skips > 0) == (left_out > 0));
                     plain_samples += plain.1.samples;
                     samples += skipping.1.samples;
+                    skips += skipping.1.skips;
                 }
             }
             assert!(f64::from(samples) <= share * f64::from(plain_samples), "{samples} of {plain_samples} from {from}");
+            assert!(step > 1.0 || skips < (plain_samples - samples) / 2 || share == 1.0, "{skips} skips from {from}");
         }
     }
 }
@@ -163,6 +168,8 @@ fn homogeneous_cells_err_by_no_more_than_their_width() {
                 let [plain, leaping] = brick.both(ray, &mut values);
                 assert_eq!(leaping.1.positions, plain.1.positions);
                 leapt += leaping.1.leapt;
+                // Every turn of the loop takes a value: it was read, or jumped over by the map alone.
+                assert_eq!(leaping.1.samples + leaping.1.skips, values.0.len() as u32);
                 for (k, n, value) in values.0 {
                     for k in (0..n as u32).map(|i| k + i as f32) {
                         let t = k * 0.5;

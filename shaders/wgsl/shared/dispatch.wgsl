@@ -8,7 +8,7 @@ var<private> frame: FrameUniform;
 var<private> brick: BrickUniform;
 // Premultiplied colour and opacity.
 @group(1) @binding(1) var<storage, read_write> accumulator: array<vec4<f32>>;
-// Four for each dispatch: reads of texels, positions, positions leapt, none.
+// Four for each dispatch: reads of texels, positions, positions leapt, jumps that read none.
 @group(1) @binding(2) var<storage, read_write> counters: array<atomic<u32>>;
 
 fn load_uniforms() {
