@@ -7,8 +7,11 @@ use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 
 use crate::accel_args::AccelArgs;
 use crate::access::AccessArgs;
+use crate::balance_args::BalanceArgs;
+use crate::balance_choice::BalanceChoice;
+use crate::bench_args::BenchArgs;
+use crate::camera_path::CameraPath;
 use crate::cli_values::{deadline, pair, picture_size, triple};
-use crate::command::bench_table::TableArg;
 use crate::command::config::ConfigArgs;
 use crate::command::tls::TlsArgs;
 use crate::failure::EXIT_CODES;
@@ -53,6 +56,8 @@ pub enum Command {
     Nodes(NodesArgs),
     /// Compare backends and node counts, or accelerations, on one view
     Bench(Box<BenchArgs>),
+    /// Render a sequence, or model a cluster, and show how the work is shared out between nodes
+    Balance(Box<BalanceArgs>),
     /// Show the settings that hold, and where each came from: flag, environment, configuration file, default
     Config(Box<ConfigArgs>),
     /// Make certificates and a token for a cluster
@@ -300,6 +305,9 @@ pub struct RenderArgs {
     /// Render a sequence: OUT_0000.png, ... or one .apng
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Output")]
     pub frames: u32,
+    /// How the camera moves over the sequence
+    #[arg(long, value_enum, default_value_t, help_heading = "Output")]
+    pub camera_path: CameraPath,
     /// Degrees that the sequence turns around the focal point [default: 360]
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, help_heading = "Output")]
     pub orbit: Option<f64>,
@@ -320,6 +328,8 @@ pub struct RenderArgs {
     pub dry_run: bool,
     #[command(flatten)]
     pub nodes: NodeArgs,
+    #[command(flatten)]
+    pub balance: BalanceChoice,
     #[command(flatten)]
     pub prepare: OnTheWayArgs,
 }
@@ -351,37 +361,6 @@ pub struct NodesArgs {
     pub access: AccessArgs,
     #[arg(long)]
     pub json: bool,
-}
-
-#[derive(Debug, Args)]
-pub struct BenchArgs {
-    /// A store or an input volume
-    pub path: PathBuf,
-    /// Write the table as JSON too
-    #[arg(long, value_name = "FILE")]
-    pub json: Option<PathBuf>,
-    /// Timed frames per row; the median counts
-    #[arg(long, default_value_t = 5)]
-    pub repeat: u32,
-    /// A paper's table in place of backends and node counts: every acceleration on one view
-    #[arg(long, value_enum)]
-    pub table: Option<TableArg>,
-    /// Segmentation ranges of --table frey, shares of the volume's range; an input is prepared for each
-    #[arg(long, value_name = "W,...", value_delimiter = ',', default_values_t = [0.01, 0.03, 0.05, 0.07, 0.1, 0.2])]
-    pub ranges: Vec<f64>,
-    /// Which kernel renders a --table
-    #[arg(long, value_enum, default_value_t)]
-    pub backend: BackendArg,
-    /// Node counts to compare
-    #[arg(long, value_name = "N,...", value_delimiter = ',', default_values_t = [1_usize, 2, 4])]
-    pub counts: Vec<usize>,
-    #[command(flatten)]
-    pub scene: SceneArgs,
-    /// Memory for bricks of each node
-    #[arg(long, value_name = "SIZE", default_value = "4GiB")]
-    pub memory_budget: String,
-    #[command(flatten)]
-    pub prepare: OnTheWayArgs,
 }
 
 #[cfg(test)]

@@ -6,7 +6,8 @@ use comfy_table::Table;
 use serde_json::json;
 
 use super::{bench_table, print, say};
-use crate::cli::{BackendArg, BenchArgs};
+use crate::bench_args::BenchArgs;
+use crate::cli::BackendArg;
 use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
 use crate::failure::Failure;
 use crate::output::write_json;

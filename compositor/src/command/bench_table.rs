@@ -12,7 +12,7 @@ use serde_json::json;
 
 use super::{print, say};
 use crate::accel_args::AccelArg;
-use crate::cli::BenchArgs;
+use crate::bench_args::BenchArgs;
 use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
 use crate::failure::Failure;
 use crate::output::{Picture, write_json};

@@ -1,5 +1,6 @@
 //! The commands. Arguments become a plan before anything opens.
 
+pub mod balance;
 pub mod bench;
 pub mod bench_table;
 pub mod config;
@@ -38,6 +39,7 @@ pub fn run(invocation: Invocation) -> Result<(), Failure> {
         Command::Info(args) => info::run(&args),
         Command::Render(args) => blocking(render::run(*args, quiet)),
         Command::Nodes(args) => blocking(nodes::run(args)),
+        Command::Balance(args) => blocking(balance::run(*args, quiet)),
         Command::Bench(args) => blocking(bench::run(*args, quiet)),
         Command::Config(args) => config::run(&args, &origins),
         Command::Tls(args) => tls::run(args),
