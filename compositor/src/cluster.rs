@@ -6,7 +6,7 @@
 use std::sync::PoisonError;
 
 use brickcast_proto::{NodeDescription, NodeState, StoreDescription};
-use brickcast_volume::Epoch;
+use brickcast_volume::{Epoch, StoreHash};
 use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, JoinSet};
 
@@ -24,8 +24,10 @@ use crate::worker::Worker;
 pub(crate) struct Member {
     pub(crate) client: NodeClient,
     pub(crate) description: NodeDescription,
-    /// Which of the lives behind this address it is.
-    serial: u64,
+    /// Which of the lives behind this address it is; no other member has the same.
+    pub(crate) serial: u64,
+    /// Chunks that it had loaded when it came; nothing for those of the first table, which load with the session.
+    pub(crate) holds: Option<Vec<u32>>,
     watch: AbortHandle,
 }
 
@@ -39,6 +41,7 @@ pub(crate) struct Slot {
 /// The nodes of a session.
 #[derive(Debug)]
 pub(crate) struct Cluster {
+    store: StoreHash,
     slots: Vec<Slot>,
     epoch: Epoch,
     serial: u64,
@@ -93,8 +96,17 @@ impl Cluster {
         let (tell, news) = mpsc::unbounded_channel();
         let (wanted, lost) = mpsc::unbounded_channel();
         let outlook = SharedOutlook::default();
-        let mut cluster =
-            Self { slots: Vec::new(), epoch: Epoch(1), serial: 0, news, tell, wanted, outlook, tasks: JoinSet::new() };
+        let mut cluster = Self {
+            store: store.hash,
+            slots: Vec::new(),
+            epoch: Epoch(1),
+            serial: 0,
+            news,
+            tell,
+            wanted,
+            outlook,
+            tasks: JoinSet::new(),
+        };
         let known = slots.iter().map(|(target, answer)| (target.clone(), answer.is_ok())).collect();
         for (target, answer) in slots {
             let member = answer.map(|(client, description, _)| cluster.member(&target, client, description));
@@ -120,7 +132,11 @@ impl Cluster {
             let why = watched.leaves().await;
             tell.send(News::Left { address, serial, why }).ok();
         });
-        Member { client, description, serial, watch }
+        Member { client, description, serial, holds: None, watch }
+    }
+
+    pub(crate) fn store(&self) -> StoreHash {
+        self.store
     }
 
     pub(crate) fn epoch(&self) -> Epoch {
@@ -196,7 +212,7 @@ impl Cluster {
         }
     }
 
-    fn admit(&mut self, Arrival { target, client, description }: Arrival) {
+    fn admit(&mut self, Arrival { target, client, description, holds }: Arrival) {
         let twin = self.members().find(|(_, m)| m.description.node_id == description.node_id);
         if let Some((_, twin)) = twin.filter(|(_, m)| m.client.address() != target.address) {
             tracing::debug!("{} is the node that {} is", target.address, twin.client.address());
@@ -204,7 +220,7 @@ impl Cluster {
             return;
         }
         tracing::info!("node {} joins", target.address);
-        let member = Ok(self.member(&target, client, description));
+        let member = Ok(Member { holds: Some(holds), ..self.member(&target, client, description) });
         match self.slots.iter_mut().find(|slot| slot.target.address == target.address) {
             Some(slot) => slot.member = member,
             None => self.slots.push(Slot { target, member }),

@@ -48,6 +48,8 @@ pub(crate) struct Arrival {
     pub(crate) target: Target,
     pub(crate) client: NodeClient,
     pub(crate) description: NodeDescription,
+    /// Chunks whose bricks it has loaded.
+    pub(crate) holds: Vec<u32>,
 }
 
 /// What the session knows of the next frames, so that a node can load what it would be given.
@@ -126,9 +128,8 @@ impl Follower {
                     let tries = match nodes.get(&target) { Some(State::Trying { tries }) => *tries, _ => continue };
                     let now = Instant::now();
                     let state = match result {
-                        Ok((client, description)) => {
-                            let target = Target::clone(&target);
-                            self.news.send(News::Arrived(Box::new(Arrival { target, client, description }))).ok();
+                        Ok(arrival) => {
+                            self.news.send(News::Arrived(Box::new(arrival))).ok();
                             State::In { since: now, tries }
                         }
                         Err(error) => {
@@ -187,12 +188,7 @@ async fn sleep_until(wake: Option<Instant>) {
     }
 }
 
-async fn attempt(
-    target: Target,
-    dial: Dial,
-    store: StoreHash,
-    outlook: SharedOutlook,
-) -> Result<(NodeClient, NodeDescription), NodeError> {
+async fn attempt(target: Target, dial: Dial, store: StoreHash, outlook: SharedOutlook) -> Result<Arrival, NodeError> {
     let mut client = dial.connect(target.clone()).await?;
     let description = client.describe().await?;
     if description.state == NodeState::Draining {
@@ -200,11 +196,18 @@ async fn attempt(
     }
     client.open_store(store).await?;
     let outlook = outlook.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    let mut holds = Vec::new();
     if let Some(outlook) = outlook {
-        let request = outlook.what_it_would_hold(&target.address, store);
-        client.prepare(request, LOAD_LIMIT).await?;
+        let (shown, scene) = (outlook.shown.clone(), outlook.scene.clone());
+        let chunks = outlook.what_it_would_hold(&target.address);
+        let bricks = shown.bricks_in(&chunks);
+        let request = PrepareRequest { store, bricks, scene, background: false, release: Vec::new() };
+        let receipt = client.prepare(request, LOAD_LIMIT).await?;
+        if receipt.fits {
+            holds = chunks;
+        }
     }
-    Ok((client, description))
+    Ok(Arrival { target, client, description, holds })
 }
 
 impl Outlook {
@@ -215,15 +218,15 @@ impl Outlook {
         table.without_absent(&self.shown, &present)
     }
 
-    fn what_it_would_hold(mut self, address: &str, store: StoreHash) -> PrepareRequest {
+    /// The chunks of a node that is new, or comes back.
+    fn what_it_would_hold(mut self, address: &str) -> Vec<u32> {
         let position = self.slots.iter().position(|(a, _)| a == address);
         let position = position.unwrap_or_else(|| {
             self.slots.push((address.to_owned(), true));
             self.slots.len() - 1
         });
         self.slots[position].1 = true;
-        let bricks = self.table().bricks_of(&self.shown, position);
-        PrepareRequest { store, bricks, scene: self.scene }
+        self.table().chunks_of(position)
     }
 }
 

@@ -1,16 +1,18 @@
 //! One frame from its first order to its end: by count, by deadline, or because no node is left
 //! (docs/adr/0004-faults.md).
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::time::Duration;
 
-use brickcast_proto::{LayerOrder, RenderOrder};
+use brickcast_proto::part::ChunkCost;
+use brickcast_proto::{LayerOrder, Receipt, RenderOrder};
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::{Epoch, FrameId, StoreHash};
 use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, JoinSet};
 use tokio::time::Instant;
 
+use crate::balance::SKIP_COST;
 use crate::collect::{Event, collect};
 use crate::dial::Dial;
 use crate::ledger::{Ledger, LedgerError, Ticket, Verdict, Void};
@@ -47,8 +49,33 @@ pub(crate) struct FrameEnd {
     pub(crate) reissued: usize,
     /// Position in the list of workers, and why.
     pub(crate) lost: Vec<(usize, LostNode)>,
+    /// Of the nodes whose receipts came.
+    pub(crate) costs: Vec<NodeCost>,
     pub(crate) tiles: u64,
     pub(crate) bytes_received: u64,
+}
+
+/// What one node's answers cost.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct NodeCost {
+    /// In the list of workers.
+    pub(crate) position: usize,
+    /// Its own time for rendering, throttle included.
+    pub(crate) work_ms: f64,
+    /// Chunks and their cost, in samples.
+    pub(crate) chunks: Vec<(u32, f64)>,
+}
+
+impl NodeCost {
+    pub(crate) fn cost(&self) -> f64 {
+        self.chunks.iter().map(|(_, cost)| cost).sum()
+    }
+
+    fn take(&mut self, receipt: &Receipt) {
+        self.work_ms += receipt.work_ms;
+        let cost = |c: &ChunkCost| (c.chunk, c.samples as f64 + SKIP_COST * c.skips as f64);
+        self.chunks.extend(receipt.costs.iter().map(cost));
+    }
 }
 
 #[derive(Debug)]
@@ -79,6 +106,7 @@ struct Run<'a> {
     void: usize,
     reissued: usize,
     lost: Vec<(usize, LostNode)>,
+    costs: BTreeMap<usize, NodeCost>,
     tiles: u64,
     bytes_received: u64,
 }
@@ -107,12 +135,15 @@ pub(crate) async fn run(
         void: 0,
         reissued: 0,
         lost: Vec::new(),
+        costs: BTreeMap::new(),
         tiles: 0,
         bytes_received: 0,
     };
     for worker in 0..run.workers.len() {
         if run.workers[worker].ready(run.started).is_some() {
-            run.send(worker, in_view.layers(|chunk| table.owner_of(chunk) == worker), run.started)?;
+            for layers in in_view.orders_of(table, worker) {
+                run.send(worker, layers, run.started)?;
+            }
         }
     }
     let ends_at = run.started + order.deadline;
@@ -180,8 +211,9 @@ impl Run<'_> {
                 if std::mem::replace(&mut sent.ended, true) {
                     return;
                 }
-                let worker = &mut self.workers[sent.worker];
-                worker.stat.take(&receipt);
+                let position = sent.worker;
+                self.workers[position].stat.take(&receipt);
+                self.costs.entry(position).or_insert(NodeCost { position, ..NodeCost::default() }).take(&receipt);
                 let owed = self.ledger.owed_by(ticket);
                 if owed > 0 {
                     self.fail_as_invalid(ticket, format!("a receipt while {owed} tiles were owed"), now);
@@ -249,15 +281,17 @@ impl Run<'_> {
 
     /// Orders what nobody renders from those that can; calls the lost again where nobody can.
     fn deal(&mut self, now: Instant) -> Result<(), SessionError> {
-        let chunks: BTreeSet<u32> = self.ledger.unordered().collect();
-        if chunks.is_empty() {
+        let open = self.ledger.unordered().clone();
+        if open.is_empty() {
             return Ok(());
         }
         let takers: Vec<usize> = (0..self.workers.len()).filter(|&w| self.workers[w].ready(now).is_some()).collect();
-        let count = takers.len().min(chunks.len());
+        let count = takers.len().min(open.chunks().count());
         if count > 0 {
-            for (worker, layers) in takers.into_iter().zip(self.in_view.deal(self.shown, &chunks, count)) {
-                self.send(worker, layers, now)?;
+            for (worker, orders) in takers.into_iter().zip(self.in_view.deal(self.shown, &open, count)) {
+                for layers in orders {
+                    self.send(worker, layers, now)?;
+                }
             }
             self.reissued += std::mem::take(&mut self.void);
             return Ok(());
@@ -298,7 +332,7 @@ impl Run<'_> {
                 problems.push(format!("{owed} tiles of {} had not arrived after {deadline}", of.target.address));
             }
         }
-        let nobody = self.ledger.unordered().count();
+        let nobody = self.ledger.unordered().chunks().count();
         if nobody > 0 {
             problems.push(format!("{nobody} chunks waited for a node when {deadline} had passed"));
         }
@@ -316,6 +350,7 @@ impl Run<'_> {
             nodes: took_part.map(|w| w.stat).collect(),
             reissued: self.reissued,
             lost: self.lost,
+            costs: self.costs.into_values().collect(),
             tiles: self.tiles,
             bytes_received: self.bytes_received,
         }

@@ -3,7 +3,13 @@
 pub mod accel_args;
 pub mod access;
 pub mod audit;
+pub mod balance;
+pub mod balance_args;
+pub mod balance_choice;
+pub mod balanced;
+pub mod bench_args;
 pub mod blend;
+pub mod camera_path;
 pub mod cli;
 mod cli_values;
 mod cluster;

@@ -9,6 +9,8 @@ use brickcast_volume::transfer_function::TransferFunction;
 use brickcast_volume::{Epoch, FrameId, StoreHash, View};
 use futures_util::future::join_all;
 
+use crate::balance::{Mode, Settings};
+use crate::balanced::Balanced;
 use crate::blend::blend;
 use crate::cluster::Cluster;
 use crate::dial::Dial;
@@ -55,6 +57,8 @@ pub struct Session {
     next_frame: u64,
     fixed: Option<Assignment>,
     planned: Option<Planned>,
+    balance: Settings,
+    balanced: Option<Balanced>,
 }
 
 /// What is the same for every view of a sequence: kept until the transfer function, step, unit or the table changes.
@@ -98,7 +102,9 @@ impl Session {
     /// As [`Session::open`].
     pub async fn open_through(dial: Dial, nodes: &[String], choice: StoreChoice) -> Result<Self, SessionError> {
         let (cluster, store) = Cluster::open(NodeList::parse(nodes)?, &dial, &choice).await?;
-        Ok(Self { cluster, dial, store: facts(&store), next_frame: 1, fixed: None, planned: None })
+        let balance = Settings { mode: Mode::Off, ..Settings::default() };
+        let store = facts(&store);
+        Ok(Self { cluster, dial, store, next_frame: 1, fixed: None, planned: None, balance, balanced: None })
     }
 
     #[must_use]
@@ -115,6 +121,12 @@ impl Session {
     pub fn assign(&mut self, assignment: Assignment) {
         self.fixed = Some(assignment);
         self.cluster.advance();
+    }
+
+    /// Balances by these settings from now on; what was learnt before is forgotten. Off where nobody called this.
+    pub fn balance(&mut self, settings: Settings) {
+        self.balance = settings;
+        self.balanced = None;
     }
 
     fn plan(&mut self, scene: &Scene) -> (Arc<Shown>, Arc<Assignment>) {
@@ -155,7 +167,8 @@ impl Session {
             stats.shown_bricks = shown.brick_count();
             let answers = join_all(self.cluster.members().map(|(position, member)| {
                 let (store, bricks) = (self.store.hash, assignment.bricks_of(&shown, position));
-                let request = PrepareRequest { store, bricks, scene: scene.clone() };
+                let request =
+                    PrepareRequest { store, bricks, scene: scene.clone(), background: false, release: Vec::new() };
                 let mut client = member.client.clone();
                 async move { (position, client.prepare(request, LOAD_LIMIT).await) }
             }));
@@ -203,18 +216,31 @@ impl Session {
         let view = View::new(&self.store.manifest.geometry, &scene.camera, scene.size, scene.step)?;
         self.cluster.settle();
         let (shown, assignment) = self.plan(scene);
-        let (frame, epoch) = (FrameId(self.next_frame), self.cluster.epoch());
+        let frame = FrameId(self.next_frame);
         self.next_frame += 1;
 
         let started = Instant::now();
         let in_view = InView::new(&shown, &view);
+        let balanced = match self.balance.mode {
+            Mode::Static | Mode::Dynamic if self.fixed.is_none() => {
+                let made = self.balanced.take().filter(|b| b.is_for(&shown));
+                let made = made.unwrap_or_else(|| Balanced::new(self.balance.clone(), &self.store, shown.clone()));
+                Some(self.balanced.insert(made))
+            }
+            _ => None,
+        };
+        let table = balanced.map(|b| b.table(&mut self.cluster, &assignment, &in_view, &view));
+        let table = table.as_ref().unwrap_or(&assignment);
+        let epoch = self.cluster.epoch();
         let order = FrameOrder { frame, epoch, store: self.store.hash, scene, transport, deadline };
         let workers = self.cluster.workers();
-        let end = frame::run(&order, workers, (&shown, &in_view), &assignment, &self.dial).await?;
+        let end = frame::run(&order, workers, (&shown, &in_view), table, &self.dial).await?;
+        let complete = end.ledger.is_complete();
+        let clean = complete && end.reissued == 0 && end.lost.is_empty();
+        let balance = self.balanced.as_mut().map(|b| b.learn(&self.cluster, scene, &end.costs, clean));
         for (position, lost) in &end.lost {
             self.cluster.lose(*position, lost.why.clone());
         }
-        let complete = end.ledger.is_complete();
         let missing_tiles = end.ledger.missing_tiles();
         let (ledger, tree, from, size) = (end.ledger, self.store.tree(), view.viewpoint(), scene.size);
         let picture = tokio::task::spawn_blocking(move || blend(&ledger, &tree, from, size)).await??;
@@ -222,6 +248,7 @@ impl Session {
         let lost = end.lost.into_iter().map(|(_, lost)| lost).collect();
         let faults = FrameFaults { epoch: epoch.0, reissued: end.reissued, lost };
         let stats = FrameStats::sum(frame_ms, (end.tiles, end.bytes_received), complete, faults, end.nodes);
+        let stats = FrameStats { balance, ..stats };
         Ok(Frame { picture, complete, problems: end.problems, missing_tiles, stats })
     }
 }

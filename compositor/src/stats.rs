@@ -3,6 +3,9 @@
 use brickcast_proto::{NodeDescription, Receipt};
 use serde::Serialize;
 
+use crate::balance::SKIP_COST;
+use crate::balanced::BalanceStats;
+
 /// One node's share of a frame.
 #[derive(Debug, Clone, Default, Serialize)]
 pub struct NodeFrame {
@@ -19,6 +22,12 @@ pub struct NodeFrame {
     pub positions: u64,
     /// Of the positions, those that leaps covered.
     pub leapt_positions: u64,
+    /// Samples, and a part of one for every skip: what balancing counts.
+    pub cost: f64,
+    /// How many times slower than it could be the node declares to be.
+    pub throttle: f64,
+    /// Its own time for rendering, throttle included.
+    pub work_ms: f64,
     /// Bricks drawn from V'; of these, bricks inside one region; bricks that the tolerance forbids to leap.
     pub flattened_bricks: u32,
     pub uniform_bricks: u32,
@@ -40,6 +49,7 @@ impl NodeFrame {
             version: node.version.clone(),
             backend: node.backend.clone(),
             adapter: node.adapter.clone(),
+            throttle: node.throttle.get(),
             ..Self::default()
         }
     }
@@ -51,6 +61,8 @@ impl NodeFrame {
         self.samples += receipt.samples;
         self.positions += receipt.positions;
         self.leapt_positions += receipt.leapt_positions;
+        self.cost += receipt.samples as f64 + SKIP_COST * receipt.skips as f64;
+        self.work_ms += receipt.work_ms;
         self.flattened_bricks += receipt.flattened_bricks;
         self.uniform_bricks += receipt.uniform_bricks;
         self.over_tolerance_bricks += receipt.over_tolerance_bricks;
@@ -95,6 +107,9 @@ pub struct FrameStats {
     #[serde(flatten)]
     pub faults: FrameFaults,
     pub nodes: Vec<NodeFrame>,
+    /// Where the session balances.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub balance: Option<BalanceStats>,
 }
 
 impl FrameStats {
@@ -116,6 +131,7 @@ impl FrameStats {
             complete,
             faults,
             nodes,
+            balance: None,
         }
     }
 }

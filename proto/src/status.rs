@@ -123,9 +123,18 @@ mod tests {
     #[test]
     fn a_retry_never_helps_a_bad_request_and_may_help_the_rest() {
         use Fault::*;
-        for fault in
-            [Damaged, UnknownStore, OtherContent, BudgetTooSmall, Busy, Draining, Abandoned, BrokenStore, Device, Internal]
-        {
+        for fault in [
+            Damaged,
+            UnknownStore,
+            OtherContent,
+            BudgetTooSmall,
+            Busy,
+            Draining,
+            Abandoned,
+            BrokenStore,
+            Device,
+            Internal,
+        ] {
             assert!(Retry::after(fault.code()).helps(), "{fault:?}");
         }
         assert_eq!(Retry::after(Invalid.code()), Retry::Never);

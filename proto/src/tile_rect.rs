@@ -52,6 +52,70 @@ impl TileRect {
         self.count() == 0
     }
 
+    /// True where both have a tile in common.
+    #[must_use]
+    pub fn meets(&self, other: &Self) -> bool {
+        !self.is_empty() && !other.is_empty() && (0..2).all(|a| self.lo[a] < other.hi[a] && other.lo[a] < self.hi[a])
+    }
+
+    /// True where all tiles of `other` are this rectangle's too.
+    #[must_use]
+    pub fn covers(&self, other: &Self) -> bool {
+        (0..2).all(|a| self.lo[a] <= other.lo[a] && other.hi[a] <= self.hi[a])
+    }
+
+    /// What is left of this rectangle without the tiles of `hole`, as rectangles: none twice.
+    #[must_use]
+    pub fn without(&self, hole: &Self) -> Vec<Self> {
+        if !self.meets(hole) {
+            return vec![*self];
+        }
+        let inner = |a: usize| (self.lo[a].max(hole.lo[a]), self.hi[a].min(hole.hi[a]));
+        let ((left, right), (top, bottom)) = (inner(0), inner(1));
+        let [x0, y0, x1, y1] = [self.lo[0], self.lo[1], self.hi[0], self.hi[1]];
+        let around = [
+            Self { lo: [x0, y0], hi: [x1, top] },
+            Self { lo: [x0, top], hi: [left, bottom] },
+            Self { lo: [right, top], hi: [x1, bottom] },
+            Self { lo: [x0, bottom], hi: [x1, y1] },
+        ];
+        around.into_iter().filter(|r| !r.is_empty()).collect()
+    }
+
+    /// The rectangle of both, where they are disjoint and make one.
+    #[must_use]
+    pub fn joined(&self, other: &Self) -> Option<Self> {
+        let meet = |along: usize| {
+            let across = 1 - along;
+            let same = self.lo[across] == other.lo[across] && self.hi[across] == other.hi[across];
+            same && (self.hi[along] == other.lo[along] || other.hi[along] == self.lo[along])
+        };
+        (meet(0) || meet(1)).then(|| Self {
+            lo: [self.lo[0].min(other.lo[0]), self.lo[1].min(other.lo[1])],
+            hi: [self.hi[0].max(other.hi[0]), self.hi[1].max(other.hi[1])],
+        })
+    }
+
+    /// The axis along which it can be cut into the most strips: 0 x, 1 y.
+    fn longer(&self) -> usize {
+        usize::from(self.dims()[1] >= self.dims()[0])
+    }
+
+    /// How many strips of tiles it has along its longer side.
+    #[must_use]
+    pub fn strip_count(&self) -> u32 {
+        self.dims()[self.longer()]
+    }
+
+    /// The strips `[from, to)` of it, as far as it has them.
+    #[must_use]
+    pub fn strips(&self, [from, to]: [u32; 2]) -> Self {
+        let (mut part, along) = (*self, self.longer());
+        part.lo[along] = self.lo[along].saturating_add(from).min(self.hi[along]);
+        part.hi[along] = self.lo[along].saturating_add(to).min(self.hi[along]);
+        part
+    }
+
     #[must_use]
     pub fn contains(&self, tile: [u32; 2]) -> bool {
         (0..2).all(|a| tile[a] >= self.lo[a] && tile[a] < self.hi[a])
@@ -113,6 +177,51 @@ impl TileRect {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn rect(x0: u32, y0: u32, x1: u32, y1: u32) -> TileRect {
+        TileRect { lo: [x0, y0], hi: [x1, y1] }
+    }
+
+    /// Tiles of `rects`, sorted: a tile in two of them stands there twice.
+    fn tiles(rects: &[TileRect]) -> Vec<[u32; 2]> {
+        let mut tiles: Vec<[u32; 2]> = rects.iter().flat_map(TileRect::tiles).collect();
+        tiles.sort_unstable();
+        tiles
+    }
+
+    #[test]
+    fn a_rectangle_without_another_keeps_every_other_tile_once() {
+        let whole = rect(2, 1, 7, 6);
+        for hole in
+            [rect(3, 2, 5, 4), rect(0, 0, 9, 3), rect(4, 0, 5, 9), rect(2, 1, 7, 6), rect(7, 1, 9, 6), rect(6, 5, 9, 9)]
+        {
+            let rest = whole.without(&hole);
+            let want: Vec<[u32; 2]> = {
+                let mut want: Vec<[u32; 2]> = whole.tiles().filter(|t| !hole.contains(*t)).collect();
+                want.sort_unstable();
+                want
+            };
+            assert_eq!(tiles(&rest), want, "{hole:?}");
+            assert_eq!(whole.meets(&hole), want.len() < whole.count() as usize);
+        }
+        assert_eq!(rect(0, 0, 2, 2).joined(&rect(2, 0, 3, 2)), Some(rect(0, 0, 3, 2)));
+        assert_eq!(rect(0, 2, 2, 4).joined(&rect(0, 0, 2, 2)), Some(rect(0, 0, 2, 4)));
+        assert_eq!(rect(0, 0, 2, 2).joined(&rect(2, 1, 3, 2)), None);
+        assert_eq!(rect(0, 0, 2, 2).joined(&rect(3, 0, 4, 2)), None);
+    }
+
+    #[test]
+    fn strips_cover_the_rectangle_once() {
+        for whole in [rect(1, 2, 4, 12), rect(1, 2, 14, 4), rect(0, 0, 1, 1), rect(3, 3, 6, 6)] {
+            let count = whole.strip_count();
+            assert_eq!(count, whole.dims().into_iter().max().unwrap());
+            let each: Vec<TileRect> = (0..count).map(|i| whole.strips([i, i + 1])).collect();
+            assert_eq!(tiles(&each), tiles(&[whole]));
+            let halves = [whole.strips([0, count / 2]), whole.strips([count / 2, count])];
+            assert_eq!(tiles(&halves), tiles(&[whole]));
+            assert!(whole.strips([count, count + 3]).is_empty() && whole.strips([0, u32::MAX]) == whole);
+        }
+    }
 
     #[test]
     fn odd_picture_sizes_are_covered_once() {

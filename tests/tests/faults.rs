@@ -6,6 +6,7 @@ mod fault_support;
 
 use std::time::{Duration, Instant};
 
+use brickcast_node::quota::MAX_FRAMES;
 use brickcast_tests::process::brickcast;
 use brickcast_tests::proxy::{Fault, Proxy};
 use brickcast_volume::PictureSize;
@@ -84,7 +85,8 @@ fn a_bit_of_an_order_that_flips_on_the_way() {
             // A flip that nobody has to mind, in the body of a ping, hurts nobody.
             let frame = rig.good_frame(&mut session, after as f64).await;
             assert!(rig.proxies[1].hits() > 0, "{after} did not strike");
-            checksums += frame.stats.faults.lost.iter().filter(|lost| lost.why.contains("the order has crc32c")).count();
+            checksums +=
+                frame.stats.faults.lost.iter().filter(|lost| lost.why.contains("the order has crc32c")).count();
             orders += 1;
             rig.proxies[1].set(Fault::None);
             comes_back(&mut rig, &mut session, 2).await;
@@ -267,8 +269,11 @@ async fn occupy(rig: &Rig, node: usize, orders: usize, step: f64) -> tokio::task
     let mut scene = scene(&rig.store, 0.0);
     (scene.size, scene.step) = (PictureSize::new(2048, 2048).unwrap(), step);
     let mut occupied = tokio::task::JoinSet::new();
-    for _ in 0..orders {
-        let mut session = open(&rig.store, std::slice::from_ref(&rig.nodes[node].address)).await.unwrap();
+    for order in 0..orders {
+        // As many clients as may have so many frames open.
+        let client = 1 + (order / MAX_FRAMES) as u8;
+        let nodes = std::slice::from_ref(&rig.nodes[node].address);
+        let mut session = fault_support::open_from(client, &rig.store, nodes).await.unwrap();
         let scene = scene.clone();
         occupied.spawn(async move {
             render(&mut session, &scene, 600).await.unwrap();
@@ -298,6 +303,7 @@ fn a_node_that_answers_pings_but_makes_no_progress() {
 
 /// `RESOURCE_EXHAUSTED` is no loss: the node is asked again until it has a place.
 #[test]
+#[cfg_attr(not(target_os = "linux"), ignore = "wants several loopback addresses")]
 fn a_busy_node_is_asked_again() {
     run(async {
         let mut rig = Rig::new(1).await;

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use brickcast::cli::BackendArg;
 use brickcast::embedded::{EmbeddedNodes, Kernel};
-use brickcast::plan::Assignment;
+use brickcast::plan::{Assignment, Share};
 use brickcast::session::{Frame, Session, StoreChoice};
 use brickcast_volume::camera::{Camera, Orbit, Projection};
 use brickcast_volume::format::{self, RawHints};
@@ -138,6 +138,7 @@ fn the_same_bits_from_any_number_of_nodes() {
                     if path.is_dir() { Store::open(&path).unwrap() } else { store(folder.path(), &input, brick_size) };
                 let cameras = cameras(&store);
                 let mut expected: Vec<Vec<[u32; 4]>> = Vec::new();
+                let mut expected_shared = None;
                 for count in [1, 2, 3, 8] {
                     let nodes = EmbeddedNodes::start(&kernel, count, &store.path(), 1 << 30).await.unwrap();
                     let mut session =
@@ -167,6 +168,18 @@ fn the_same_bits_from_any_number_of_nodes() {
                     let frame =
                         render(&mut session, &scene(&store, cameras[0].1, (67, 53), true), Transport::F32).await;
                     assert!(expected[0] == bits(&frame), "scattered: {count} nodes, bricks of {brick_size}");
+                    // Nor only whole ones: the strips of tiles of every second chunk dealt out to all nodes.
+                    let strips = |n: usize| [n as u32, if n + 1 == count { u32::MAX } else { n as u32 + 1 }];
+                    let shares: Vec<Share> = (0..count).map(|n| (n, strips(n))).collect();
+                    let shared = (0..chunks as u32).step_by(2).map(|c| (c, shares.clone())).collect();
+                    session.assign(Assignment::explicit(vec![0; chunks], count).sharing(shared));
+                    let scene = scene(&store, cameras[0].1, (167, 143), true);
+                    let frame = render(&mut session, &scene, Transport::F32).await;
+                    let busy = frame.stats.nodes.iter().filter(|n| n.layers > 0).count();
+                    // Chunks have two strips of this picture, or three.
+                    assert!(busy >= count.min(2), "{busy} of {count} nodes have a strip");
+                    let one = expected_shared.get_or_insert_with(|| bits(&frame));
+                    assert!(*one == bits(&frame), "shared: {count} nodes, bricks of {brick_size}");
                 }
             }
         }

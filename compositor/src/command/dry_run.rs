@@ -39,7 +39,7 @@ pub async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -> Resul
     let shown = Shown::in_scene(&store, scene);
     let assignment = Assignment::contiguous(&shown, count);
     let view = View::new(geometry, &scene.camera, scene.size, scene.step)?;
-    let orders = assignment.orders(&shown, &view);
+    let orders = assignment.orders(&shown, &view).into_iter().map(|orders| orders.concat()).collect::<Vec<_>>();
     let tree = store.tree();
     let grid = tree.grid();
 

@@ -5,14 +5,14 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use brickcast_volume::View;
-use brickcast_volume::camera::Camera;
 use brickcast_volume::scene::Leap;
 use brickcast_volume::transfer_function::TransferFunction;
 use serde_json::json;
 
 use super::{access, background, bytes, say};
 use crate::audit::{self, Audit};
-use crate::cli::RenderArgs;
+use crate::balance_choice::BalanceArg;
+use crate::cli::{NodeArgs, RenderArgs};
 use crate::command::dry_run;
 use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
 use crate::failure::Failure;
@@ -32,7 +32,7 @@ pub async fn run(args: RenderArgs, quiet: bool) -> Result<(), Failure> {
     if args.dry_run {
         return dry_run::run(&args, source, memory_budget).await;
     }
-    let (session, embedded) = open_session(&args, &source, memory_budget, quiet).await?;
+    let (session, embedded) = open_session(&args.nodes, &args.path, &source, memory_budget, quiet).await?;
     let result = sequence(&args, session, quiet).await;
     drop(embedded);
     result
@@ -69,26 +69,25 @@ fn check(args: &RenderArgs) -> Result<(), Failure> {
     Ok(())
 }
 
-async fn open_session(
-    args: &RenderArgs,
+/// A session on the nodes that are named, or on some inside this process.
+pub(crate) async fn open_session(
+    args: &NodeArgs,
+    path: &Path,
     source: &Source,
     memory_budget: u64,
     quiet: bool,
 ) -> Result<(Session, Option<EmbeddedNodes>), Failure> {
-    if !args.nodes.nodes.is_empty() {
-        return Ok((
-            Session::open_through(access(&args.nodes.access)?, &args.nodes.nodes, source.choice()).await?,
-            None,
-        ));
+    if !args.nodes.is_empty() {
+        return Ok((Session::open_through(access(&args.access)?, &args.nodes, source.choice()).await?, None));
     }
-    let Source::Store(store) = source else { return Err(anyhow!("{}: no such store", args.path.display()).into()) };
-    let kernel = Kernel::open(args.nodes.backend)?;
+    let Source::Store(store) = source else { return Err(anyhow!("{}: no such store", path.display()).into()) };
+    let kernel = Kernel::open(args.backend)?;
     let (backend, adapter, notes) = kernel.describe();
     for note in notes {
         say(quiet, note)?;
     }
     tracing::info!("{backend}: {adapter}");
-    let nodes = EmbeddedNodes::start(&kernel, args.nodes.local.unwrap_or(1), &store.path(), memory_budget).await?;
+    let nodes = EmbeddedNodes::start(&kernel, args.local.unwrap_or(1), &store.path(), memory_budget).await?;
     let session = Session::open_through(nodes.dial(), &nodes.addresses(), source.choice()).await?;
     Ok((session, Some(nodes)))
 }
@@ -100,13 +99,10 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
         say(quiet, note)?;
     }
     let orbit = args.orbit.unwrap_or(360.0);
-    let cameras: Vec<Camera> = (0..args.frames)
-        .map(|i| match i {
-            0 => Ok(choice.scene.camera),
-            i => choice.scene.camera.orbited(orbit * f64::from(i) / f64::from(args.frames)),
-        })
-        .collect::<Result<_, _>>()
-        .map_err(Failure::usage)?;
+    let cameras = args.camera_path.cameras(&choice.scene.camera, args.frames, orbit).map_err(Failure::usage)?;
+    // One frame teaches nothing, nodes inside this process share its memory and cores, and an audit's frames are of another kind.
+    let several = args.frames > 1 && !args.nodes.nodes.is_empty() && !args.audit;
+    session.balance(args.balance.settings(if several { BalanceArg::Dynamic } else { BalanceArg::Off }));
 
     let options =
         FrameOptions { frames: args.frames, fps: f64::from(args.fps), background: background(args.background)? };

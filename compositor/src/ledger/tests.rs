@@ -67,7 +67,7 @@ fn late_tiles_of_a_void_layer_change_no_pixel() {
     l.accept(NOW, ONE, TreeNode(2), [0, 0], pixel(0.5));
     assert_eq!((l.make_void(ONE, Void::Open), l.make_void(TWO, Void::Open)), (1, 0), "what is answered whole stays");
     assert_eq!(l.layers().collect::<Vec<_>>(), [TreeNode(3)]);
-    assert_eq!(l.unordered().collect::<Vec<_>>(), [0, 1]);
+    assert_eq!(l.unordered().chunks().collect::<Vec<_>>(), [0, 1]);
     assert_eq!(l.missing_tiles(), [[0, 0], [1, 0]]);
     assert!(!l.is_complete());
     assert_eq!(l.accept(NOW, ONE, TreeNode(2), [1, 0], pixel(0.5)), Verdict::Unordered);
@@ -87,7 +87,7 @@ fn nothing_of_a_damaged_stream_stays() {
     let mut l = ledger();
     l.accept(NOW, TWO, TreeNode(3), [0, 0], pixel(0.3));
     assert_eq!(l.make_void(TWO, Void::All), 1);
-    assert_eq!((l.layers().count(), l.unordered().collect::<Vec<_>>()), (0, vec![2]));
+    assert_eq!((l.layers().count(), l.unordered().chunks().collect::<Vec<_>>()), (0, vec![2]));
 }
 
 #[test]
@@ -100,6 +100,6 @@ fn an_order_that_would_owe_a_chunk_twice_is_refused_whole() {
     assert_eq!(l.order(Ticket(2), &[layer(1, &[0, 1], [1, 1])]), Err(above));
     let below = LedgerError::Overlap { layer: TreeNode(9), other: TreeNode(4) };
     assert_eq!(l.order(Ticket(2), &[layer(4, &[0], [1, 1]), layer(9, &[1], [1, 1])]), Err(below));
-    assert_eq!(l.unordered().collect::<Vec<_>>(), [0, 1]);
+    assert_eq!(l.unordered().chunks().collect::<Vec<_>>(), [0, 1]);
     l.order(Ticket(2), &[layer(2, &[0, 1], [2, 1])]).unwrap();
 }

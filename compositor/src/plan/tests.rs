@@ -2,15 +2,17 @@
 
 use brickcast_volume::BrickGrid;
 
+use brickcast_volume::{Epoch, FrameId, View};
+
 use super::*;
+use crate::ledger::{Ledger, Ticket, Void};
 
 /// 5 x 4 x 4 chunks of one brick; every third shows nothing.
 fn shown() -> Shown {
     let grid = BrickGrid::new(glam::UVec3::new(80, 64, 64), 16).unwrap();
     let tree = MergeTree::of(grid);
     let bricks: Vec<bool> = (0..grid.brick_count()).map(|b| b % 3 != 0).collect();
-    let per_chunk = grid.bricks().map(|b| u32::from(bricks[grid.linear(b)])).collect();
-    Shown { tree, bricks, per_chunk }
+    Shown::of(tree, bricks)
 }
 
 fn bricks(table: &Assignment, shown: &Shown, nodes: usize) -> Vec<Vec<u32>> {
@@ -35,6 +37,52 @@ fn chunks_of_absent_nodes_go_to_the_others_and_nobody_elses_move() {
     assert_eq!(bricks(&whole.clone().without_absent(&shown, &[true; 4]), &shown, 4), before);
     // With nobody left there is nobody to deal to.
     assert_eq!(whole.clone().without_absent(&shown, &[false; 4]), whole);
+}
+
+/// What several nodes share of a view, and what is dealt again of it, is each tile of each chunk once.
+#[test]
+fn shared_chunks_are_ordered_once_tile_by_tile() {
+    let shown = shown();
+    let geometry = brickcast_volume::Geometry::new([80, 64, 64], [1.0; 3], [0.0; 3]).unwrap();
+    let camera = brickcast_volume::Camera::orbit(&geometry, brickcast_volume::Orbit::default()).unwrap();
+    let size = brickcast_volume::PictureSize::new(1200, 1000).unwrap();
+    let view = View::new(&geometry, &camera, size, 1.0).unwrap();
+    let in_view = InView::new(&shown, &view);
+    let shares = |tiles: &brickcast_proto::TileRect| {
+        let count = tiles.strip_count();
+        vec![(2, [0, count / 3]), (0, [count / 3, count / 2]), (1, [count / 2, count])]
+    };
+    let even = in_view.chunks().into_iter().filter(|(c, _)| c % 2 == 0);
+    let shared = even.map(|(c, tiles)| (c, shares(&tiles))).collect();
+    let table = Assignment::contiguous(&shown, 3).sharing(shared);
+    let mut ledger = Ledger::new(FrameId(1), Epoch(1), in_view.chunks());
+    let (mut tickets, mut shared) = (0, 0);
+    for node in 0..3 {
+        for layers in in_view.orders_of(&table, node) {
+            // The ledger refuses what is owed already.
+            ledger.order(Ticket(tickets), &layers).unwrap();
+            shared += layers.iter().filter(|l| !in_view.chunks().values().any(|tiles| *tiles == l.tiles)).count();
+            tickets += 1;
+        }
+        let holds = table.chunks_of(node);
+        assert!(in_view.chunks().keys().filter(|c| **c % 2 == 0).all(|c| holds.contains(c)));
+    }
+    assert!(ledger.unordered().is_empty() && tickets == 3 && shared > 20, "{tickets}, {shared}");
+    // Two of three are lost; of what they leave, some chunks are open in part only.
+    ledger.make_void(Ticket(1), Void::All);
+    ledger.make_void(Ticket(2), Void::All);
+    let open = ledger.unordered().clone();
+    assert!(open.iter().any(|(_, tiles)| tiles.len() > 1), "parts at both ends");
+    for (i, orders) in in_view.deal(&shown, &open, 2).into_iter().enumerate() {
+        assert!(!orders.is_empty());
+        for layers in orders {
+            ledger.order(Ticket(10 + i), &layers).unwrap();
+        }
+    }
+    assert!(ledger.unordered().is_empty());
+    // Absent nodes share nothing.
+    let rest = table.without_absent(&shown, &[true, false, true]);
+    assert!((0..80).all(|c| rest.sharers_of(c).is_empty()));
 }
 
 #[test]

@@ -1,0 +1,100 @@
+//! Who renders which chunk.
+
+use std::collections::BTreeMap;
+
+use brickcast_volume::View;
+
+use super::{InView, Orders, Shown};
+
+/// A node, and which strips `[from, to)` of a chunk's tiles in view it renders ([`brickcast_proto::TileRect::strips`]).
+pub type Share = (usize, [u32; 2]);
+
+/// Who renders which chunk, and which parts of the screen of those that are shared.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Assignment {
+    /// Per chunk, x fastest: position in the list of nodes.
+    owner: Vec<usize>,
+    nodes: usize,
+    /// Chunks that several nodes render, each some strips of its tiles.
+    shared: BTreeMap<u32, Vec<Share>>,
+}
+
+impl Assignment {
+    /// Contiguous runs of the merge tree's order (compact in space, so few layers) with nearly equal numbers of shown
+    /// bricks. It depends on the store and the transfer function, not on the view: an orbit moves no brick.
+    #[must_use]
+    pub fn contiguous(shown: &Shown, nodes: usize) -> Self {
+        let order = shown.tree.chunks_in_tree_order();
+        let mut owner = vec![0; order.len()];
+        let linear: Vec<u32> = order.into_iter().map(|c| shown.tree.chunk_linear(c)).collect();
+        for (chunk, run) in shown.runs(&linear, nodes) {
+            owner[chunk as usize] = run;
+        }
+        Self::explicit(owner, nodes)
+    }
+
+    /// An explicit table, e.g. a scattered one in tests: `owner[chunk]` below `nodes`.
+    #[must_use]
+    pub fn explicit(owner: Vec<usize>, nodes: usize) -> Self {
+        Self { owner, nodes, shared: BTreeMap::new() }
+    }
+
+    /// The same table for one view, but for chunks whose tiles several nodes share: disjoint shares of nodes below `nodes`, together all of
+    /// the chunk's strips.
+    #[must_use]
+    pub fn sharing(mut self, shared: BTreeMap<u32, Vec<Share>>) -> Self {
+        self.shared = shared;
+        self
+    }
+
+    /// The same table with the chunks of absent nodes dealt to those that are there; nobody else's move.
+    #[must_use]
+    pub fn without_absent(mut self, shown: &Shown, present: &[bool]) -> Self {
+        let here: Vec<usize> = (0..self.nodes).filter(|&n| present.get(n) == Some(&true)).collect();
+        if here.is_empty() {
+            return self;
+        }
+        let order = shown.tree.chunks_in_tree_order().into_iter().map(|c| shown.tree.chunk_linear(c));
+        let orphans: Vec<u32> = order.filter(|&c| !here.contains(&self.owner[c as usize])).collect();
+        for (chunk, run) in shown.runs(&orphans, here.len()) {
+            self.owner[chunk as usize] = here[run];
+        }
+        self.shared.retain(|_, parts| parts.iter().all(|(node, _)| here.contains(node)));
+        self
+    }
+
+    /// The node that renders a chunk, or most of it.
+    #[must_use]
+    pub fn owner_of(&self, chunk: u32) -> usize {
+        self.owner[chunk as usize]
+    }
+
+    /// The nodes that share a chunk's tiles; empty where one renders it whole.
+    #[must_use]
+    pub fn sharers_of(&self, chunk: u32) -> &[Share] {
+        self.shared.get(&chunk).map_or(&[], |parts| &parts[..])
+    }
+
+    /// The chunks that `node` must hold, in the grid's order.
+    #[must_use]
+    pub fn chunks_of(&self, node: usize) -> Vec<u32> {
+        let holds = |chunk: u32| match self.sharers_of(chunk) {
+            [] => self.owner_of(chunk) == node,
+            sharers => sharers.iter().any(|(n, _)| *n == node),
+        };
+        (0..self.owner.len() as u32).filter(|&chunk| holds(chunk)).collect()
+    }
+
+    /// The bricks that `node` must hold: linear brick indices.
+    #[must_use]
+    pub fn bricks_of(&self, shown: &Shown, node: usize) -> Vec<u32> {
+        shown.bricks_in(&self.chunks_of(node))
+    }
+
+    /// What each node is ordered to render of `view`; a node may have nothing to do.
+    #[must_use]
+    pub fn orders(&self, shown: &Shown, view: &View) -> Vec<Orders> {
+        let in_view = InView::new(shown, view);
+        (0..self.nodes).map(|node| in_view.orders_of(self, node)).collect()
+    }
+}
