@@ -38,7 +38,8 @@ async fn arrive(pieces: impl IntoIterator<Item = (u64, usize)>, ends: bool) -> (
     let started = Instant::now();
     let mut got = 0;
     let outcome = loop {
-        match std::future::poll_fn(|context| Pin::new(&mut body).poll_frame(context)).await {
+        let frame = std::future::poll_fn(|context| Pin::new(&mut body).poll_frame(context));
+        match tokio::time::timeout(2 * ARRIVAL, frame).await.expect("waits for ever") {
             Some(Ok(frame)) => got += frame.data_ref().map_or(0, Bytes::len),
             Some(Err(status)) => break Err(status),
             None => break Ok(got),
