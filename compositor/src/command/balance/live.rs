@@ -19,6 +19,8 @@ use crate::session::Frame;
 
 /// Width of a bar, characters; the mean load stands at half of it.
 const BAR: usize = 40;
+/// What is redrawn in place must not wrap.
+const WIDTH: usize = 79;
 
 /// One frame in the JSON.
 #[derive(Debug, Serialize)]
@@ -188,6 +190,7 @@ impl Screen {
         let rows = line.nodes.iter().map(|n| {
             format!("\x1b[2K{:<24} {} {:.2}\n", n.address, bar(n.load, mean), n.load / mean.max(f64::MIN_POSITIVE))
         });
+        let head: String = head.chars().take(WIDTH).collect();
         let up = if self.drawn > 0 { format!("\x1b[{}A", self.drawn) } else { String::new() };
         self.drawn = line.nodes.len() + 1;
         print(&format!("{up}\x1b[2K{head}\n{}\x1b[J", rows.collect::<String>()))

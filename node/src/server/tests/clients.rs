@@ -1,0 +1,121 @@
+//! Several clients of one node: none shuts out another.
+
+use super::*;
+
+/// One client that opens frame after frame, over however many connections, must leave room for others.
+#[tokio::test(flavor = "multi_thread")]
+#[cfg_attr(not(target_os = "linux"), ignore = "wants several loopback addresses")]
+async fn a_client_has_so_many_frames_open_and_no_more() {
+    let served = Served::new().await;
+    let small = served.order(64, 64);
+    let held = served.hold();
+    let mut open = Vec::new();
+    for _ in 0..MAX_FRAMES {
+        open.push(served.connect().await.start((&small).into()).await.unwrap());
+    }
+    let greedy = served.connect().await;
+    let status = greedy.start((&small).into()).await.unwrap_err();
+    assert_eq!(status.code(), Code::ResourceExhausted, "{status:?}");
+    assert!(status.message().contains("8 frames of this client"), "{status:?}");
+    let other = served.connect_from(2).await.start((&small).into()).await.unwrap();
+    drop(held);
+    tokio::time::timeout(Duration::from_secs(20), other.finish()).await.unwrap().unwrap();
+    drop(open);
+    // Its places are free again.
+    let again = async {
+        loop {
+            match greedy.start((&small).into()).await {
+                Err(status) if status.code() == Code::ResourceExhausted => {
+                    tokio::time::sleep(Duration::from_millis(10)).await;
+                }
+                started => return started?.finish().await,
+            }
+        }
+    };
+    tokio::time::timeout(Duration::from_secs(20), again).await.unwrap().unwrap();
+}
+
+/// The order of service while one client's frames fill all the places that it may have: others have every second turn.
+#[tokio::test(flavor = "multi_thread")]
+#[cfg_attr(not(target_os = "linux"), ignore = "wants several loopback addresses")]
+async fn the_frames_of_two_clients_alternate() {
+    let served = Served::new().await;
+    let flood = served.connect().await;
+    let victim = served.connect_from(2).await;
+    let held = served.hold();
+    let mut open = Vec::new();
+    let widths = |first: u32| (first..).take(MAX_FRAMES);
+    for width in widths(20) {
+        open.push(flood.start((&served.order(width, 20)).into()).await.unwrap());
+    }
+    for width in widths(40) {
+        open.push(victim.start((&served.order(width, 20)).into()).await.unwrap());
+    }
+    drop(held);
+    for frame in open {
+        tokio::time::timeout(Duration::from_secs(20), frame.finish()).await.unwrap().unwrap();
+    }
+    let want: Vec<u32> = widths(20).zip(widths(40)).flat_map(|(flood, victim)| [flood, victim]).collect();
+    assert_eq!(*served.raycaster.widths.lock().unwrap(), want);
+}
+
+/// Calls that may hold much are counted before they hold it, and end with the call.
+#[tokio::test(flavor = "multi_thread")]
+#[cfg_attr(not(target_os = "linux"), ignore = "wants several loopback addresses")]
+async fn a_client_loads_and_asks_so_much_at_once_and_no_more() {
+    let served = Served::new().await;
+    // A frame has the turn, so that what is loaded ahead waits.
+    let held = served.hold();
+    let frame = served.start(&served.order(64, 64)).await.unwrap();
+    let request = || PrepareRequest {
+        store: served.hash,
+        bricks: vec![1],
+        scene: everything_shown(),
+        background: false,
+        release: Vec::new(),
+    };
+    let mut loads = tokio::task::JoinSet::new();
+    for _ in 0..=MAX_LOADS {
+        let (client, request) = (served.connect().await, request());
+        loads.spawn(async move { client.prepare(request).await });
+    }
+    let in_time = Duration::from_secs(20);
+    let first = tokio::time::timeout(in_time, loads.join_next()).await.expect("one of them is refused at once");
+    let status = first.unwrap().unwrap().unwrap_err();
+    assert_eq!(status.code(), Code::ResourceExhausted, "{status:?}");
+    assert!(status.message().contains("4 calls of this client load bricks"), "{status:?}");
+    // Questions have places of their own, and another client has its own.
+    served.client().describe().await;
+    let (client, theirs) = (served.connect_from(2).await, request());
+    loads.spawn(async move { client.prepare(theirs).await });
+    drop(held);
+    frame.finish().await.unwrap();
+    while let Some(load) = tokio::time::timeout(in_time, loads.join_next()).await.unwrap() {
+        load.unwrap().unwrap();
+    }
+    served.client().prepare(request()).await.unwrap();
+    // As many questions one after the other as one likes.
+    for _ in 0..10 * MAX_QUESTIONS {
+        served.client().describe().await;
+    }
+}
+
+/// More parts than fit between the renderer and a client that takes none.
+fn large(served: &Served) -> RenderOrder {
+    let mut order = served.order(4096, 4096);
+    order.scene.camera = scene(1, 1, Orbit { zoom: 4.0, ..Orbit::default() }).camera;
+    order
+}
+
+/// Whoever takes nothing waits alone: others have their turn meanwhile, and it is told at last.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_client_that_takes_no_parts_does_not_hold_the_turn() {
+    let served = Served::new().await;
+    let lazy = served.connect().await.start((&large(&served)).into()).await.unwrap();
+    // Until it has filled what lies between.
+    tokio::time::sleep(Duration::from_millis(500)).await;
+    served.render(&served.order(64, 64)).await.unwrap();
+    // It may take its parts late; none is lost. Had it kept the turn, the other would have waited until it was given up.
+    let (parts, receipt) = tokio::time::timeout(Duration::from_secs(60), lazy.finish()).await.unwrap().unwrap();
+    assert_eq!(parts.iter().filter(|p| matches!(p.part, Part::Tile(_))).count(), receipt.tiles as usize);
+}
