@@ -14,8 +14,12 @@ use brickcast::cli::BackendArg;
 use brickcast::dial::Dial;
 use brickcast::embedded::{EmbeddedNodes, Kernel};
 use brickcast::session::{Session, StoreChoice};
+use brickcast_proto::credentials::{Badge, CA_FILE, CLIENT_FILES, SERVER_NAME, TOKEN_FILE, read_tokens};
+use brickcast_proto::transport::{cluster_client, line};
+use brickcast_proto::wire::DescribeRequest;
 use brickcast_tests::process::{NodeProcess, brickcast, brickcast_ok};
 use security_support::{Site, said};
+use tonic::transport::{Certificate, ClientTlsConfig, Endpoint, Identity};
 
 fn refused(at: &Path, args: &[&str], code: i32, words: &[&str]) {
     let output: Output = brickcast(at, args);
@@ -115,6 +119,32 @@ fn only_the_right_certificate_and_token_are_let_in() {
     site.render(&with_token, &["--token-file", "tls/token"]);
     site.render(&plain, &[]);
     refused(at, &["nodes", "--nodes", &secure.address, "--tls", "no-folder"], 1, &["no-folder", "tls init"]);
+}
+
+/// `brickcast` always shows one; another client may leave it out.
+#[test]
+fn a_client_without_a_certificate_is_not_let_in_whatever_its_token() {
+    let site = Site::new(32);
+    brickcast_ok(site.at(), &["tls", "init", "tls"]);
+    let node = site.node(&["--tls", "tls"]);
+    let file = |name: &str| std::fs::read(site.at().join("tls").join(name)).unwrap();
+    let badge = Badge::of_first(&read_tokens(&site.at().join("tls").join(TOKEN_FILE)).unwrap());
+    let anonymous =
+        ClientTlsConfig::new().domain_name(SERVER_NAME).ca_certificate(Certificate::from_pem(file(CA_FILE)));
+    let [certificate, key] = CLIENT_FILES.map(file);
+    let known = anonymous.clone().identity(Identity::from_pem(certificate, key));
+    let runtime = tokio::runtime::Runtime::new().unwrap();
+    let ask = |tls: ClientTlsConfig| {
+        runtime.block_on(async {
+            let endpoint = Endpoint::from_shared(format!("https://{}", node.address)).unwrap().tls_config(tls).unwrap();
+            let channel = endpoint.connect().await.map_err(|e| format!("{e:?}"))?;
+            let mut client = cluster_client(line(channel, badge.clone()));
+            client.describe(DescribeRequest::default()).await.map(|_| ()).map_err(|e| format!("{e:?}"))
+        })
+    };
+    assert_eq!(ask(known), Ok(()));
+    let refusal = ask(anonymous).unwrap_err();
+    assert!(refusal.contains("CertificateRequired") || refusal.contains("transport error"), "{refusal}");
 }
 
 #[test]

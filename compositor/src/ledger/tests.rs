@@ -103,3 +103,19 @@ fn an_order_that_would_owe_a_chunk_twice_is_refused_whole() {
     assert_eq!(l.unordered().chunks().collect::<Vec<_>>(), [0, 1]);
     l.order(Ticket(2), &[layer(2, &[0, 1], [2, 1])]).unwrap();
 }
+
+/// Tickets that share a chunk owe different tiles of it.
+#[test]
+fn no_tile_of_a_shared_chunk_is_owed_by_two_tickets() {
+    let part = |lo, hi| LayerOrder { tiles: TileRect { lo, hi }, ..layer(4, &[0], [2, 1]) };
+    let mut l = ledger();
+    l.make_void(ONE, Void::Open);
+    l.order(Ticket(2), &[part([0, 0], [1, 1])]).unwrap();
+    let taken = LedgerError::ChunkTaken { chunk: 0, layer: TreeNode(4) };
+    // The very tiles that are owed; these and the one that is open.
+    for hi in [[1, 1], [2, 1]] {
+        assert_eq!(l.order(Ticket(3), &[part([0, 0], hi)]), Err(taken.clone()), "{hi:?}");
+    }
+    assert_eq!((l.unordered().of(0), l.owed_by(Ticket(3))), (&[part([1, 0], [2, 1]).tiles][..], 0));
+    l.order(Ticket(3), &[part([1, 0], [2, 1])]).unwrap();
+}

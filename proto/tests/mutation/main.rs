@@ -7,8 +7,8 @@ mod refusals;
 
 use brickcast_proto::{
     ChunkCost, FramePart, LayerOrder, NodeDescription, NodeState, Part, PrepareReceipt, PrepareRequest, Receipt,
-    RenderOrder, StoreDescription, StoreName, StoreQuery, Throttle, TilePart, TileRect, WireError, decode_tile,
-    encode_tile, wire,
+    RenderOrder, StoreDescription, StoreName, StoreQuery, Throttle, TileError, TilePart, TileRect, WireError,
+    decode_tile, encode_tile, wire,
 };
 use brickcast_volume::scene::{Acceleration, Filter, Leap, MacrocellEdge, RegionView, Scene, Transport};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};

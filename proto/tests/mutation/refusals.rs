@@ -81,6 +81,34 @@ fn an_order_with_any_flipped_bit_is_refused() {
     assert!(by_checksum > good.len(), "{by_checksum}");
 }
 
+/// Whatever bit of a tile flips: it is refused, or draws what it drew. A damaged run would shift pixels that are whole themselves.
+#[test]
+fn a_tile_with_any_flipped_bit_is_refused_or_draws_the_same() {
+    let pixel =
+        |i: usize| Premul::from_array(if i % 7 < 3 { [0.0; 4] } else { [0.25, 0.0, 0.5, (i % 11) as f32 / 11.0] });
+    let pixels: Vec<Premul> = (0..200).map(pixel).collect();
+    let size = UVec2::new(20, 10);
+    for format in [Transport::F16, Transport::F32, Transport::U8] {
+        let tile = TilePart { node: TreeNode(9), tile: [3, 1], pixels: encode_tile(&pixels, format).unwrap() };
+        let drawn = decode_tile(&tile.pixels, size).unwrap();
+        let part = FramePart { frame: FrameId(3), epoch: Epoch(4), part: Part::Tile(tile) };
+        let good = wire::FramePart::from(part).encode_to_vec();
+        let mut by_checksum = 0;
+        for bit in 0..good.len() * 8 {
+            let mut bytes = good.clone();
+            bytes[bit / 8] ^= 1 << (bit % 8);
+            let Ok(message) = wire::FramePart::decode(&bytes[..]) else { continue };
+            let Ok(FramePart { part: Part::Tile(tile), .. }) = FramePart::try_from(message) else { continue };
+            match decode_tile(&tile.pixels, size) {
+                // Its place is the ledger's to check.
+                Ok(same) => assert!(same == drawn, "{format:?}: bit {bit}"),
+                Err(error) => by_checksum += usize::from(matches!(error, TileError::Checksum { .. })),
+            }
+        }
+        assert!(by_checksum > good.len(), "{format:?}: {by_checksum}");
+    }
+}
+
 #[test]
 fn receipts_and_requests_to_load_are_refused_in_words() {
     let receipt = |spoil: fn(&mut wire::Receipt)| {
