@@ -32,6 +32,8 @@ use wire::render_client::RenderClient;
 /// The victim's frames take longer than this only where the flood gets through: it waits for at most one frame of the flood, of
 /// some milliseconds, on a machine that the flood keeps busy too.
 const PATIENCE: Duration = Duration::from_secs(20);
+/// A frame of which nobody takes a part for so long is given up by the node.
+const STALL_SECONDS: u64 = 10;
 /// Resident memory that a flood may add, MiB: receive windows and orders of all connections that are let in.
 const MAY_GROW: u64 = 700;
 
@@ -248,11 +250,14 @@ fn a_client_that_holds_frames_open_gets_nobody_else_refused() {
         let target = Target::new();
         let order = order(&target.session(VICTIM).await, &target.store);
         let flood = Arc::new(Flood::default());
+        let started = Instant::now();
         let tasks = flood.start(&target, &order, false).await;
         render_frames(&target, &order, 20).await;
         flood.over.store(true, Ordering::SeqCst);
         let held: usize = tasks.join_all().await.into_iter().sum();
-        assert_eq!(held, MAX_FRAMES, "of 20 connections");
+        // On a machine so busy that this takes long, the node gives frames up that nobody takes, and lets others in for them.
+        let times = started.elapsed().as_secs() / STALL_SECONDS + 1;
+        assert!((MAX_FRAMES..=MAX_FRAMES * times as usize).contains(&held), "{held} frames of 20 connections");
         assert!(flood.shed.load(Ordering::SeqCst) > 0);
     });
 }
