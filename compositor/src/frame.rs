@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use brickcast_proto::part::ChunkCost;
 use brickcast_proto::{LayerOrder, Receipt, RenderOrder};
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::{Epoch, FrameId, StoreHash};
@@ -12,7 +11,6 @@ use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, JoinSet};
 use tokio::time::Instant;
 
-use crate::balance::SKIP_COST;
 use crate::collect::{Event, collect};
 use crate::dial::Dial;
 use crate::ledger::{Ledger, LedgerError, Ticket, Verdict, Void};
@@ -73,8 +71,7 @@ impl NodeCost {
 
     fn take(&mut self, receipt: &Receipt) {
         self.work_ms += receipt.work_ms;
-        let cost = |c: &ChunkCost| (c.chunk, c.samples as f64 + SKIP_COST * c.skips as f64);
-        self.chunks.extend(receipt.costs.iter().map(cost));
+        self.chunks.extend(receipt.costs.iter().map(|c| (c.chunk, c.units())));
     }
 }
 
@@ -281,10 +278,11 @@ impl Run<'_> {
 
     /// Orders what nobody renders from those that can; calls the lost again where nobody can.
     fn deal(&mut self, now: Instant) -> Result<(), SessionError> {
-        let open = self.ledger.unordered().clone();
-        if open.is_empty() {
+        // After every event: nearly always there is nothing.
+        if self.ledger.unordered().is_empty() {
             return Ok(());
         }
+        let open = self.ledger.unordered().clone();
         let takers: Vec<usize> = (0..self.workers.len()).filter(|&w| self.workers[w].ready(now).is_some()).collect();
         let count = takers.len().min(open.chunks().count());
         if count > 0 {

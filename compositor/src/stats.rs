@@ -1,9 +1,8 @@
 //! What a frame took, as `--stats` and the bench report it.
 
-use brickcast_proto::{NodeDescription, Receipt};
+use brickcast_proto::{ChunkCost, NodeDescription, Receipt};
 use serde::Serialize;
 
-use crate::balance::SKIP_COST;
 use crate::balanced::BalanceStats;
 
 /// One node's share of a frame.
@@ -61,7 +60,7 @@ impl NodeFrame {
         self.samples += receipt.samples;
         self.positions += receipt.positions;
         self.leapt_positions += receipt.leapt_positions;
-        self.cost += receipt.samples as f64 + SKIP_COST * receipt.skips as f64;
+        self.cost += receipt.costs.iter().map(ChunkCost::units).sum::<f64>();
         self.work_ms += receipt.work_ms;
         self.flattened_bricks += receipt.flattened_bricks;
         self.uniform_bricks += receipt.uniform_bricks;

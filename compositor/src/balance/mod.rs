@@ -4,7 +4,7 @@
 //! ([`simulate`]) make the very same calls: `join` and `leave` between frames, then `divide`, `observe`, `background` per frame.
 //!
 //! Words: a *holder* has a chunk resident, an *owner* is a holder that renders a part of it in a frame, the *primary* is the owner that
-//! keeps it from frame to frame. Cost counts in samples of the kernel (a skip is [`SKIP_COST`] of one); load is cost times the
+//! keeps it from frame to frame. Cost counts in samples of the kernel (a skip is [`brickcast_proto::ChunkCost::SKIP`] of one); load is cost times the
 //! node's time per unit.
 
 mod background;
@@ -25,11 +25,8 @@ use self::predict::Predictor;
 use self::report::Totals;
 use self::table::Table;
 
-pub use self::report::{Report, SeatLoad};
+pub use self::report::{Report, SeatLoad, max_over_mean};
 pub use self::settings::{LoadBy, Mode, Settings};
-
-/// What a skipped cell costs, in samples.
-pub const SKIP_COST: f64 = 0.3;
 
 /// A place in the table of nodes; stays the same while its node is away.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize)]

@@ -54,7 +54,8 @@ pub struct Report {
 }
 
 /// Largest over mean; 1 for nothing.
-pub(super) fn max_over_mean(loads: &[f64]) -> f64 {
+#[must_use]
+pub fn max_over_mean(loads: &[f64]) -> f64 {
     let mean = loads.iter().sum::<f64>() / loads.len().max(1) as f64;
     if mean > 0.0 { loads.iter().copied().fold(0.0, f64::max) / mean } else { 1.0 }
 }

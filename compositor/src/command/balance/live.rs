@@ -8,6 +8,7 @@ use brickcast_volume::StoreHash;
 use serde::Serialize;
 
 use super::super::{bytes, print, say};
+use crate::balance::max_over_mean;
 use crate::balance_args::BalanceArgs;
 use crate::balance_choice::BalanceArg;
 use crate::balanced::BalanceStats;
@@ -146,11 +147,6 @@ impl Line {
         }
         words.join(", ")
     }
-}
-
-fn max_over_mean(loads: &[f64]) -> f64 {
-    let mean = loads.iter().sum::<f64>() / loads.len().max(1) as f64;
-    if mean > 0.0 { loads.iter().copied().fold(0.0, f64::max) / mean } else { 1.0 }
 }
 
 /// A bar whose half is the mean: equal loads fill it to the middle.
