@@ -2,7 +2,7 @@
 
 use brickcast_volume::View;
 use brickcast_volume::chord::most_samples;
-use brickcast_volume::regions::{ChangeRate, SceneTables, brick_change, drawn};
+use brickcast_volume::regions::{ChangeRate, SceneTables, brick_change, drawn, within_reach};
 use brickcast_volume::scene::{Leap, Scene, Transport};
 use brickcast_volume::transfer_function::TransferTable;
 use serde::Serialize;
@@ -51,9 +51,12 @@ pub fn bounds(store: &StoreFacts, scene: &Scene, view: &View) -> Vec<f32> {
     let (Some(facts), Leap::Regions) = (&store.facts, scene.acceleration.leap) else { return sums };
     let main = table_of(store, scene, &scene.transfer_function);
     let region = scene.region_transfer_function.as_ref().map(|f| table_of(store, scene, f));
-    let tables = SceneTables { main: &main, region: region.as_ref(), view: scene.region_view };
-    let (kernel, grid) = (view.kernel(), store.manifest.grid);
-    for ((brick, raw), facts) in grid.bricks().zip(&store.ranges.0).zip(facts) {
+    let surfaces = scene.style.surface_codes(store.manifest.range);
+    let tables = SceneTables::new(scene, &surfaces, &main, region.as_ref());
+    let (kernel, grid, reach) = (view.kernel(), store.manifest.grid, scene.style.reach(scene.step));
+    for brick in grid.bricks() {
+        let (raw, within) = within_reach(&grid, &store.ranges.0, Some(facts), brick, reach);
+        let (Some(facts), raw) = (&within, &raw) else { continue };
         let owned = grid.owned_box(brick);
         // A brick may show nothing from V' and something from the volume: what it could change counts then too.
         let flattened = drawn(scene, &tables, &store.manifest.geometry, &owned, *raw, Some(facts))
@@ -80,7 +83,8 @@ fn table_of(
     function: &brickcast_volume::transfer_function::TransferFunction,
 ) -> TransferTable {
     let delta = scene.step * store.manifest.geometry.min_spacing();
-    TransferTable::build(function, store.manifest.range, delta / scene.opacity_unit)
+    let entries = scene.style.table_entries();
+    TransferTable::with_entries(function, store.manifest.range, delta / scene.opacity_unit, entries)
 }
 
 /// What rounding and early termination may add to a bound: two pictures travel in `transport`, and each may stop anywhere
@@ -139,6 +143,7 @@ mod tests {
             acceleration: Acceleration::default(),
             region_view: RegionView::All,
             region_transfer_function: None,
+            style: brickcast_volume::style::Style::default(),
         }
     }
 

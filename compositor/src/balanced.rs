@@ -8,7 +8,6 @@ use std::sync::Arc;
 
 use brickcast_proto::PrepareRequest;
 use brickcast_volume::View;
-use brickcast_volume::brick::GHOST_SAMPLED;
 use brickcast_volume::scene::Scene;
 use serde::Serialize;
 use tokio::task::JoinSet;
@@ -52,12 +51,12 @@ pub(crate) struct Balanced {
 }
 
 impl Balanced {
-    pub(crate) fn new(settings: Settings, store: &StoreFacts, shown: Arc<Shown>) -> Self {
+    /// `ghost`: layers of each brick.
+    pub(crate) fn new(settings: Settings, store: &StoreFacts, shown: Arc<Shown>, ghost: u32) -> Self {
         let grid = store.manifest.grid;
         let tree = shown.tree();
         let chunks = (0..tree.chunk_count() as u32).filter_map(|chunk| tree.chunk_at(chunk)).map(|chunk| {
-            let stored: u64 =
-                shown.bricks_of(chunk).map(|b| grid.owned_box(b).stored(GHOST_SAMPLED).voxel_count()).sum();
+            let stored: u64 = shown.bricks_of(chunk).map(|b| grid.owned_box(b).stored(ghost).voxel_count()).sum();
             let prior = if stored == 0 { 0.0 } else { 1.0 };
             ChunkFacts { bytes: stored * BYTES_PER_VOXEL, prior }
         });

@@ -4,17 +4,25 @@ use std::collections::HashSet;
 
 use brickcast_proto::{TILE, TileRect};
 use brickcast_volume::merge::{MergeTree, Viewpoint};
-use brickcast_volume::{PictureSize, Premul, TreeNode, over};
+use brickcast_volume::style::Mode;
+use brickcast_volume::transfer_function::TransferFunction;
+use brickcast_volume::{PictureSize, Premul, TreeNode};
 use rayon::prelude::*;
 
 use crate::ledger::{Ledger, TilePixels};
 use crate::output::{OutputError, Picture};
 
-/// Joins everything that the ledger holds, in visibility order from `from`.
+/// Joins everything that the ledger holds, in visibility order from `from`. The pixels of a projection stay codes.
 ///
 /// # Errors
 /// None that a picture of this size could have.
-pub fn blend(ledger: &Ledger, tree: &MergeTree, from: Viewpoint, size: PictureSize) -> Result<Picture, OutputError> {
+pub fn blend(
+    ledger: &Ledger,
+    tree: &MergeTree,
+    from: Viewpoint,
+    size: PictureSize,
+    mode: Mode,
+) -> Result<Picture, OutputError> {
     // Only subtrees that hold a layer are worth a visit.
     let mut on_the_way: HashSet<TreeNode> = HashSet::new();
     for layer in ledger.layers() {
@@ -36,7 +44,7 @@ pub fn blend(ledger: &Ledger, tree: &MergeTree, from: Viewpoint, size: PictureSi
                 (!on_the_way.contains(&node)).then_some(None)
             };
             let mut join = |front: Option<TilePixels>, back: Option<TilePixels>| match (front, back) {
-                (Some(f), Some(b)) => Some(f.into_iter().zip(b).map(|(f, b)| over(f, b)).collect()),
+                (Some(f), Some(b)) => Some(f.into_iter().zip(b).map(|(f, b)| mode.join(f, b)).collect()),
                 (one, other) => one.or(other),
             };
             let merged = tree.fold(MergeTree::ROOT, from, &mut layer, &mut join).flatten()?;
@@ -53,4 +61,27 @@ pub fn blend(ledger: &Ledger, tree: &MergeTree, from: Viewpoint, size: PictureSi
         }
     }
     Picture::new(size, picture)
+}
+
+/// A projection's codes by the transfer function: straight colour and the opacity of one opacity unit, whatever the step.
+/// `range`: data units of codes 0 and 1. Other pictures are what they are.
+///
+/// # Errors
+/// None that a picture of this size could have.
+pub fn classified(
+    picture: Picture,
+    mode: Mode,
+    function: &TransferFunction,
+    (lo, hi): (f64, f64),
+) -> Result<Picture, OutputError> {
+    if mode == Mode::Composite {
+        return Ok(picture);
+    }
+    let color = |pixel: &Premul| {
+        let Some(code) = mode.code(*pixel) else { return Premul::CLEAR };
+        let value = lo + (hi - lo) * f64::from(code);
+        let ([r, g, b], a) = (function.color(value), function.opacity(value));
+        Premul::from_array([r * a, g * a, b * a, a].map(|c| c as f32))
+    };
+    Picture::new(picture.size(), picture.pixels().par_iter().map(color).collect())
 }

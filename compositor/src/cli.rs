@@ -16,6 +16,7 @@ use crate::command::config::ConfigArgs;
 use crate::command::tls::TlsArgs;
 use crate::failure::EXIT_CODES;
 use crate::region_args::RegionArgs;
+use crate::style_args::StyleArgs;
 
 /// Sort-last volume raycasting on one machine or many: the same picture from any number of nodes.
 #[derive(Debug, Parser)]
@@ -262,6 +263,8 @@ pub struct SceneArgs {
     /// How pixels travel [default: f16; f32 with --exact]
     #[arg(long, value_enum, help_heading = "Quality")]
     pub transport: Option<TransportArg>,
+    #[command(flatten)]
+    pub style: StyleArgs,
     #[command(flatten)]
     pub accel: AccelArgs,
 }

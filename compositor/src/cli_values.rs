@@ -25,6 +25,15 @@ pub(crate) fn triple<T: std::str::FromStr>(text: &str) -> Result<[T; 3], String>
     }
 }
 
+/// `N` finite numbers, separated by commas; `name` is the flag's.
+pub(crate) fn numbers<const N: usize>(name: &str, text: &str) -> Result<[f64; N], String> {
+    let parse = |part: &str| part.trim().parse::<f64>().ok().filter(|x| x.is_finite());
+    let parts: Option<Vec<f64>> = text.split(',').map(parse).collect();
+    parts
+        .and_then(|parts| <[f64; N]>::try_from(parts).ok())
+        .ok_or_else(|| format!("{name} {text}: {N} finite numbers are needed, separated by commas"))
+}
+
 /// Two finite numbers in ascending order, `LO,HI`.
 pub(crate) fn pair(text: &str) -> Result<[f64; 2], String> {
     let parse = || {

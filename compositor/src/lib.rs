@@ -34,5 +34,6 @@ pub mod session;
 mod session_error;
 pub mod source;
 pub mod stats;
+pub mod style_args;
 mod tls_words;
 mod worker;

@@ -3,7 +3,7 @@
 //! A plan changes nothing in the picture: chunks are joined at the canonical merge tree's nodes whoever renders them.
 
 use brickcast_volume::merge::MergeTree;
-use brickcast_volume::regions::{BrickFacts, SceneTables, drawn};
+use brickcast_volume::regions::{BrickFacts, SceneTables, drawn, within_reach};
 use brickcast_volume::scene::Scene;
 use brickcast_volume::store::{BrickRanges, Manifest};
 use brickcast_volume::transfer_function::TransferTable;
@@ -45,18 +45,18 @@ impl Shown {
         let tree = store.tree();
         let geometry = &store.manifest.geometry;
         let delta = scene.step * geometry.min_spacing();
-        let table = |function| TransferTable::build(function, store.manifest.range, delta / scene.opacity_unit);
+        let (range, ratio) = (store.manifest.range, delta / scene.opacity_unit);
+        let entries = scene.style.table_entries();
+        let table = |function| TransferTable::with_entries(function, range, ratio, entries);
         let (main, region) = (table(&scene.transfer_function), scene.region_transfer_function.as_ref().map(table));
-        let tables = SceneTables { main: &main, region: region.as_ref(), view: scene.region_view };
-        let bricks: Vec<bool> = store
-            .ranges
-            .0
-            .iter()
-            .zip(tree.grid().bricks())
-            .enumerate()
-            .map(|(linear, (&raw, brick))| {
-                let facts = store.facts.as_ref().and_then(|facts| facts.get(linear));
-                drawn(scene, &tables, geometry, &tree.grid().owned_box(brick), raw, facts).is_some()
+        let surfaces = scene.style.surface_codes(range);
+        let tables = SceneTables::new(scene, &surfaces, &main, region.as_ref());
+        let (grid, reach) = (tree.grid(), scene.style.reach(scene.step));
+        let bricks: Vec<bool> = grid
+            .bricks()
+            .map(|brick| {
+                let (raw, facts) = within_reach(&grid, &store.ranges.0, store.facts.as_deref(), brick, reach);
+                drawn(scene, &tables, geometry, &grid.owned_box(brick), raw, facts.as_ref()).is_some()
             })
             .collect();
         Self::of(tree, bricks)

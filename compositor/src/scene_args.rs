@@ -6,6 +6,7 @@ use anyhow::{Context, anyhow};
 use brickcast_volume::camera::{Camera, Orbit, Projection};
 use brickcast_volume::scene::{Filter, Scene, Transport};
 use brickcast_volume::store::Manifest;
+use brickcast_volume::style::{Mode, Style};
 use brickcast_volume::transfer_function::{
     Colormap, Preset, PresetOptions, TransferFunction, default_opacities, describe_default,
 };
@@ -13,6 +14,7 @@ use brickcast_volume::{PictureSize, View};
 
 use crate::cli::{FilterArg, SceneArgs, TransportArg};
 use crate::failure::Failure;
+use crate::style_args::ModeArg;
 
 /// A scene, and what the user should be told about it.
 #[derive(Debug, Clone)]
@@ -49,9 +51,13 @@ impl SceneArgs {
         if self.exact && !matches!(self.transport, None | Some(TransportArg::F32)) {
             return Err(Failure::usage(anyhow!("--exact carries pixels as f32: leave --transport out")));
         }
+        if self.style.mode != ModeArg::Composite && !matches!(self.transport, None | Some(TransportArg::F32)) {
+            return Err(Failure::usage(anyhow!("--mode: projections carry codes as f32: leave --transport out")));
+        }
         if let Some(name) = &self.colormap {
             Colormap::from_name(name).map_err(Failure::usage)?;
         }
+        self.style.style()?;
         self.accel.check()
     }
 
@@ -62,7 +68,8 @@ impl SceneArgs {
     pub fn scene(&self, store: &Manifest) -> Result<SceneChoice, Failure> {
         let size = PictureSize::new(self.size.0, self.size.1).map_err(Failure::usage)?;
         let camera = self.camera_on(store)?;
-        let (transfer_function, note) = self.transfer_function_on(store)?;
+        let style = self.style.style()?;
+        let (transfer_function, note) = self.transfer_function_on(store, &style)?;
         let notes = note.into_iter().chain(self.accel.missing_regions(store)).collect();
         let region_transfer_function = match &self.accel.region_transfer_function {
             Some(path) => Some(self.preset(path, None, store)?.function),
@@ -83,13 +90,15 @@ impl SceneArgs {
             acceleration: self.accel.acceleration(store)?,
             region_view: self.accel.region_view(),
             region_transfer_function,
+            style,
         };
         let scene = scene.validate().map_err(Failure::usage)?;
         View::new(&store.geometry, &scene.camera, scene.size, scene.step).map_err(Failure::usage)?;
         let transport = match self.transport {
             Some(TransportArg::U8) => Transport::U8,
             Some(TransportArg::F32) => Transport::F32,
-            None if self.exact => Transport::F32,
+            // The pixels of a projection are codes.
+            None if self.exact || scene.style.mode != Mode::Composite => Transport::F32,
             Some(TransportArg::F16) | None => Transport::F16,
         };
         Ok(SceneChoice { scene, transport, notes })
@@ -134,7 +143,11 @@ impl SceneArgs {
         Ok(Preset::from_json(&file, &text, &options)?)
     }
 
-    fn transfer_function_on(&self, store: &Manifest) -> Result<(TransferFunction, Option<String>), Failure> {
+    fn transfer_function_on(
+        &self,
+        store: &Manifest,
+        style: &Style,
+    ) -> Result<(TransferFunction, Option<String>), Failure> {
         let default_opacities = default_opacities(store.otsu, store.quantile_999);
         if let Some(path) = &self.transfer_function {
             let preset = self.preset(path, self.transfer_function_range, store)?;
@@ -145,6 +158,9 @@ impl SceneArgs {
             return Ok((preset.function, note));
         }
         let default = self.window.is_none() && self.opacity.is_none() && self.colormap.is_none();
+        if default && !style.surfaces.is_empty() {
+            return Ok((TransferFunction::nothing(), None));
+        }
         if default {
             let note = describe_default(store.otsu, store.quantile_999);
             return Ok((TransferFunction::default_for(store.otsu, store.quantile_999), Some(note)));

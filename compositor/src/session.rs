@@ -5,13 +5,14 @@ use std::time::{Duration, Instant};
 
 use brickcast_proto::{NodeDescription, PrepareRequest, StoreDescription};
 use brickcast_volume::scene::{Acceleration, RegionView, Scene, Transport};
+use brickcast_volume::style::Style;
 use brickcast_volume::transfer_function::TransferFunction;
 use brickcast_volume::{Epoch, FrameId, StoreHash, View};
 use futures_util::future::join_all;
 
 use crate::balance::{Mode, Settings};
 use crate::balanced::Balanced;
-use crate::blend::blend;
+use crate::blend::{blend, classified};
 use crate::cluster::Cluster;
 use crate::dial::Dial;
 use crate::discovery::NodeList;
@@ -70,6 +71,7 @@ struct Planned {
     acceleration: Acceleration,
     region_view: RegionView,
     region_transfer_function: Option<TransferFunction>,
+    style: Style,
     shown: Arc<Shown>,
     assignment: Arc<Assignment>,
     epoch: Epoch,
@@ -83,6 +85,7 @@ impl Planned {
             && self.acceleration == scene.acceleration
             && self.region_view == scene.region_view
             && self.region_transfer_function == scene.region_transfer_function
+            && self.style == scene.style
     }
 }
 
@@ -146,6 +149,7 @@ impl Session {
             acceleration: scene.acceleration,
             region_view: scene.region_view,
             region_transfer_function: scene.region_transfer_function.clone(),
+            style: scene.style.clone(),
             shown: shown.clone(),
             assignment: assignment.clone(),
             epoch: self.cluster.epoch(),
@@ -221,10 +225,12 @@ impl Session {
 
         let started = Instant::now();
         let in_view = InView::new(&shown, &view);
+        let ghost = scene.style.ghost(scene.step);
         let balanced = match self.balance.mode {
             Mode::Static | Mode::Dynamic if self.fixed.is_none() => {
                 let made = self.balanced.take().filter(|b| b.is_for(&shown));
-                let made = made.unwrap_or_else(|| Balanced::new(self.balance.clone(), &self.store, shown.clone()));
+                let made =
+                    made.unwrap_or_else(|| Balanced::new(self.balance.clone(), &self.store, shown.clone(), ghost));
                 Some(self.balanced.insert(made))
             }
             _ => None,
@@ -243,7 +249,9 @@ impl Session {
         }
         let missing_tiles = end.ledger.missing_tiles();
         let (ledger, tree, from, size) = (end.ledger, self.store.tree(), view.viewpoint(), scene.size);
-        let picture = tokio::task::spawn_blocking(move || blend(&ledger, &tree, from, size)).await??;
+        let (mode, function, range) = (scene.style.mode, scene.transfer_function.clone(), self.store.manifest.range);
+        let join = move || classified(blend(&ledger, &tree, from, size, mode)?, mode, &function, range);
+        let picture = tokio::task::spawn_blocking(join).await??;
         let frame_ms = started.elapsed().as_secs_f64() * 1e3;
         let lost = end.lost.into_iter().map(|(_, lost)| lost).collect();
         let faults = FrameFaults { epoch: epoch.0, reissued: end.reissued, lost };

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use brickcast_shaders::layout::{BrickUniform, FrameUniform, MAP_EMPTY, MAP_HOMOGENEOUS};
 use brickcast_shaders::twin::accelerated::{BrickData, RayCounts, Tables, Unwatched, accelerated_ray};
+use brickcast_shaders::twin::integral::{Integrals, integral_ray};
 use brickcast_shaders::twin::macrocell::empty_distances;
 use brickcast_shaders::twin::raycast::{Ray, pixel_ray, raycast_ray};
 use brickcast_volume::brick::OwnedBox;
@@ -138,12 +139,13 @@ impl<'a> PlacedBrick<'a> {
         if let Some((emptiness, cells)) = emptiness.zip(brick.cells.as_ref()) {
             let Occupied { bounds, skips: pays } = brick.occupancy.ask(emptiness, &brick.owned, &cells.cells);
             skips = pays || cells.homogeneous.is_some();
-            uniform = uniform.within(&bounds);
+            uniform = uniform.within(&scene.bounds(bounds, &brick.owned));
         }
         let emptiness = emptiness.filter(|_| skips);
         let map = brick.map(emptiness);
         uniform.map_mask = map_mask(emptiness.is_some(), brick.cells.as_ref());
-        let is_plain = brick.means.is_none() && map.is_none() && !scene.tells_regions_apart();
+        let simple = scene.style.is_none() && !scene.tells_regions_apart();
+        let is_plain = simple && brick.means.is_none() && map.is_none();
         Self { brick, projected: scene.view.project(&uniform.owned()), uniform, map, is_plain }
     }
 
@@ -217,8 +219,7 @@ impl Raycaster for CpuRaycaster {
 
     fn render(&self, scene: &KernelScene, jobs: &[Job]) -> Result<Vec<JobImage>, RaycastError> {
         check_jobs(scene, jobs, u32::MAX)?;
-        let frame = FrameUniform::new(&scene.view.kernel(), &scene.table, scene.early_termination)
-            .with_regions(scene.region_view, scene.region_table.as_deref());
+        let frame = scene.frame_uniform();
         let emptiness = self.emptiness.get(scene);
         jobs.par_iter().map(|job| render_job(scene, &frame, emptiness.as_ref(), job)).collect()
     }
@@ -237,9 +238,11 @@ fn render_job(
         .collect::<Option<_>>()
         .ok_or(RaycastError::ForeignBrick { backend: "cpu" })?;
     let tables = Tables { table: &scene.table.entries, region: scene.region_table.as_ref().map(|t| &t.entries[..]) };
+    let integrals = scene.style.as_ref().map(|style| style.integrals(frame, tables));
+    let reads = Reads { frame, tables: &tables, integrals: integrals.as_ref() };
     let mut pixels = new_pixels(&job.rect)?;
     let counts =
-        tiles_of(&job.rect, &mut pixels).into_par_iter().map(|tile| render_tile(frame, &tables, &bricks, tile)).reduce(
+        tiles_of(&job.rect, &mut pixels).into_par_iter().map(|tile| render_tile(&reads, &bricks, tile)).reduce(
             || vec![BrickCounts::default(); bricks.len()],
             |mut a, b| {
                 a.iter_mut().zip(b).for_each(|(a, b)| *a = a.plus(b));
@@ -273,13 +276,17 @@ fn tiles_of<'a>(rect: &PixelRect, pixels: &'a mut [Premul]) -> Vec<Tile<'a>> {
     tiles
 }
 
+/// What all rays of a job read.
+struct Reads<'a> {
+    frame: &'a FrameUniform,
+    tables: &'a Tables<'a>,
+    /// Where the scene has a style.
+    integrals: Option<&'a Integrals<'a>>,
+}
+
 /// All bricks front to back into one tile; returns what each took.
-fn render_tile(
-    frame: &FrameUniform,
-    tables: &Tables<'_>,
-    bricks: &[PlacedBrick<'_>],
-    mut tile: Tile<'_>,
-) -> Vec<BrickCounts> {
+fn render_tile(reads: &Reads<'_>, bricks: &[PlacedBrick<'_>], mut tile: Tile<'_>) -> Vec<BrickCounts> {
+    let Reads { frame, tables, integrals } = *reads;
     let lo = tile.rect.lo;
     let width = tile.rect.size().x;
     let rays: Vec<Ray> =
@@ -300,6 +307,8 @@ fn render_tile(
                 let (sum, took) = if brick.is_plain {
                     let (sum, n) = raycast_ray(frame, &brick.uniform, data.texels, tables.table, ray, *pixel);
                     (sum, RayCounts { samples: n, positions: n, ..RayCounts::default() })
+                } else if let Some(with) = integrals {
+                    integral_ray(frame, &brick.uniform, &data, with, ray, *pixel, &mut Unwatched)
                 } else {
                     accelerated_ray(frame, &brick.uniform, &data, tables, ray, *pixel, &mut Unwatched)
                 };

@@ -10,6 +10,7 @@ pub mod door;
 mod emptiness;
 pub mod error;
 pub mod gpu;
+pub mod kernel_style;
 mod lanes;
 pub mod meter;
 pub mod node;

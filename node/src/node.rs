@@ -301,11 +301,13 @@ impl Node {
                 wanted.push(chosen.wanted);
             }
         }
-        let features: HashSet<Features> = wanted.iter().map(|w| w.key.recipe.features()).collect();
+        let integral = choice.kinds();
+        let with = move |features| Features { integral, ..features };
+        let features: HashSet<Features> = wanted.iter().map(|w| with(w.key.recipe.features())).collect();
         let mut load = LoadMeter::default();
         load.add(
             self.in_turn(&caller, move |node| {
-                for features in features.into_iter().chain([Features::PLAIN]) {
+                for features in features.into_iter().chain([with(Features::PLAIN)]) {
                     node.raycaster.warm_up(request.scene.filter, features)?;
                 }
                 Ok(LoadMeter::default())

@@ -11,9 +11,11 @@ use brickcast_volume::{PixelRect, Premul, StoredBox, View};
 
 use crate::cpu::CpuRaycaster;
 use crate::gpu::{GpuError, GpuOptions, GpuRaycaster};
+use crate::kernel_style::KernelStyle;
 use crate::recipe::Recipe;
 
 pub use brickcast_shaders::Features;
+use brickcast_shaders::FrameUniform;
 
 /// What a kernel needs to know of a frame.
 #[derive(Debug, Clone)]
@@ -29,14 +31,40 @@ pub struct KernelScene {
     pub region_view: RegionView,
     /// For samples whose nearest voxel is in a region.
     pub region_table: Option<Arc<TransferTable>>,
+    /// What the plain kernels do not do; none where the scene asks for nothing of it.
+    pub style: Option<KernelStyle>,
 }
 
 impl KernelScene {
     /// Without skipping, and regions like all else.
     #[must_use]
     pub fn plain(view: View, table: Arc<TransferTable>, early_termination: f32, filter: Filter) -> Self {
-        let (skip_empty, region_view, region_table) = (false, RegionView::All, None);
-        Self { view, table, early_termination, filter, skip_empty, region_view, region_table }
+        let (skip_empty, region_view, region_table, style) = (false, RegionView::All, None, None);
+        Self { view, table, early_termination, filter, skip_empty, region_view, region_table, style }
+    }
+
+    /// The uniform of the frame.
+    #[must_use]
+    pub fn frame_uniform(&self) -> FrameUniform {
+        // A projection's pixels are no opacities, and every sample counts.
+        let is_projection = self.style.as_ref().is_some_and(|style| style.kinds.mode != 0);
+        let stop = if is_projection { 1.0 } else { self.early_termination };
+        FrameUniform::new(&self.view.kernel(), &self.table, stop)
+            .with_regions(self.region_view, self.region_table.as_deref())
+    }
+
+    /// The part of `owned` that holds all samples and slabs that show, where all that is not empty lies in `occupied`: a slab
+    /// that shows starts or ends there. Every sample of a projection counts.
+    pub(crate) fn bounds(&self, occupied: OwnedBox, owned: &OwnedBox) -> OwnedBox {
+        if self.style.as_ref().is_some_and(|style| style.kinds.mode != 0) {
+            return *owned;
+        }
+        if occupied.voxel_count() == 0 {
+            return OwnedBox { lo: owned.lo, hi: owned.lo };
+        }
+        let reach = glam::UVec3::splat(self.style.as_ref().map_or(0, |style| style.reach));
+        let lo = occupied.lo.saturating_sub(reach).max(owned.lo);
+        OwnedBox { lo, hi: (occupied.hi + reach).min(owned.hi).max(lo) }
     }
 
     /// True where it matters which samples are in regions.

@@ -7,6 +7,8 @@ use crate::raycaster::Features;
 pub struct Recipe {
     /// Regions flattened to their means and coded for leaping with this guard width; none: the voxels as they are.
     pub guard: Option<u8>,
+    /// Voxels that gradients look beyond a position's support: 0 or 1. Matters with a guard only.
+    pub radius: u8,
     /// Macrocells of this edge, whose value ranges say which are empty.
     pub macrocell: Option<u8>,
     /// Macrocells whose codes span at most this are leapt through; goes with `macrocell`, never with `guard`.
@@ -19,6 +21,11 @@ impl Recipe {
     /// What of the kernel such a brick takes; some bricks take less (those without leap voxels).
     #[must_use]
     pub fn features(&self) -> Features {
-        Features { leap: self.guard.is_some(), map: self.macrocell.is_some(), regions: self.region_flags }
+        Features {
+            leap: self.guard.is_some(),
+            map: self.macrocell.is_some(),
+            regions: self.region_flags,
+            integral: None,
+        }
     }
 }

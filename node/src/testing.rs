@@ -86,6 +86,7 @@ pub(crate) fn scene(width: u32, height: u32, orbit: Orbit) -> Scene {
         acceleration: Acceleration::default(),
         region_view: RegionView::All,
         region_transfer_function: None,
+        style: brickcast_volume::style::Style::default(),
     };
     scene.validate().unwrap()
 }

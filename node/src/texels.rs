@@ -7,7 +7,8 @@ use brickcast_shaders::twin::macrocell::packed;
 use brickcast_volume::brick::{GHOST_SAMPLED, OwnedBox};
 use brickcast_volume::macrocell::Macrocells;
 use brickcast_volume::regions::code::{INNER_BIT, LEAP_BIT, MAX_DENSITY, MAX_DISTANCE, code_of_density, leap_texel};
-use brickcast_volume::regions::{BrickRegions, Classified, Density, NO_REGION, classify};
+use brickcast_volume::regions::{BrickRegions, Classified, ClassifyError, Density, NO_REGION, RegionTable, classify};
+use brickcast_volume::store::BrickVoxels;
 use glam::IVec3;
 
 use crate::raycaster::{BrickInput, RaycastError, check_brick};
@@ -53,7 +54,7 @@ impl<'a> PreparedBrick<'a> {
             // A guard as wide as distances go leaves no leap voxel: V' as plain texels.
             let worth = leaps_enough(&voxels.stored, regions, u32::from(guard));
             let guard = if worth { u32::from(guard) } else { u32::from(MAX_DISTANCE) };
-            match classify(voxels, regions, table, guard, 0)? {
+            match classify_all(voxels, regions, table, guard, recipe.radius)? {
                 Classified::Plain => {}
                 Classified::Flat { codes } => texels = Cow::Owned(codes),
                 Classified::Uniform { mean, .. } => return Ok(Self::uniform(owned, mean)),
@@ -74,7 +75,8 @@ impl<'a> PreparedBrick<'a> {
             Flags::Some(_) => RegionFlags::Texture,
         } as u32;
         let edge = recipe.macrocell.or(recipe.homogeneous.map(|_| 4));
-        let cells = edge.map(|edge| cells_of(owned, input, &texels, means.as_deref(), edge)).transpose()?;
+        let reached = reached(owned, &voxels.stored);
+        let cells = edge.map(|edge| cells_of(&reached, input, &texels, means.as_deref(), edge)).transpose()?;
         if let Some(cells) = &cells {
             uniform.cell_lo = cells.cells.lo.into();
             uniform.cell_shift = cells.cells.edge.trailing_zeros();
@@ -113,6 +115,27 @@ pub(crate) fn expected_bytes(stored_voxels: u64, recipe: Recipe, texel_bytes: u6
         along.pow(3) * (cell_bytes + if recipe.homogeneous.is_some() { HOMOGENEOUS_BYTES } else { 0 })
     });
     stored_voxels * (texel_bytes + u64::from(recipe.region_flags)) + cells
+}
+
+/// Where rays of the brick may read a position: one voxel within the stored box, whose last voxel is only interpolated with.
+fn reached(owned: &OwnedBox, stored: &brickcast_volume::StoredBox) -> OwnedBox {
+    let lo = (stored.lo + 1).max(IVec3::ZERO).as_uvec3();
+    OwnedBox { lo: lo.min(owned.lo), hi: (stored.hi - 1).as_uvec3().max(owned.hi) }
+}
+
+/// As [`classify`], flat where the ghost layer holds more regions than there are slots: then nothing leaps.
+fn classify_all(
+    voxels: &BrickVoxels,
+    regions: &BrickRegions,
+    table: &RegionTable,
+    guard: u32,
+    radius: u8,
+) -> Result<Classified, ClassifyError> {
+    let radius = u32::from(radius);
+    match classify(voxels, regions, table, guard, radius) {
+        Err(ClassifyError::Slots { .. }) => classify(voxels, regions, table, u32::from(MAX_DISTANCE), radius),
+        classified => classified,
+    }
 }
 
 fn code_of_mean(mean: Density) -> f32 {

@@ -20,9 +20,9 @@ const LEAST_LEAPS: f64 = 0.2;
 /// What a brick has to show under a transfer function.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Occupied {
-    /// The owned box, cut to the macrocells that are not empty. Rays meet nothing outside it: its faces are planes of the
-    /// global cell grid, so the samples inside are those that the brick takes anyway, each at the same place. No extent
-    /// where all cells are empty.
+    /// The smallest box of macrocells that holds all that are not empty; it may reach beyond the owned box where cells do. Rays
+    /// meet nothing outside it: its faces are planes of the global cell grid, so the samples inside are those that the brick
+    /// takes anyway, each at the same place. No extent where all cells are empty.
     pub(crate) bounds: OwnedBox,
     /// Enough of its cells are empty for skipping to pay.
     pub(crate) skips: bool,
@@ -63,8 +63,7 @@ fn occupied(counts: &[[u32; 2]], owned: &OwnedBox, cells: &Macrocells) -> Occupi
         return Occupied { bounds: OwnedBox { lo: owned.lo, hi: owned.lo }, skips: false };
     }
     let first = cells.lo.as_uvec3();
-    let bounds =
-        OwnedBox { lo: ((first + lo) * cells.edge).max(owned.lo), hi: ((first + hi) * cells.edge).min(owned.hi) };
+    let bounds = OwnedBox { lo: (first + lo) * cells.edge, hi: (first + hi) * cells.edge };
     // What the bounds cut off need not be skipped.
     let within = (hi - lo).element_product();
     Occupied { bounds, skips: f64::from(within - showing) >= LEAST_EMPTY * f64::from(within) }
@@ -111,18 +110,19 @@ mod tests {
         let dims = UVec3::new(5, 4, 4);
         let of =
             |shows: &dyn Fn(UVec3) -> bool| occupied(&counts(), &owned, &cells(4, IVec3::new(1, 2, 4), dims, shows));
-        assert_eq!(of(&|_| true), Occupied { bounds: owned, skips: false });
+        let all = OwnedBox { lo: UVec3::new(4, 8, 16), hi: UVec3::new(24, 24, 32) };
+        assert_eq!(of(&|_| true), Occupied { bounds: all, skips: false });
         let nothing = of(&|_| false);
         assert_eq!((nothing.bounds.voxel_count(), nothing.skips), (0, false));
         for corner in 0..8_u32 {
             let cell = UVec3::new(corner & 1, corner >> 1 & 1, corner >> 2) * (dims - 1);
-            let lo = ((UVec3::new(1, 2, 4) + cell) * 4).max(owned.lo);
-            let hi = ((UVec3::new(1, 2, 4) + cell + 1) * 4).min(owned.hi);
+            let lo = (UVec3::new(1, 2, 4) + cell) * 4;
+            let hi = (UVec3::new(1, 2, 4) + cell + 1) * 4;
             let one = of(&|c| c == cell);
             assert_eq!(one, Occupied { bounds: OwnedBox { lo, hi }, skips: false }, "{cell}");
         }
         // Two far corners: all between them is empty, and within the bounds.
         let two = of(&|c| c == UVec3::ZERO || c == dims - 1);
-        assert_eq!(two, Occupied { bounds: owned, skips: true });
+        assert_eq!(two, Occupied { bounds: all, skips: true });
     }
 }

@@ -153,7 +153,10 @@ impl BrickUniform {
     /// True where the kernels count reads only, since each position is one.
     #[must_use]
     pub const fn reads_every_position(&self, features: Features) -> bool {
-        !features.leap && !features.regions && (!features.map || self.map_mask <= MAP_EMPTY)
+        features.integral.is_none()
+            && !features.leap
+            && !features.regions
+            && (!features.map || self.map_mask <= MAP_EMPTY)
     }
 
     /// With `bounds`, a part of its owned box, in place of that.

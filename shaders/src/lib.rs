@@ -4,9 +4,11 @@
 //! order of operations, so that the two can be read side by side.
 
 pub mod layout;
+pub mod style;
 pub mod twin;
 
 pub use layout::{BrickUniform, FrameUniform};
+pub use style::{Kinds, Light, StyleUniform};
 
 /// Pixels that a workgroup of the raycast kernel covers, per axis.
 pub const WORKGROUP_PIXELS: u32 = 16;
@@ -29,24 +31,50 @@ pub struct Features {
     pub map: bool,
     /// Samples in regions are hidden, shown alone, or have a table of their own.
     pub regions: bool,
+    /// The integral kernel, and what of it.
+    pub integral: Option<Kinds>,
 }
 
 impl Features {
     /// Nothing but sampling.
-    pub const PLAIN: Self = Self { leap: false, map: false, regions: false };
+    pub const PLAIN: Self = Self { leap: false, map: false, regions: false, integral: None };
 }
 
 /// The kernel that only samples; entry point `raycast`.
 #[must_use]
 pub fn raycast_wgsl(variant: RaycastVariant) -> String {
-    with_shared(variant, include_str!("../wgsl/raycast.wgsl"))
+    with_shared(variant, &[include_str!("../wgsl/shared/frame.wgsl"), include_str!("../wgsl/raycast.wgsl")].concat())
 }
 
 /// The kernel that also leaps, skips and tells regions apart, as its overrides `LEAP`, `MAP` and `REGIONS` say; entry point
 /// `accelerated`.
 #[must_use]
 pub fn accelerated_wgsl(variant: RaycastVariant) -> String {
-    with_shared(variant, include_str!("../wgsl/accelerated.wgsl"))
+    with_shared(
+        variant,
+        &[
+            include_str!("../wgsl/shared/frame.wgsl"),
+            include_str!("../wgsl/shared/jump.wgsl"),
+            include_str!("../wgsl/accelerated.wgsl"),
+        ]
+        .concat(),
+    )
+}
+
+/// The kernel that integrates between samples, lights, finds isosurfaces, projects and clips, as its overrides say (those of
+/// [`accelerated_wgsl`], and `PREINTEGRATED`, `LIGHT`, `SURFACES`, `MODE`); entry point `integral`.
+#[must_use]
+pub fn integral_wgsl(variant: RaycastVariant) -> String {
+    let slab = match variant {
+        RaycastVariant::Hardware => include_str!("../wgsl/shared/slab_hardware.wgsl"),
+        RaycastVariant::Exact => include_str!("../wgsl/shared/slab_exact.wgsl"),
+    };
+    let (style, light) = (include_str!("../wgsl/shared/style.wgsl"), include_str!("../wgsl/shared/light.wgsl"));
+    let jump = include_str!("../wgsl/shared/jump.wgsl");
+    let (between, surface) = (include_str!("../wgsl/shared/slab.wgsl"), include_str!("../wgsl/shared/surface.wgsl"));
+    let kernel = include_str!("../wgsl/integral.wgsl");
+    let shared = with_shared(variant, kernel);
+    [&shared, style, jump, slab, light, between, surface].concat()
 }
 
 fn with_shared(variant: RaycastVariant, kernel: &str) -> String {

@@ -5,8 +5,8 @@
 use std::mem::{offset_of, size_of};
 
 use brickcast_shaders::{
-    BrickUniform, FrameUniform, RaycastVariant, accelerated_wgsl, distance_wgsl, filter_probe_wgsl, macrocell_wgsl,
-    raycast_wgsl,
+    BrickUniform, FrameUniform, RaycastVariant, StyleUniform, accelerated_wgsl, distance_wgsl, filter_probe_wgsl,
+    integral_wgsl, macrocell_wgsl, raycast_wgsl,
 };
 use naga::TypeInner;
 
@@ -39,6 +39,11 @@ fn brick() -> (Members, u32) {
         region_flags rect_lo rect_size cell_lo cell_shift map_mask code_scale reserved)
 }
 
+fn style() -> (Members, u32) {
+    rust_struct!(StyleUniform: volume_hi surface_count light ambient diffuse specular shininess plane_count codes colors
+        planes)
+}
+
 fn parse(source: &str) -> naga::Module {
     naga::front::wgsl::parse_str(source).unwrap_or_else(|e| panic!("{}", e.emit_to_string(source)))
 }
@@ -46,7 +51,8 @@ fn parse(source: &str) -> naga::Module {
 #[test]
 fn members_lie_where_the_kernels_read_them() {
     for variant in [RaycastVariant::Hardware, RaycastVariant::Exact] {
-        for source in [raycast_wgsl(variant), accelerated_wgsl(variant)] {
+        assert_eq!(wgsl_struct(&parse(&integral_wgsl(variant)), "StyleUniform"), style());
+        for source in [raycast_wgsl(variant), accelerated_wgsl(variant), integral_wgsl(variant)] {
             let module = parse(&source);
             assert_eq!(wgsl_struct(&module, "FrameUniform"), frame());
             assert_eq!(wgsl_struct(&module, "BrickUniform"), brick());
@@ -73,6 +79,8 @@ fn kernels_are_valid() {
         raycast_wgsl(RaycastVariant::Exact),
         accelerated_wgsl(RaycastVariant::Hardware),
         accelerated_wgsl(RaycastVariant::Exact),
+        integral_wgsl(RaycastVariant::Hardware),
+        integral_wgsl(RaycastVariant::Exact),
         macrocell_wgsl(),
         distance_wgsl(),
         filter_probe_wgsl().to_owned(),

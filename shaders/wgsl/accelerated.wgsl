@@ -19,51 +19,6 @@ override REGIONS: bool;
 // 1 for texels of a region.
 @group(2) @binding(3) var flags: texture_3d<u32>;
 
-// Samples of a brick, or after a skip, that are probed whatever their values.
-const ENTRY_PROBES: u32 = 2u;
-// Filtered values that differ by less may both come from guards: 1.25 of 16383.
-const NEARLY_EQUAL: f32 = 1.25 / 16383.0;
-// Voxels that a leap ends before the last place that is known; more where positions are large numbers.
-const MARGIN: f32 = 1e-3;
-const MARGIN_SHARE: f32 = 1e-6;
-
-// The first sample that the brick does not own: the first k with k * step >= t_out.
-fn first_outside(step: f32, k: f32, t_out: f32) -> f32 {
-    var k_out = max(ceil(t_out / step), k + 1.0);
-    // The quotient errs by a few units in the last place, the product decides.
-    for (var i = 0; i < 2; i++) {
-        if k_out > k + 1.0 && (k_out - 1.0) * step >= t_out {
-            k_out -= 1.0;
-        }
-    }
-    for (var i = 0; i < 2; i++) {
-        if k_out * step < t_out {
-            k_out += 1.0;
-        }
-    }
-    return k_out;
-}
-
-// Where the ray leaves the cube about `center`; t.
-fn leaves(ray: Ray, center: vec3<f32>, half: f32) -> f32 {
-    let plane = center + half * sign(ray.direction);
-    let t = select((plane - ray.origin) * ray.inverse, vec3(FAR), ray.direction == vec3(0.0));
-    return min(min(t.x, t.y), t.z);
-}
-
-// The opacity of n samples of opacity alpha: by squaring, as exact as n single ones.
-fn opacity_of(alpha: f32, n: f32) -> f32 {
-    var clear = 1.0;
-    var square = 1.0 - alpha;
-    var left = u32(n);
-    while left > 0u {
-        clear *= select(1.0, square, (left & 1u) == 1u);
-        square *= square;
-        left >>= 1u;
-    }
-    return 1.0 - clear;
-}
-
 // Straight colour and opacity of one step, hidden where the view hides it.
 fn shown(reader: Reader, code: f32, in_region: bool) -> vec4<f32> {
     if REGIONS {

@@ -56,6 +56,7 @@ fn default_scene(store: &Store) -> Scene {
         acceleration,
         region_view: RegionView::All,
         region_transfer_function: None,
+        style: brickcast_volume::style::Style::default(),
     }
 }
 

@@ -72,6 +72,7 @@ fn scene(store: &Store, camera: Camera, size: (u32, u32), exact: bool) -> Scene 
         acceleration: Acceleration::default(),
         region_view: RegionView::All,
         region_transfer_function: None,
+        style: brickcast_volume::style::Style::default(),
     }
 }
 

@@ -49,6 +49,7 @@ impl Rig {
             acceleration: Acceleration::default(),
             region_view: RegionView::All,
             region_transfer_function: None,
+            style: brickcast_volume::style::Style::default(),
         };
         let chunks = (0..MergeTree::of(store.manifest.grid).chunk_count() as u32).collect();
         let layers = vec![LayerOrder { node: TreeNode(1), chunks, tiles: TileRect::of_picture(scene.size) }];

@@ -10,11 +10,13 @@ pub mod ids;
 pub mod macrocell;
 pub mod merge;
 pub mod phantom;
+pub mod preintegration;
 pub mod premul;
 pub mod regions;
 pub mod scene;
 pub mod space;
 pub mod store;
+pub mod style;
 pub mod transfer_function;
 pub mod visibility;
 

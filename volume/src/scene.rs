@@ -1,6 +1,7 @@
 //! What every layer of a frame has in common: the scene.
 
 use crate::camera::Camera;
+use crate::style::{Mode, Style, StyleError};
 use crate::transfer_function::TransferFunction;
 use crate::visibility::PictureSize;
 
@@ -95,6 +96,7 @@ pub struct Scene {
     pub region_view: RegionView,
     /// For samples whose nearest voxel is in a region; none: `transfer_function` serves all.
     pub region_transfer_function: Option<TransferFunction>,
+    pub style: Style,
 }
 
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -109,12 +111,14 @@ pub enum SceneError {
     MacrocellRange(f32),
     #[error("leap tolerance {0}: must lie in [0, 1]")]
     LeapTolerance(f32),
+    #[error(transparent)]
+    Style(#[from] StyleError),
 }
 
 impl Scene {
     /// # Errors
     /// Early termination outside (0, 1], an opacity unit that is not positive, a step outside 0.01..=16, shares outside
-    /// 0..=1.
+    /// 0..=1, a style that is not valid.
     pub fn validate(self) -> Result<Self, SceneError> {
         if !(self.early_termination > 0.0 && self.early_termination <= 1.0) {
             return Err(SceneError::EarlyTermination(self.early_termination));
@@ -124,6 +128,11 @@ impl Scene {
         }
         if !(0.01..=16.0).contains(&self.step) {
             return Err(SceneError::Step(self.step));
+        }
+        self.style.validate()?;
+        let tells_apart = self.region_view != RegionView::All || self.region_transfer_function.is_some();
+        if self.style.mode != Mode::Composite && tells_apart {
+            return Err(StyleError::Projection.into());
         }
         if let Leap::Macrocells(range) = self.acceleration.leap
             && !(0.0..=1.0).contains(&range)

@@ -116,6 +116,7 @@ fn scene(store: &Store, size: PictureSize) -> Result<Scene, Failure> {
         acceleration: Acceleration::default(),
         region_view: RegionView::All,
         region_transfer_function: None,
+        style: brickcast_volume::style::Style::default(),
     }
     .validate()?)
 }

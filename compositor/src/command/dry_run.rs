@@ -1,7 +1,6 @@
 //! `brickcast render --dry-run`: what each node would hold and render.
 
 use brickcast_volume::View;
-use brickcast_volume::brick::GHOST_SAMPLED;
 use brickcast_volume::store::Store;
 use comfy_table::Table;
 
@@ -41,15 +40,14 @@ pub async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -> Resul
     let view = View::new(geometry, &scene.camera, scene.size, scene.step)?;
     let orders = assignment.orders(&shown, &view).into_iter().map(|orders| orders.concat()).collect::<Vec<_>>();
     let tree = store.tree();
-    let grid = tree.grid();
+    let (grid, ghost) = (tree.grid(), scene.style.ghost(scene.step));
 
     let mut out = Table::new();
     out.set_header(["node", "bricks", "owned voxels", "memory", "budget", "chunks in view", "layers", "tiles"]);
     for (node, layers) in orders.iter().enumerate() {
         let bricks = assignment.bricks_of(&shown, node);
         let boxes = bricks.iter().map(|&b| grid.owned_box(grid.brick_at(b as usize)));
-        let (owned, stored) =
-            boxes.fold((0, 0), |(o, s), b| (o + b.voxel_count(), s + b.stored(GHOST_SAMPLED).voxel_count()));
+        let (owned, stored) = boxes.fold((0, 0), |(o, s), b| (o + b.voxel_count(), s + b.stored(ghost).voxel_count()));
         let memory = stored * 2;
         let over = if memory > budgets[node] { " (over)" } else { "" };
         out.add_row([

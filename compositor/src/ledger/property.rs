@@ -71,7 +71,7 @@ impl World {
     }
 
     fn picture(&self, ledger: &Ledger) -> Picture {
-        blend(ledger, &self.tree, self.from, self.size).unwrap()
+        blend(ledger, &self.tree, self.from, self.size, brickcast_volume::style::Mode::Composite).unwrap()
     }
 
     fn by_one_node(&self) -> Picture {

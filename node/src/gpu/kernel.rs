@@ -2,14 +2,16 @@
 
 use std::collections::HashMap;
 use std::num::NonZeroU64;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError};
 
-use brickcast_shaders::{BrickUniform, Features, FrameUniform, RaycastVariant, accelerated_wgsl, raycast_wgsl};
-use brickcast_volume::transfer_function::TransferTable;
-use half::f16;
+use brickcast_shaders::{
+    BrickUniform, Features, FrameUniform, Kinds, RaycastVariant, StyleUniform, accelerated_wgsl, integral_wgsl,
+    raycast_wgsl,
+};
 use wgpu::{BindGroupLayoutEntry, BindingType, BufferBindingType, TextureFormat, TextureSampleType};
 
 use super::device::Gpu;
+pub(super) use super::tables::FrameTables;
 use crate::raycaster::RaycastError;
 
 /// One variant's plain pipeline, and what all its pipelines have in common.
@@ -35,6 +37,8 @@ pub(super) struct Kernels {
 }
 
 pub(super) const FRAME_BYTES: u64 = size_of::<FrameUniform>() as u64;
+/// The frame, and the style behind it.
+pub(super) const SCENE_BYTES: u64 = FRAME_BYTES + size_of::<StyleUniform>() as u64;
 pub(super) const DISPATCH_BYTES: u64 = size_of::<BrickUniform>() as u64;
 
 pub(super) fn entry(binding: u32, ty: BindingType) -> BindGroupLayoutEntry {
@@ -133,23 +137,21 @@ impl Kernels {
         Ok(pipeline)
     }
 
-    /// Group 0: the frame's uniform, its transfer function, and that for samples in regions.
+    /// Group 0: the frame's uniform and the tables.
     pub(super) fn bind_frame(
         &self,
         gpu: &Gpu,
         variant: RaycastVariant,
         frame: &wgpu::Buffer,
-        [table, region_table]: [&Arc<TransferTable>; 2],
+        tables: &FrameTables,
     ) -> wgpu::BindGroup {
         let filtered = variant == RaycastVariant::Hardware && self.hardware.is_some();
-        let view = table_view(gpu, filtered, table);
-        let region_view =
-            if Arc::ptr_eq(table, region_table) { view.clone() } else { table_view(gpu, filtered, region_table) };
-        let mut entries = vec![
-            wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() },
-            wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::TextureView(&view) },
-            wgpu::BindGroupEntry { binding: 3, resource: wgpu::BindingResource::TextureView(&region_view) },
-        ];
+        let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() }];
+        let views = tables.views(gpu, filtered);
+        entries.extend(views.iter().map(|(binding, view)| wgpu::BindGroupEntry {
+            binding: *binding,
+            resource: wgpu::BindingResource::TextureView(view),
+        }));
         if filtered {
             let resource = wgpu::BindingResource::Sampler(&self.sampler);
             entries.push(wgpu::BindGroupEntry { binding: 2, resource });
@@ -182,31 +184,6 @@ impl Kernels {
     }
 }
 
-/// A transfer function as a texture; `filtered` for the hardware variant.
-fn table_view(gpu: &Gpu, filtered: bool, table: &TransferTable) -> wgpu::TextureView {
-    // GPUs filter half floats at full speed and full ones at a half or a quarter; software is faster without decoding.
-    let (format, bytes) = if filtered && !gpu.is_float_table_faster {
-        let halves: Vec<[f16; 4]> = table.entries.iter().map(|e| e.map(f16::from_f32)).collect();
-        (TextureFormat::Rgba16Float, bytemuck::cast_slice(&halves).to_vec())
-    } else {
-        (TextureFormat::Rgba32Float, bytemuck::cast_slice(&table.entries).to_vec())
-    };
-    let size = wgpu::Extent3d { width: table.entries.len() as u32, height: 1, depth_or_array_layers: 1 };
-    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: Some("transfer function"),
-        size,
-        mip_level_count: 1,
-        sample_count: 1,
-        dimension: if filtered { wgpu::TextureDimension::D1 } else { wgpu::TextureDimension::D2 },
-        format,
-        usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
-        view_formats: &[],
-    });
-    let rows = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: None, rows_per_image: None };
-    gpu.queue.write_texture(texture.as_image_copy(), &bytes, rows, size);
-    texture.create_view(&wgpu::TextureViewDescriptor::default())
-}
-
 impl Kernel {
     fn new(
         gpu: &Gpu,
@@ -218,10 +195,12 @@ impl Kernel {
         // Loads take two dimensions: OpenGL has no other.
         let table = if filtered { wgpu::TextureViewDimension::D1 } else { wgpu::TextureViewDimension::D2 };
         let mut entries = vec![
-            entry(0, constants(FRAME_BYTES, false)),
+            entry(0, constants(SCENE_BYTES, false)),
             entry(1, texture(table, filtered)),
             entry(3, texture(table, filtered)),
         ];
+        let slabs = || texture(wgpu::TextureViewDimension::D2, filtered);
+        entries.extend((5..9).map(|binding| entry(binding, slabs())));
         if filtered {
             entries.push(entry(2, BindingType::Sampler(wgpu::SamplerBindingType::Filtering)));
         }
@@ -236,9 +215,20 @@ impl Kernel {
     }
 
     fn accelerated(&self, gpu: &Gpu, features: Features) -> wgpu::ComputePipeline {
-        let Features { leap, map, regions } = features;
-        let overrides = [("LEAP", leap), ("MAP", map), ("REGIONS", regions)].map(|(name, on)| (name, f64::from(on)));
-        compute_pipeline(gpu, Some(&self.pipeline_layout), "accelerated", accelerated_wgsl(self.variant), &overrides)
+        let Features { leap, map, regions, integral } = features;
+        let mut overrides =
+            [("LEAP", leap), ("MAP", map), ("REGIONS", regions)].map(|(name, on)| (name, f64::from(on))).to_vec();
+        let layout = Some(&self.pipeline_layout);
+        let Some(Kinds { preintegrated, light, surfaces, mode }) = integral else {
+            return compute_pipeline(gpu, layout, "accelerated", accelerated_wgsl(self.variant), &overrides);
+        };
+        overrides.extend([
+            ("PREINTEGRATED", f64::from(preintegrated)),
+            ("LIGHT", f64::from(light as u8)),
+            ("SURFACES", f64::from(surfaces)),
+            ("MODE", f64::from(mode)),
+        ]);
+        compute_pipeline(gpu, layout, "integral", integral_wgsl(self.variant), &overrides)
     }
 }
 

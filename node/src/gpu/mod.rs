@@ -6,6 +6,7 @@ mod filter_test;
 mod kernel;
 mod plan;
 mod readback;
+mod tables;
 mod upload;
 
 use std::sync::{Arc, Mutex, PoisonError};

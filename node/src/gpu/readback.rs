@@ -4,13 +4,12 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
-use brickcast_shaders::{FrameUniform, RaycastVariant, WORKGROUP_PIXELS};
+use brickcast_shaders::{RaycastVariant, WORKGROUP_PIXELS};
 use brickcast_volume::PixelRect;
-use brickcast_volume::transfer_function::TransferTable;
 
 use super::cells::MapBuilder;
 use super::device::Gpu;
-use super::kernel::{DISPATCH_BYTES, FRAME_BYTES, Kernels};
+use super::kernel::{DISPATCH_BYTES, FRAME_BYTES, FrameTables, Kernels, SCENE_BYTES};
 use super::plan::{self, Batch, DISPATCH_SAMPLES, Dispatch, PIXEL_BYTES};
 use super::upload::GpuBrick;
 use crate::emptiness::Emptiness;
@@ -30,7 +29,7 @@ pub(super) struct Scratch {
     dispatch_stride: u64,
     buffers: Option<Buffers>,
     /// The last tables, as bound for a variant.
-    tables: Option<([Arc<TransferTable>; 2], RaycastVariant, wgpu::BindGroup)>,
+    tables: Option<(FrameTables, RaycastVariant, wgpu::BindGroup)>,
     maps: MapBuilder,
 }
 
@@ -65,7 +64,7 @@ impl Scratch {
         let bytes = dispatch_stride * SUBMIT_DISPATCHES as u64;
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
         gpu.guarded("uniform buffers", bytes, || Self {
-            frame: buffer(gpu, "frame", FRAME_BYTES, usage),
+            frame: buffer(gpu, "frame", SCENE_BYTES, usage),
             dispatches: buffer(gpu, "dispatches", bytes, usage),
             dispatch_stride,
             buffers: None,
@@ -108,23 +107,26 @@ impl Scratch {
     /// Binds the frame; tables are uploaded only when they change.
     fn bind_frame(&mut self, call: &Call<'_>, scene: &KernelScene) -> Result<wgpu::BindGroup, RaycastError> {
         let gpu = call.gpu;
-        let frame = FrameUniform::new(&scene.view.kernel(), &scene.table, scene.early_termination)
-            .with_regions(scene.region_view, scene.region_table.as_deref());
-        gpu.guarded("a frame's uniform", FRAME_BYTES, || {
-            gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame))
+        let frame = scene.frame_uniform();
+        gpu.guarded("a frame's uniform", SCENE_BYTES, || {
+            gpu.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
+            if let Some(style) = &scene.style {
+                gpu.queue.write_buffer(&self.frame, FRAME_BYTES, bytemuck::bytes_of(&style.uniform));
+            }
         })?;
-        let tables = [&scene.table, scene.region_table.as_ref().unwrap_or(&scene.table)];
+        let tables = FrameTables::of(scene);
         if let Some((known, variant, bound)) = &self.tables
             && *variant == call.variant
-            && known.iter().zip(tables).all(|(known, table)| Arc::ptr_eq(known, table) || known == table)
+            && known.is_same(&tables)
         {
             return Ok(bound.clone());
         }
-        let bytes = scene.table.entries.len() as u64 * PIXEL_BYTES;
-        let bound = gpu.guarded("a transfer function", bytes, || {
-            call.kernels.bind_frame(gpu, call.variant, &self.frame, tables)
+        // The old ones first: both at a time might not fit.
+        self.tables = None;
+        let bound = gpu.guarded("a transfer function", tables.bytes(), || {
+            call.kernels.bind_frame(gpu, call.variant, &self.frame, &tables)
         })?;
-        self.tables = Some((tables.map(Arc::clone), call.variant, bound.clone()));
+        self.tables = Some((tables, call.variant, bound.clone()));
         Ok(bound)
     }
 }

@@ -46,11 +46,17 @@ impl GpuBrick {
         if let Some((emptiness, cells)) = emptiness.zip(self.cells.as_ref()) {
             let Occupied { bounds, skips: pays } = self.occupancy.ask(emptiness, &self.owned, &cells.cells);
             skips = leaps || pays;
-            uniform = uniform.within(&bounds);
+            uniform = uniform.within(&scene.bounds(bounds, &self.owned));
         }
         uniform.map_mask = (if skips { MAP_EMPTY } else { 0 }) | (if leaps { MAP_HOMOGENEOUS } else { 0 });
         let map = self.cells.is_some() && uniform.map_mask != 0;
-        (uniform, Features { leap: self.has_leaps, map, regions: scene.tells_regions_apart() })
+        let features = Features {
+            leap: self.has_leaps,
+            map,
+            regions: scene.tells_regions_apart(),
+            integral: scene.style.as_ref().map(|style| style.kinds),
+        };
+        (uniform, features)
     }
 
     /// The cells whose map is not that of `emptiness`; afterwards it counts as such.

@@ -8,6 +8,7 @@ use brickcast_volume::Premul;
 use brickcast_volume::regions::Region;
 use brickcast_volume::store::{ChunkCache, Store};
 
+use super::choice::knows_only_region;
 use super::plan::{FramePlan, PlannedBrick, Unit};
 use super::{MAX_BATCH_BYTES, Workshop};
 use crate::error::NodeError;
@@ -141,7 +142,7 @@ pub(crate) fn load_bricks<'a>(
 
 /// The region that a flattened brick lies in with all that it stores, if it does: its mean is all there is to load.
 fn only_region(key: &BrickKey, store: &Store) -> Option<Region> {
-    key.recipe.guard?;
+    key.recipe.guard.filter(|_| knows_only_region(key.ghost))?;
     let facts = store.brick_facts()?.get(key.brick as usize)?;
     store.region_table()?.get(facts.only_region).copied()
 }
@@ -176,7 +177,10 @@ fn load_brick(
     let voxels = store.read_brick(index, key.ghost, cache).map_err(broken)?;
     // Inner guards look one voxel further.
     let regions = match table {
-        Some(table) => Some((store.read_brick_regions(index, key.ghost + 1, cache).map_err(broken)?, table)),
+        Some(table) => Some((
+            store.read_brick_regions(index, key.ghost + 1 + u32::from(recipe.radius), cache).map_err(broken)?,
+            table,
+        )),
         None => None,
     };
     let regions = regions.as_ref().map(|(regions, table)| (regions, *table));

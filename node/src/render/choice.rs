@@ -2,18 +2,27 @@
 
 use std::sync::Arc;
 
+use brickcast_shaders::Kinds;
 use brickcast_volume::BrickIndex;
-use brickcast_volume::brick::GHOST_SAMPLED;
-use brickcast_volume::regions::{Drawn, SceneTables, drawn, guard_width};
+use brickcast_volume::brick::RANGE_MARGIN;
+use brickcast_volume::preintegration::Preintegrated;
+use brickcast_volume::regions::{Drawn, SceneTables, drawn, guard_width, within_reach};
 use brickcast_volume::scene::{Leap, RegionView, Scene};
 use brickcast_volume::store::Store;
+use brickcast_volume::style::Lighting;
 use brickcast_volume::transfer_function::TransferTable;
 
 use super::TableCache;
 use crate::error::NodeError;
+use crate::kernel_style::KernelStyle;
 use crate::raycaster::Raycaster;
 use crate::recipe::Recipe;
 use crate::residency::{BrickKey, Wanted};
+
+/// The store knows of the one region of a brick as far as its margin reaches: a wider ghost layer may hold others.
+pub(crate) const fn knows_only_region(ghost: u32) -> bool {
+    ghost <= RANGE_MARGIN
+}
 
 /// Decides for one scene on one store.
 #[derive(Debug)]
@@ -22,6 +31,9 @@ pub(crate) struct BrickChoice<'a> {
     scene: &'a Scene,
     pub(crate) main: Arc<TransferTable>,
     pub(crate) region: Option<Arc<TransferTable>>,
+    /// Outside and inside regions, where the scene integrates slabs.
+    pub(crate) slabs: Option<[Arc<Preintegrated>; 2]>,
+    surfaces: Vec<u16>,
 }
 
 /// A brick that shows something, and how.
@@ -41,39 +53,64 @@ impl<'a> BrickChoice<'a> {
         if !(1e-9..=1e6).contains(&ratio) {
             return Err(NodeError::OpacityUnit { delta, unit: scene.opacity_unit, ratio });
         }
-        let table = |function| tables.get(function, manifest.range, ratio);
+        let (range, entries) = (manifest.range, scene.style.table_entries());
+        let table = |function| tables.get(function, range, ratio, entries);
         let region = scene.region_transfer_function.as_ref().map(table);
-        Ok(Self { store, scene, main: table(&scene.transfer_function), region })
+        let main = table(&scene.transfer_function);
+        let slabs = scene.style.integrates_slabs().then(|| {
+            let lit = scene.style.shading.is_some_and(|phong| phong.lighting == Lighting::Interpolated);
+            let slabs = |function| tables.slabs(function, range, ratio, entries, lit);
+            let inside = scene.region_transfer_function.as_ref().map(slabs);
+            let outside = slabs(&scene.transfer_function);
+            [outside.clone(), inside.unwrap_or(outside)]
+        });
+        Ok(Self { store, scene, main, region, slabs, surfaces: scene.style.surface_codes(range) })
+    }
+
+    /// What of the integral kernel the scene takes.
+    pub(crate) fn kinds(&self) -> Option<Kinds> {
+        let manifest = self.store.manifest();
+        let style = &self.scene.style;
+        KernelStyle::new(style, self.scene.step, &manifest.geometry, manifest.range, self.slabs.clone())
+            .map(|s| s.kinds)
     }
 
     /// `None` where the brick shows nothing.
     pub(crate) fn of(&self, index: BrickIndex, raycaster: &dyn Raycaster) -> Option<Chosen> {
         let manifest = self.store.manifest();
         let (linear, owned) = (manifest.grid.linear(index), manifest.grid.owned_box(index));
-        let raw = self.store.brick_ranges().0.get(linear).copied().unwrap_or([0, u16::MAX]);
-        let facts = self.store.brick_facts().and_then(|facts| facts.get(linear));
-        let tables = SceneTables { main: &self.main, region: self.region.as_deref(), view: self.scene.region_view };
+        let style = &self.scene.style;
+        let (ranges, reach) = (&self.store.brick_ranges().0, style.reach(self.scene.step));
+        let (raw, facts) = within_reach(&manifest.grid, ranges, self.store.brick_facts(), index, reach);
+        let facts = facts.as_ref();
+        let tables = SceneTables::new(self.scene, &self.surfaces, &self.main, self.region.as_deref());
         let drawn = drawn(self.scene, &tables, &manifest.geometry, &owned, raw, facts)?;
+        let ghost = style.ghost(self.scene.step);
         let recipe = self.recipe(&drawn, facts.is_some_and(|f| f.has_regions));
         let brick = u32::try_from(linear).unwrap_or(u32::MAX);
-        let key = BrickKey { store: self.store.hash(), brick, ghost: GHOST_SAMPLED, recipe };
+        let key = BrickKey { store: self.store.hash(), brick, ghost, recipe };
         let bytes = match drawn.only_region {
-            Some(_) => 0,
-            None => raycaster.brick_bytes(owned.stored(GHOST_SAMPLED).voxel_count(), recipe),
+            Some(_) if knows_only_region(ghost) => 0,
+            _ => raycaster.brick_bytes(owned.stored(ghost).voxel_count(), recipe),
         };
         Some(Chosen { wanted: Wanted { key, bytes }, drawn })
     }
 
     fn recipe(&self, drawn: &Drawn, has_regions: bool) -> Recipe {
         let acceleration = &self.scene.acceleration;
+        let radius = self.scene.style.gradient_radius();
         let homogeneous = match acceleration.leap {
-            Leap::Macrocells(range) => Some((f64::from(range) * 65535.0) as u16),
-            Leap::Off | Leap::Regions => None,
+            // What a cube is flattened by has no bound on surfaces and gradients.
+            Leap::Macrocells(range) if self.scene.style.surfaces.is_empty() && radius == 0 => {
+                Some((f64::from(range) * 65535.0) as u16)
+            }
+            Leap::Off | Leap::Regions | Leap::Macrocells(_) => None,
         };
         let shows_kinds = self.scene.region_view != RegionView::All || self.region.is_some();
         Recipe {
             // Steps are at most 16 voxels: 33.
-            guard: drawn.flattened.then(|| guard_width(self.scene.step, 0) as u8),
+            guard: drawn.flattened.then(|| guard_width(self.scene.step, radius) as u8),
+            radius: radius as u8,
             macrocell: (acceleration.skip_empty || homogeneous.is_some())
                 .then(|| acceleration.macrocell.voxels() as u8),
             homogeneous,

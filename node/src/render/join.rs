@@ -1,6 +1,7 @@
-//! The units of a piece joined to one picture, always by the one `over` in f32.
+//! The units of a piece joined to one picture, always by the one `over` (or a projection's join) in f32.
 
-use brickcast_volume::{PixelRect, Premul, over};
+use brickcast_volume::style::Mode;
+use brickcast_volume::{PixelRect, Premul};
 
 use super::batch::Batches;
 use super::plan::{FramePlan, Join, Piece};
@@ -43,7 +44,7 @@ pub(super) fn picture(
             for _ in 0..piece.units {
                 let Some(next) = batches.take(meter)?.map(Layer::from) else { break };
                 picture = Some(match picture {
-                    Some(front) => layer_over(front, next),
+                    Some(front) => layer_over(plan.mode, front, next),
                     None => next,
                 });
             }
@@ -70,7 +71,7 @@ pub(super) fn picture(
                         })
                         .map(Layer::from)
                 },
-                &mut layer_over,
+                &mut |front, back| layer_over(plan.mode, front, back),
             );
             match failure {
                 Some(error) => Err(error),
@@ -81,7 +82,7 @@ pub(super) fn picture(
 }
 
 /// `front over back` on the rectangle around both; outside its own rectangle each is clear, the identity of `over`.
-fn layer_over(front: Layer, back: Layer) -> Layer {
+fn layer_over(mode: Mode, front: Layer, back: Layer) -> Layer {
     let rect = front.rect.union(&back.rect);
     let mut pixels = Vec::with_capacity(rect.pixel_count());
     for y in rect.lo.y..rect.hi.y {
@@ -95,7 +96,7 @@ fn layer_over(front: Layer, back: Layer) -> Layer {
             }
             let at = (r.lo.x - rect.lo.x) as usize;
             for (pixel, value) in row[at..].iter_mut().zip(layer.row(y, r.lo.x, r.hi.x)) {
-                *pixel = if is_front { over(*value, *pixel) } else { *value };
+                *pixel = if is_front { mode.join(*value, *pixel) } else { *value };
             }
         }
     }
@@ -105,6 +106,7 @@ fn layer_over(front: Layer, back: Layer) -> Layer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use brickcast_volume::over;
     use glam::UVec2;
 
     fn layer(lo: [u32; 2], hi: [u32; 2], value: [f32; 4]) -> Layer {
@@ -115,7 +117,7 @@ mod tests {
     #[test]
     fn layers_of_different_rectangles_join_on_the_union_with_clear_around() {
         let (f, b) = ([0.1, 0.2, 0.3, 0.4], [0.5, 0.5, 0.5, 0.9]);
-        let joined = layer_over(layer([2, 1], [5, 3], f), layer([4, 2], [7, 6], b));
+        let joined = layer_over(Mode::Composite, layer([2, 1], [5, 3], f), layer([4, 2], [7, 6], b));
         assert_eq!(joined.rect, PixelRect { lo: UVec2::new(2, 1), hi: UVec2::new(7, 6) });
         let at = |x: u32, y: u32| joined.row(y, x, x + 1)[0];
         assert_eq!(at(2, 1), Premul::from_array(f));
@@ -129,7 +131,7 @@ mod tests {
     fn an_empty_layer_is_the_identity() {
         let a = layer([3, 3], [6, 5], [0.25, 0.0, 0.0, 0.5]);
         let nothing = layer([0, 0], [0, 0], [0.0; 4]);
-        assert_eq!(layer_over(a.clone(), nothing.clone()), a);
-        assert_eq!(layer_over(nothing, a.clone()), a);
+        assert_eq!(layer_over(Mode::Composite, a.clone(), nothing.clone()), a);
+        assert_eq!(layer_over(Mode::Composite, nothing, a.clone()), a);
     }
 }

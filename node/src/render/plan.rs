@@ -6,12 +6,14 @@ use brickcast_proto::{LayerOrder, RenderOrder, TileRect};
 use brickcast_volume::merge::{Viewpoint, sort_front_to_back};
 use brickcast_volume::regions::Drawn;
 use brickcast_volume::store::Store;
+use brickcast_volume::style::Mode;
 use brickcast_volume::{BrickIndex, ChunkIndex, MergeTree, PixelRect, TreeNode, View};
 use glam::UVec2;
 
 use super::choice::{BrickChoice, Chosen};
 use super::{MAX_BAND_PIXELS, Workshop};
 use crate::error::NodeError;
+use crate::kernel_style::KernelStyle;
 use crate::raycaster::KernelScene;
 use crate::residency::Wanted;
 
@@ -21,6 +23,8 @@ pub(super) struct FramePlan {
     pub tree: MergeTree,
     pub from: Viewpoint,
     pub scene: KernelScene,
+    /// How layers are joined.
+    pub mode: Mode,
     pub bricks: Vec<PlannedBrick>,
     /// In the order in which they are answered.
     pub pieces: Vec<Piece>,
@@ -87,7 +91,15 @@ impl FramePlan {
                 skip_empty: scene.acceleration.skip_empty,
                 early_termination: scene.early_termination,
                 filter: scene.filter,
+                style: KernelStyle::new(
+                    &scene.style,
+                    scene.step,
+                    &manifest.geometry,
+                    manifest.range,
+                    choice.slabs.clone(),
+                ),
             },
+            mode: scene.style.mode,
             bricks: Vec::new(),
             pieces: Vec::new(),
             units: Vec::new(),

@@ -5,6 +5,7 @@ mod cluster;
 mod order;
 mod part;
 mod scene;
+mod style;
 
 use brickcast_volume::camera::CameraError;
 use brickcast_volume::ids::NotAStoreHash;

@@ -15,7 +15,7 @@ impl From<DVec3> for wire::Vec3 {
     }
 }
 
-fn vec3(what: &'static str, v: Option<wire::Vec3>) -> Result<DVec3, WireError> {
+pub(super) fn vec3(what: &'static str, v: Option<wire::Vec3>) -> Result<DVec3, WireError> {
     v.map(|v| DVec3::new(v.x, v.y, v.z)).ok_or(WireError::Missing(what))
 }
 
@@ -120,6 +120,7 @@ impl From<&Scene> for wire::Scene {
             acceleration: Some(scene.acceleration.into()),
             region_view: view_to_wire(scene.region_view),
             region_transfer_function: scene.region_transfer_function.as_ref().map(Into::into),
+            style: Some((&scene.style).into()),
         }
     }
 }
@@ -140,6 +141,7 @@ impl TryFrom<wire::Scene> for Scene {
             acceleration: scene.acceleration.map(TryInto::try_into).transpose()?.unwrap_or_default(),
             region_view: view_from_wire(scene.region_view)?,
             region_transfer_function: scene.region_transfer_function.map(TryInto::try_into).transpose()?,
+            style: scene.style.map(TryInto::try_into).transpose()?.unwrap_or_default(),
         };
         Ok(valid.validate()?)
     }

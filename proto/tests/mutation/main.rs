@@ -11,6 +11,7 @@ use brickcast_proto::{
     decode_tile, encode_tile, wire,
 };
 use brickcast_volume::scene::{Acceleration, Filter, Leap, MacrocellEdge, RegionView, Scene, Transport};
+use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Lighting, Mode, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use brickcast_volume::{Camera, Epoch, FrameId, Geometry, Orbit, PictureSize, Premul, StoreHash, TreeNode};
 use glam::{DVec3, UVec2};
@@ -85,8 +86,39 @@ fn scene(random: &mut Random) -> Scene {
             leap_tolerance: (random.below(2) == 0).then(|| random.unit() as f32),
         },
         region_view: [RegionView::All, RegionView::Regions, RegionView::Residual][random.below(3)],
+        style: style(random),
     };
     scene.validate().unwrap()
+}
+
+/// Anything but projections, which do not go with region views.
+fn style(random: &mut Random) -> Style {
+    let integrations = [
+        Integration::Sampled,
+        Integration::Preintegrated(TableSize::N256),
+        Integration::Preintegrated(TableSize::N1024),
+    ];
+    let vector = |random: &mut Random| DVec3::new(random.unit() + 0.1, random.unit(), random.unit());
+    let shading = (random.below(2) == 0).then(|| Phong {
+        lighting: [Lighting::Interpolated, Lighting::Center][random.below(2)],
+        light: (random.below(2) == 0).then(|| vector(random)),
+        ..Phong::default()
+    });
+    let surface = |i: usize, random: &mut Random| Isosurface {
+        value: i as f64 + random.unit() * 0.5,
+        color: [0.25, 0.5, 1.0],
+        opacity: random.unit() as f32,
+    };
+    Style {
+        integration: integrations[random.below(3)],
+        shading,
+        surfaces: (0..random.below(4)).map(|i| surface(i, random)).collect(),
+        mode: Mode::Composite,
+        clip: Clip {
+            bounds: (random.below(2) == 0).then(|| (DVec3::ZERO, DVec3::ONE + vector(random))),
+            planes: (0..random.below(3)).map(|_| ClipPlane { normal: vector(random), offset: random.unit() }).collect(),
+        },
+    }
 }
 
 fn order(random: &mut Random) -> RenderOrder {

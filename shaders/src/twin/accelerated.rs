@@ -12,9 +12,9 @@ use crate::layout::{BrickUniform, FrameUniform, RegionFlags, SHOWS_REGIONS, SHOW
 /// Filtered values that differ by less may both come from guards: 1.25 of 16383.
 pub const NEARLY_EQUAL: f32 = 1.25 / 16383.0;
 /// Voxels that a leap ends before the last place that is known; more where positions are large numbers.
-const MARGIN: f32 = 1e-3;
+pub(super) const MARGIN: f32 = 1e-3;
 /// Of the largest coordinate: what positions and planes may round by, with room.
-const MARGIN_SHARE: f32 = 1e-6;
+pub(super) const MARGIN_SHARE: f32 = 1e-6;
 
 /// What a brick holds beyond its texels.
 #[derive(Debug, Clone, Copy)]
@@ -61,6 +61,10 @@ pub trait Watch {
     /// `n` samples from the `k`th have the value `code`.
     #[inline(always)]
     fn takes(&mut self, _k: f32, _n: f32, _code: f32) {}
+
+    /// The ray meets the isosurface `surface` (by ascending value) at `t`.
+    #[inline(always)]
+    fn meets(&mut self, _surface: usize, _t: f32) {}
 }
 
 /// Nobody watches, all rules hold.
@@ -70,16 +74,16 @@ pub struct Unwatched;
 impl Watch for Unwatched {}
 
 /// Transfer function of one table.
-struct Classifier<'a> {
-    table: &'a [[f32; 4]],
-    first: f32,
-    scale: f32,
+pub(super) struct Classifier<'a> {
+    pub(super) table: &'a [[f32; 4]],
+    pub(super) first: f32,
+    pub(super) scale: f32,
 }
 
 impl Classifier<'_> {
     /// Straight colour and opacity of one step.
     #[inline(always)]
-    fn classify(&self, code: f32) -> [f32; 4] {
+    pub(super) fn classify(&self, code: f32) -> [f32; 4] {
         let last_entry = self.table.len() - 1;
         let entry = clamped((code - self.first) * self.scale, last_entry as f32);
         let i = (entry as i32 as usize).min(last_entry - 1);
@@ -91,7 +95,7 @@ impl Classifier<'_> {
 
 /// The opacity of `n` samples of opacity `alpha`: by squaring, as exact as n single ones.
 #[inline(always)]
-fn opacity_of(alpha: f32, n: f32) -> f32 {
+pub(super) fn opacity_of(alpha: f32, n: f32) -> f32 {
     let (mut clear, mut square, mut left) = (1.0, 1.0 - alpha, n as u32);
     while left > 0 {
         if left & 1 == 1 {
@@ -105,7 +109,7 @@ fn opacity_of(alpha: f32, n: f32) -> f32 {
 
 /// Where the ray leaves a box; t.
 #[inline(always)]
-fn leaves(ray: &Ray, lo: [f32; 3], hi: [f32; 3]) -> f32 {
+pub(super) fn leaves(ray: &Ray, lo: [f32; 3], hi: [f32; 3]) -> f32 {
     let mut t_out = FAR;
     for a in 0..3 {
         let d = ray.direction[a];
@@ -119,7 +123,7 @@ fn leaves(ray: &Ray, lo: [f32; 3], hi: [f32; 3]) -> f32 {
 
 /// The first sample at or behind `t`, but for rounding: never more than `most`.
 #[inline(always)]
-fn sample_at(frame: &FrameUniform, t: f32, most: f32) -> f32 {
+pub(super) fn sample_at(frame: &FrameUniform, t: f32, most: f32) -> f32 {
     (t / frame.step).ceil().min(most)
 }
 
@@ -250,7 +254,7 @@ pub fn accelerated_ray<W: Watch>(
 
 /// The first sample that the brick does not own: the first k with `k * step >= t_out`.
 #[inline(always)]
-fn first_outside(frame: &FrameUniform, k: f32, t_out: f32) -> f32 {
+pub(super) fn first_outside(frame: &FrameUniform, k: f32, t_out: f32) -> f32 {
     let mut k_out = (t_out / frame.step).ceil().max(k + 1.0);
     // The quotient errs by a unit in the last place, the product decides.
     for _ in 0..2 {

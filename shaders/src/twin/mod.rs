@@ -1,5 +1,8 @@
 //! The kernels on the CPU: plain, in their WGSL's order of operations.
 
 pub mod accelerated;
+pub mod integral;
+mod light;
 pub mod macrocell;
 pub mod raycast;
+pub mod slab;

@@ -1,7 +1,6 @@
 // What every raycast kernel binds, and which pixel is whose: one invocation a pixel.
 // Storage, not uniform buffers: lavapipe compiles a kernel anew for the values of uniforms that its branches depend on, again
 // and again for other bricks and views.
-@group(0) @binding(0) var<storage, read> frame_data: FrameUniform;
 @group(1) @binding(0) var<storage, read> brick_data: BrickUniform;
 // Copies: read once, not in loops.
 var<private> frame: FrameUniform;
@@ -12,7 +11,7 @@ var<private> brick: BrickUniform;
 @group(1) @binding(2) var<storage, read_write> counters: array<atomic<u32>>;
 
 fn load_uniforms() {
-    frame = frame_data;
+    frame = load_frame();
     brick = brick_data;
 }
 

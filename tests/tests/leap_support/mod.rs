@@ -74,6 +74,7 @@ pub(crate) fn scene(store: &Store, camera: Camera, transfer_function: TransferFu
         acceleration: Acceleration::default(),
         region_view: RegionView::All,
         region_transfer_function: None,
+        style: brickcast_volume::style::Style::default(),
     }
 }
 

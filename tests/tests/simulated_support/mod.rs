@@ -84,6 +84,7 @@ fn scene(store: &Store, azimuth: f64) -> Scene {
         acceleration: Acceleration::default(),
         region_view: RegionView::All,
         region_transfer_function: None,
+        style: brickcast_volume::style::Style::default(),
     }
 }
 

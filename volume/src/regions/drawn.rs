@@ -6,6 +6,7 @@ use super::table::{BrickFacts, NO_REGION};
 use crate::brick::OwnedBox;
 use crate::scene::{Leap, RegionView, Scene};
 use crate::space::Geometry;
+use crate::style::Mode;
 use crate::transfer_function::TransferTable;
 
 /// Codes by which what a brick draws of V' can differ from the codes that its facts speak of: half a density where voxels of no
@@ -19,6 +20,10 @@ pub struct SceneTables<'a> {
     /// For samples in regions, where the scene has a transfer function of its own for them.
     pub region: Option<&'a TransferTable>,
     pub view: RegionView,
+    /// As [`crate::style::Style::surface_codes`]: codes from the first on may show an isosurface.
+    pub surfaces: &'a [u16],
+    /// A projection shows every sample, whatever its opacity.
+    pub mode: Mode,
 }
 
 /// How a brick that shows something is drawn.
@@ -32,7 +37,13 @@ pub struct Drawn {
     pub only_region: Option<u32>,
 }
 
-impl SceneTables<'_> {
+impl<'a> SceneTables<'a> {
+    /// The tables of `scene`; `surfaces` are its [`crate::style::Style::surface_codes`].
+    #[must_use]
+    pub fn new(scene: &Scene, surfaces: &'a [u16], main: &'a TransferTable, region: Option<&'a TransferTable>) -> Self {
+        Self { main, region, view: scene.region_view, surfaces, mode: scene.style.mode }
+    }
+
     /// The table that samples in regions are classified by.
     #[must_use]
     pub fn in_regions(&self) -> &TransferTable {
@@ -43,6 +54,9 @@ impl SceneTables<'_> {
     /// store has no regions.
     #[must_use]
     pub fn is_empty_over(&self, [min, max]: [u16; 2], facts: Option<&BrickFacts>) -> bool {
+        if self.mode != Mode::Composite || self.surfaces.first().is_some_and(|&lowest| max >= lowest) {
+            return false;
+        }
         let inside = facts.is_some_and(|f| f.has_regions) && self.view != RegionView::Residual;
         let outside = facts.is_none_or(|f| f.only_region == NO_REGION) && self.view != RegionView::Regions;
         (!inside || self.in_regions().is_empty_over(min, max)) && (!outside || self.main.is_empty_over(min, max))
@@ -66,6 +80,12 @@ pub fn brick_change(tables: &SceneTables<'_>, raw: [u16; 2], facts: &BrickFacts)
     if tables.region.is_some() { inside.or(rate(tables.main)) } else { inside }
 }
 
+/// May an isosurface lie within `range`?
+fn surface_in(tables: &SceneTables<'_>, [min, max]: [u16; 2]) -> bool {
+    let between = |&code: &u16| min.saturating_sub(1) <= code.saturating_add(2) && code <= max.saturating_add(1);
+    tables.surfaces.iter().any(between)
+}
+
 /// How the brick `owned` is drawn; `None` where it shows nothing. `raw` is its range of codes in the volume, `facts` what the
 /// store says of its regions, if it has any.
 #[must_use]
@@ -78,6 +98,9 @@ pub fn drawn(
     facts: Option<&BrickFacts>,
 ) -> Option<Drawn> {
     let candidate = facts.filter(|f| f.has_regions && scene.acceleration.leap == Leap::Regions);
+    // A region that is flattened loses the isosurface in it (algorithms.md section 2, "Region modes").
+    let cuts = |f: &BrickFacts| surface_in(tables, [raw[0].min(f.min), raw[1].max(f.max)]);
+    let candidate = candidate.filter(|f| !cuts(f));
     let over_tolerance = match (candidate.filter(|f| f.has_leaps), scene.acceleration.leap_tolerance) {
         (Some(facts), Some(tolerance)) => {
             let samples = longest_chord(geometry, owned, scene.step * geometry.min_spacing());
@@ -117,6 +140,7 @@ mod tests {
             acceleration: Acceleration { leap, leap_tolerance, ..Acceleration::default() },
             region_view: view,
             region_transfer_function: None,
+            style: crate::style::Style::default(),
         };
         (scene, geometry)
     }
@@ -124,7 +148,7 @@ mod tests {
     fn decide(leap: Leap, tolerance: Option<f32>, view: RegionView, raw: [u16; 2], facts: BrickFacts) -> Option<Drawn> {
         let (scene, geometry) = scene(leap, tolerance, view);
         let main = TransferTable::build(&scene.transfer_function, (0.0, 65535.0), 0.5);
-        let tables = SceneTables { main: &main, region: None, view };
+        let tables = SceneTables { main: &main, region: None, view, surfaces: &[], mode: Mode::Composite };
         let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(32) };
         drawn(&scene, &tables, &geometry, &owned, raw, Some(&facts))
     }

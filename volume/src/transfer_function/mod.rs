@@ -3,6 +3,7 @@
 pub mod color_space;
 pub mod colormap;
 mod colormap_tables;
+pub(crate) mod entry_codes;
 pub mod preset;
 mod preset_fields;
 #[cfg(test)]
@@ -72,6 +73,13 @@ impl TransferFunction {
             check_value("opacities", index, p.opacity)?;
         }
         Ok(Self { colors, opacities })
+    }
+
+    /// Shows nothing of any value.
+    #[must_use]
+    pub fn nothing() -> Self {
+        let colors = vec![ColorPoint { x: 0.0, rgb: [0.0; 3] }];
+        Self { colors, opacities: vec![OpacityPoint { x: 0.0, opacity: 0.0 }] }
     }
 
     #[must_use]

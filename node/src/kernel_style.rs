@@ -1,0 +1,86 @@
+//! What a scene's style is to the integral kernel.
+
+use std::sync::Arc;
+
+use brickcast_shaders::twin::accelerated::Tables;
+use brickcast_shaders::twin::integral::Integrals;
+use brickcast_shaders::twin::slab::SlabTable;
+use brickcast_shaders::{FrameUniform, Kinds, Light, StyleUniform};
+use brickcast_volume::Geometry;
+use brickcast_volume::preintegration::Preintegrated;
+use brickcast_volume::style::{Lighting, Mode, Style};
+
+/// Everything of the style that both backends need.
+#[derive(Debug, Clone)]
+pub struct KernelStyle {
+    pub uniform: StyleUniform,
+    pub kinds: Kinds,
+    /// For slabs outside and inside regions, where slabs are pre-integrated; with light tables where light is interpolated.
+    pub slabs: Option<[Arc<Preintegrated>; 2]>,
+    /// As [`Style::reach`].
+    pub reach: u32,
+    /// The first of [`Style::surface_codes`].
+    pub lowest_surface: Option<u16>,
+    pub mode: Mode,
+}
+
+impl KernelStyle {
+    /// `None` where the plain kernels do. `range`: data units of codes 0 and 1; `slabs` where [`Style::integrates_slabs`].
+    #[must_use]
+    pub fn new(
+        style: &Style,
+        step: f64,
+        geometry: &Geometry,
+        range: (f64, f64),
+        slabs: Option<[Arc<Preintegrated>; 2]>,
+    ) -> Option<Self> {
+        if style.is_plain() {
+            return None;
+        }
+        let light = match style.shading.map(|phong| phong.lighting) {
+            None => Light::None,
+            Some(Lighting::Interpolated) => Light::Interpolated,
+            Some(Lighting::Center) => Light::Center,
+        };
+        let mode = match style.mode {
+            Mode::Composite => 0,
+            Mode::Maximum => 1,
+            Mode::Minimum => 2,
+            Mode::Average => 3,
+        };
+        let kinds = Kinds { preintegrated: slabs.is_some(), light, surfaces: !style.surfaces.is_empty(), mode };
+        Some(Self {
+            uniform: StyleUniform::new(style, geometry, range),
+            kinds,
+            slabs,
+            reach: style.reach(step),
+            lowest_surface: style.surface_codes(range).first().copied(),
+            mode: style.mode,
+        })
+    }
+
+    /// What rays on the processor read: `frame` is the scene's, `tables` those for single samples.
+    #[must_use]
+    pub(crate) fn integrals<'a>(&'a self, frame: &FrameUniform, tables: Tables<'a>) -> Integrals<'a> {
+        let slabs = self.slabs.as_ref().map(|[outside, inside]| {
+            [
+                self.slab_table(outside, frame.table_first, frame.table_scale),
+                self.slab_table(inside, frame.region_first, frame.region_scale),
+            ]
+        });
+        Integrals { tables, slabs, style: &self.uniform, kinds: self.kinds }
+    }
+
+    fn slab_table<'a>(&self, slabs: &'a Preintegrated, first: f32, scale: f32) -> SlabTable<'a> {
+        let [front, back] = self.slab_entries(slabs);
+        SlabTable { size: slabs.size, front, back, first, scale }
+    }
+
+    /// The one or two tables that the kernel reads of `slabs`.
+    pub(crate) fn slab_entries<'a>(&self, slabs: &'a Preintegrated) -> [&'a [[f32; 4]]; 2] {
+        match (self.kinds.light, &slabs.lit) {
+            (Light::Interpolated, Some(lit)) => [&lit.front, &lit.back],
+            _ => [&slabs.total, &[]],
+        }
+    }
+}

@@ -1,0 +1,81 @@
+//! The uniform of the integral kernel: light, isosurfaces, clip planes.
+
+use brickcast_volume::Geometry;
+use brickcast_volume::style::{MAX_PLANES, MAX_SURFACES, Style};
+use bytemuck::{Pod, Zeroable};
+
+/// What a scene's style is to the kernel; `tests/layout.rs` compares names and offsets with the WGSL's.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+pub struct StyleUniform {
+    /// The volume's upper corner; its lower one is zero. Index space.
+    pub volume_hi: [i32; 3],
+    pub surface_count: u32,
+    /// World direction towards the light, of length one; zero: from where the ray comes.
+    pub light: [f32; 3],
+    pub ambient: f32,
+    pub diffuse: f32,
+    pub specular: f32,
+    pub shininess: f32,
+    pub plane_count: u32,
+    /// Codes (0..=1) of the isosurfaces, ascending, in x.
+    pub codes: [[f32; 4]; MAX_SURFACES],
+    /// Their straight colours and opacities.
+    pub colors: [[f32; 4]; MAX_SURFACES],
+    /// Index space: what stays has `dot(n, p) >= w`.
+    pub planes: [[f32; 4]; MAX_PLANES],
+}
+
+impl StyleUniform {
+    /// `range`: data units of codes 0 and 1. A style that is not valid is cut to what fits.
+    #[must_use]
+    pub fn new(style: &Style, geometry: &Geometry, range: (f64, f64)) -> Self {
+        let mut uniform = Self::zeroed();
+        uniform.volume_hi = geometry.dims().as_ivec3().into();
+        for (i, surface) in style.sorted_surfaces().iter().take(MAX_SURFACES).enumerate() {
+            let [r, g, b] = surface.color;
+            uniform.codes[i][0] = surface.code(range);
+            uniform.colors[i] = [r, g, b, surface.opacity];
+            uniform.surface_count += 1;
+        }
+        for (to, plane) in uniform.planes.iter_mut().zip(style.clip.index_planes(geometry)) {
+            *to = plane.as_vec4().into();
+            uniform.plane_count += 1;
+        }
+        if let Some(phong) = style.shading {
+            uniform.light = phong.light.map_or([0.0; 3], |l| l.normalize().as_vec3().into());
+            (uniform.ambient, uniform.diffuse) = (phong.ambient, phong.diffuse);
+            (uniform.specular, uniform.shininess) = (phong.specular, phong.shininess);
+        }
+        uniform
+    }
+}
+
+/// What of the integral kernel a scene takes; each costs something.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub struct Kinds {
+    /// Slabs come from a table over both of their ends.
+    pub preintegrated: bool,
+    pub light: Light,
+    pub surfaces: bool,
+    /// 0: composite, 1: maximum, 2: minimum, 3: average.
+    pub mode: u8,
+}
+
+/// Where slabs and samples take their light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[repr(u8)]
+pub enum Light {
+    #[default]
+    None = 0,
+    Interpolated = 1,
+    Center = 2,
+}
+
+impl Kinds {
+    /// As [`Style::has_slabs`].
+    #[must_use]
+    pub const fn has_slabs(self) -> bool {
+        self.mode == 0 && (self.preintegrated || self.surfaces)
+    }
+}

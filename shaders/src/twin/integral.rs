@@ -1,0 +1,380 @@
+//! `wgsl/integral.wgsl` on the CPU: rays that integrate between samples (Lum, Wilson & Ma 2004), light what they meet, find
+//! isosurfaces (Krueger & Westermann 2003), project, and are clipped; with the leaps and skips of the accelerated kernel.
+//!
+//! The invariant: a brick visits the positions of its owned samples and, where slabs matter, the first one beyond. Every turn
+//! takes a run of positions that have one value, closes the slab that ends at the run's first position, and adds the slabs
+//! within the run. So slab k, from `t_k` to `t_(k+1)`, belongs to the owner of `t_k`, is closed once, and sees the same two
+//! values whatever the partition (docs/adr/0006-integral.md).
+
+use brickcast_volume::Premul;
+use brickcast_volume::regions::code::{INNER_BIT, LEAP_BIT, MAX_DENSITY};
+
+use super::accelerated::{
+    BrickData, Classifier, MARGIN, MARGIN_SHARE, NEARLY_EQUAL, RayCounts, Tables, Watch, first_outside, leaves,
+    opacity_of, sample_at,
+};
+use super::light::{Probe, UNLIT};
+use super::raycast::{FAR, Ray, owned_segment};
+use super::slab::{End, SlabTable, add, add_flat, add_slab, lit_color};
+use crate::layout::{BrickUniform, FrameUniform, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
+use crate::style::{Kinds, Light, StyleUniform};
+
+/// Halvings of a slab in which an isosurface lies: to 1/64 step, before the last interpolation.
+const BISECTIONS: u32 = 6;
+
+/// What a ray reads that is not its brick's.
+#[derive(Debug, Clone, Copy)]
+pub struct Integrals<'a> {
+    /// For single samples.
+    pub tables: Tables<'a>,
+    /// For slabs outside and inside regions.
+    pub slabs: Option<[SlabTable<'a>; 2]>,
+    pub style: &'a StyleUniform,
+    pub kinds: Kinds,
+}
+
+/// The first sample at or behind `t`, exactly: the product decides.
+#[inline(always)]
+fn first_sample(frame: &FrameUniform, t: f32) -> f32 {
+    let mut k = (t / frame.step).ceil();
+    for _ in 0..4 {
+        if k > 0.0 && (k - 1.0) * frame.step >= t {
+            k -= 1.0;
+        }
+    }
+    for _ in 0..4 {
+        if k * frame.step < t {
+            k += 1.0;
+        }
+    }
+    k
+}
+
+/// What clipping leaves of a ray: `[t_lo, t_hi)`.
+#[inline(always)]
+fn clipped(style: &StyleUniform, ray: &Ray) -> (f32, f32) {
+    let (mut t_lo, mut t_hi) = (0.0_f32, FAR);
+    for [nx, ny, nz, w] in &style.planes[..style.plane_count as usize] {
+        let inside = nx * ray.origin[0] + ny * ray.origin[1] + nz * ray.origin[2] - w;
+        let along = nx * ray.direction[0] + ny * ray.direction[1] + nz * ray.direction[2];
+        if along == 0.0 {
+            if inside < 0.0 {
+                return (FAR, -1.0);
+            }
+            continue;
+        }
+        let t = -inside / along;
+        if along > 0.0 {
+            t_lo = t_lo.max(t);
+        } else {
+            t_hi = t_hi.min(t);
+        }
+    }
+    (t_lo, t_hi)
+}
+
+/// The first sample of the ray in the whole volume, as its brick computes it.
+#[inline(always)]
+fn first_of_volume(frame: &FrameUniform, style: &StyleUniform, ray: &Ray, t_lo: f32) -> f32 {
+    let mut t_in = t_lo;
+    for a in 0..3 {
+        if ray.direction[a] != 0.0 {
+            let at_lo = (0.0 - ray.origin[a]) * ray.inverse[a];
+            let at_hi = (style.volume_hi[a] as f32 - ray.origin[a]) * ray.inverse[a];
+            t_in = t_in.max(at_lo.min(at_hi));
+        }
+    }
+    first_sample(frame, t_in)
+}
+
+/// The position before the present one.
+#[derive(Clone, Copy)]
+struct Front {
+    end: End,
+    in_region: bool,
+    /// In an empty macrocell.
+    is_empty: bool,
+}
+
+/// The samples and slabs of `brick` along `ray`, into `sum`. A projection's pixels are as [`brickcast_volume::style::Mode::join`]
+/// says.
+#[must_use]
+#[allow(clippy::too_many_arguments)] // the kernel's bindings
+pub fn integral_ray<W: Watch>(
+    frame: &FrameUniform,
+    brick: &BrickUniform,
+    data: &BrickData<'_>,
+    with: &Integrals<'_>,
+    ray: &Ray,
+    mut sum: Premul,
+    watch: &mut W,
+) -> (Premul, RayCounts) {
+    let mut counts = RayCounts::default();
+    let Integrals { tables, style, kinds, .. } = *with;
+    let (t_lo, t_hi) = clipped(style, ray);
+    let Some(mut owned) = owned_segment(frame, brick, ray) else { return (sum, counts) };
+    owned.t_out = owned.t_out.min(t_hi);
+    if t_lo > 0.0 {
+        owned.k = owned.k.max(first_sample(frame, t_lo));
+    }
+    if sum.a >= frame.stop_alpha || tables.table.len() < 2 || owned.k * frame.step >= owned.t_out {
+        return (sum, counts);
+    }
+    let main = Classifier { table: tables.table, first: frame.table_first, scale: frame.table_scale };
+    let region = Classifier {
+        table: tables.region.unwrap_or(tables.table),
+        first: frame.region_first,
+        scale: frame.region_scale,
+    };
+    let probe = Probe::new(frame, style, brick, data, ray);
+    let k_out = first_outside(frame, owned.k, owned.t_out);
+    let has_slabs = kinds.has_slabs();
+    let k_last = if has_slabs { k_out } else { k_out - 1.0 };
+    let largest = (0..3).fold(0.0_f32, |m, a| m.max(ray.origin[a].abs()).max(brick.owned_hi[a] as f32));
+    let margin = MARGIN.max(MARGIN_SHARE * largest);
+    let edge = (1_u32 << brick.cell_shift) as f32;
+    let has_flags = brick.region_flags == RegionFlags::Texture as u32;
+    let shows = |in_region: bool| frame.shown & if in_region { SHOWS_REGIONS } else { SHOWS_RESIDUAL } != 0;
+    let k_entry = if kinds.surfaces { first_of_volume(frame, style, ray, t_lo) } else { -1.0 };
+
+    let mut k = owned.k;
+    let mut probes = if data.means.is_some() { W::ENTRY_PROBES } else { 0 };
+    // The last value, far from all others: nothing is like it.
+    let mut last = 9.0_f32;
+    let (mut k_look, mut look) = (k, data.map.is_some());
+    let asks_always = data.map.is_some() && brick.map_mask > 0xff;
+    let mut front: Option<Front> = None;
+    // The positions just before k were skipped: where k is not empty, the last of them must be read.
+    let mut has_skipped = false;
+    // The position at k lies in an empty cell, and is read all the same.
+    let mut is_empty = false;
+    while k <= k_last && sum.a < frame.stop_alpha {
+        // Always the product, never accumulated: the same sample in every brick.
+        let p = probe.place(k);
+        let (mut code, mut n) = (0.0, 0.0);
+        let mut in_region = brick.region_flags == RegionFlags::EveryVoxel as u32;
+        // Deep in a region or a homogeneous cube: no gradient.
+        let mut is_flat = false;
+        if look && let Some((map, dims)) = data.map {
+            let cell: [i32; 3] = std::array::from_fn(|a| {
+                ((p[a] as i32 >> brick.cell_shift) - brick.cell_lo[a]).clamp(0, dims[a] as i32 - 1)
+            });
+            let at = cell[0] as usize + dims[0] as usize * (cell[1] as usize + dims[1] as usize * cell[2] as usize);
+            let texel = map[at] & brick.map_mask;
+            let empty = (texel & 0xff) as i32;
+            // Cells know no regions: their samples may need different tables.
+            let alike = if has_flags { 0 } else { (texel >> 8 & 0xff) as i32 };
+            let reach = if empty > 0 { empty } else { alike.max(1) } - 1;
+            let lo = std::array::from_fn(|a| (cell[a] + brick.cell_lo[a] - reach) as f32 * edge);
+            let hi = std::array::from_fn(|a| (cell[a] + brick.cell_lo[a] + 1 + reach) as f32 * edge);
+            let k_exit = sample_at(frame, leaves(ray, lo, hi), k_last + 1.0).max(k + 1.0);
+            if empty > 0 && kinds.mode != 0 {
+                // Nothing there changes the projection: a run of the code that says so.
+                (code, n) = (if kinds.mode == 2 { 1.0 } else { 0.0 }, k_exit - k);
+                counts.skips += 1;
+            } else if empty > 0 && (!has_slabs || front.is_none_or(|f| f.is_empty)) {
+                // Both ends of all slabs up to the one that leaves.
+                counts.skips += 1;
+                (k, front, has_skipped) = (k_exit, None, has_slabs);
+                probes = if data.means.is_some() { W::ENTRY_PROBES } else { 0 };
+                last = 9.0;
+                continue;
+            } else if empty == 0 && has_skipped {
+                // The slab that enters what shows starts in the empty.
+                counts.skips += 1;
+                (k, has_skipped, look, is_empty) = (k - 1.0, false, false, true);
+                continue;
+            } else {
+                is_empty = empty > 0;
+                k_look = if is_empty { k + 1.0 } else { k_exit };
+                if !is_empty && alike > 0 {
+                    (code, n, is_flat) = ((texel >> 16) as f32 / 65535.0, k_exit - k, true);
+                    counts.leapt += n as u32;
+                    counts.skips += 1;
+                }
+            }
+        }
+        if n == 0.0 && probes > 0 {
+            let texel = probe.volume.nearest(p);
+            counts.samples += 1;
+            if texel & LEAP_BIT != 0 {
+                let reach = f32::from(texel >> 7 & 0xff) - 1.0 - margin;
+                let lo = std::array::from_fn(|a| (p[a] as i32) as f32 + 0.5 - reach);
+                let hi = std::array::from_fn(|a| (p[a] as i32) as f32 + 0.5 + reach);
+                n = (sample_at(frame, leaves(ray, lo, hi), k_last + 1.0) - k).max(1.0);
+                n = (n + W::LEAP_EXTRA).min(k_last + 1.0 - k);
+                code = data.means.and_then(|m| m.get(usize::from(texel & 0x7f))).copied().unwrap_or(0.0);
+                (in_region, is_flat) = (true, true);
+                counts.leapt += n as u32;
+                probes = probes.max(2) - 1;
+            } else if texel & INNER_BIT != 0 {
+                (code, n) = (f32::from(texel >> 1) / f32::from(MAX_DENSITY), 1.0);
+                (in_region, is_flat) = (true, true);
+                probes = probes.max(2) - 1;
+            }
+        }
+        if n == 0.0 {
+            code = probe.trilinear(p);
+            n = 1.0;
+            counts.samples += 1;
+            if has_flags {
+                in_region = data.flags[probe.volume.nearest_index(p)] != 0;
+                counts.samples += 1;
+            }
+            if data.means.is_some() {
+                let equal = (code - last).abs() <= NEARLY_EQUAL;
+                probes = probes.saturating_sub(1).max(u32::from(equal));
+            }
+        }
+        last = code;
+        watch.takes(k, n, code);
+        // Positions that the brick owns.
+        let taken = n.min(k_out - k).max(0.0);
+        counts.positions += taken as u32;
+        let mut opacity = 0.0;
+        if kinds.mode != 0 {
+            if shows(in_region) {
+                project(&mut sum, kinds.mode, code, n);
+            }
+            look = data.map.is_some() && k + n >= k_look;
+            k += n;
+            continue;
+        }
+        let mut back = End { code, k, light: is_flat.then_some(UNLIT) };
+        if let Some(front) = &mut front
+            && shows(front.in_region)
+        {
+            let mut far = back;
+            // A slab is of one kind, its front's: colours do not run from one kind into the other.
+            if front.in_region != in_region {
+                far.code = front.end.code;
+            }
+            let table = if kinds.preintegrated { with.slabs.map(|s| s[usize::from(front.in_region)]) } else { None };
+            opacity = slab(&mut sum, with, table.as_ref(), &probe, (&mut front.end, &mut far), watch);
+            back.light = back.light.or(if front.in_region == in_region { far.light } else { None });
+        }
+        if k == k_entry && shows(in_region) {
+            for surface in 0..style.surface_count as usize {
+                if code >= style.codes[surface][0] {
+                    meet(&mut sum, with, &probe, surface, k, watch);
+                }
+            }
+        }
+        if kinds.preintegrated {
+            // The slabs within the run.
+            if n > 1.0
+                && shows(in_region)
+                && let Some(slabs) = with.slabs
+            {
+                add_flat(&mut sum, &slabs[usize::from(in_region)], kinds, code, n - 1.0);
+                opacity = 1.0;
+            }
+        } else if taken > 0.0 && shows(in_region) {
+            let [r, g, b, alpha] = if in_region { region.classify(code) } else { main.classify(code) };
+            opacity = opacity.max(alpha);
+            // Adding nothing changes no bit.
+            if alpha > 0.0 {
+                let mut color = [r, g, b];
+                if kinds.light != Light::None && !is_flat {
+                    let light = *back.light.get_or_insert_with(|| probe.light(p));
+                    color = lit_color(color, light);
+                }
+                let alpha = if taken == 1.0 { alpha } else { opacity_of(alpha, taken) };
+                add(&mut sum, [color[0] * alpha, color[1] * alpha, color[2] * alpha, alpha]);
+            }
+        }
+        k += n;
+        back.k = k - 1.0;
+        front = has_slabs.then_some(Front { end: back, in_region, is_empty });
+        is_empty = false;
+        look = data.map.is_some() && k >= k_look && (asks_always || opacity == 0.0);
+    }
+    (sum, counts)
+}
+
+/// Takes `n` samples of one value into a projection.
+fn project(sum: &mut Premul, mode: u8, code: f32, n: f32) {
+    let is_first = sum.a == 0.0;
+    match mode {
+        1 => sum.r = if is_first { code } else { sum.r.max(code) },
+        2 => sum.r = if is_first { code } else { sum.r.min(code) },
+        _ => {
+            sum.r += code * n;
+            sum.g += n;
+        }
+    }
+    sum.a = 1.0;
+}
+
+/// Closes the slab between two positions, isosurfaces in it; the opacity that it adds, surfaces and all.
+#[inline(always)]
+fn slab<W: Watch>(
+    sum: &mut Premul,
+    with: &Integrals<'_>,
+    table: Option<&SlabTable<'_>>,
+    probe: &Probe<'_>,
+    (front, back): (&mut End, &mut End),
+    watch: &mut W,
+) -> f32 {
+    let kinds = with.kinds;
+    let mut opacity = 0.0;
+    if kinds.surfaces {
+        let count = with.style.surface_count as usize;
+        let (first, rises) = (*front, back.code > front.code);
+        let mut from = first;
+        for i in 0..count {
+            let surface = if rises { i } else { count - 1 - i };
+            let value = with.style.codes[surface][0];
+            if (first.code >= value) == (back.code >= value) {
+                continue;
+            }
+            let k = crossing(probe, (&first, back), value).max(from.k);
+            let mut here = End { code: value, k, light: None };
+            if let Some(table) = table {
+                let length = k - from.k;
+                add_slab(sum, table, kinds, probe, (&mut from, &mut here), length);
+            }
+            meet(sum, with, probe, surface, k, watch);
+            opacity = 1.0;
+            from = here;
+        }
+        if opacity > 0.0 {
+            if let Some(table) = table {
+                let length = back.k - from.k;
+                add_slab(sum, table, kinds, probe, (&mut from, back), length);
+            }
+            return opacity;
+        }
+    }
+    table.map_or(opacity, |table| add_slab(sum, table, kinds, probe, (front, back), 1.0))
+}
+
+/// Where the ray has `value` between two samples on either side of it: bisection, then a line.
+fn crossing(probe: &Probe<'_>, (front, back): (&End, &End), value: f32) -> f32 {
+    let (mut lo, mut hi) = (0.0_f32, 1.0_f32);
+    let (mut at_lo, mut at_hi) = (front.code, back.code);
+    let is_above = at_lo >= value;
+    for _ in 0..BISECTIONS {
+        let middle = 0.5 * (lo + hi);
+        let code = probe.value(probe.place(front.k + middle));
+        if (code >= value) == is_above {
+            (lo, at_lo) = (middle, code);
+        } else {
+            (hi, at_hi) = (middle, code);
+        }
+    }
+    let rise = at_hi - at_lo;
+    let part = if rise == 0.0 { 0.5 } else { ((value - at_lo) / rise).max(0.0).min(1.0) };
+    front.k + lo + (hi - lo) * part
+}
+
+/// Adds an isosurface that the ray meets at `k` steps.
+fn meet<W: Watch>(sum: &mut Premul, with: &Integrals<'_>, probe: &Probe<'_>, surface: usize, k: f32, watch: &mut W) {
+    watch.meets(surface, k * probe.step);
+    let [r, g, b, alpha] = with.style.colors[surface];
+    let mut color = [r, g, b];
+    if with.kinds.light != Light::None {
+        color = lit_color(color, probe.light(probe.place(k)));
+    }
+    add(sum, [color[0] * alpha, color[1] * alpha, color[2] * alpha, alpha]);
+}

@@ -1,0 +1,129 @@
+//! `wgsl/shared/light.wgsl` on the CPU: values anywhere on a ray, gradients, and Phong's factors.
+
+use brickcast_volume::regions::code::{INNER_BIT, LEAP_BIT, MAX_DENSITY};
+
+use super::accelerated::BrickData;
+use super::raycast::{Ray, VolumeReader};
+use crate::layout::{BrickUniform, FrameUniform};
+use crate::style::StyleUniform;
+
+/// A gradient below this (codes per smallest spacing) is none; from twice this on it counts in full, in between in part, so that
+/// no seam shows where it fades.
+pub(super) const LEAST_GRADIENT: f32 = 1.0 / 16383.0;
+
+/// Of a place: what its colour is multiplied by, and how much white is added per opacity.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Lit {
+    pub(super) factor: f32,
+    pub(super) glint: f32,
+}
+
+/// Where the gradient vanishes.
+pub(super) const UNLIT: Lit = Lit { factor: 1.0, glint: 0.0 };
+
+/// Reads one brick along one ray; places outside the volume are clamped to it.
+pub(super) struct Probe<'a> {
+    pub(super) volume: VolumeReader<'a>,
+    pub(super) means: Option<&'a [f32]>,
+    pub(super) ray: &'a Ray,
+    pub(super) step: f32,
+    hi: [f32; 3],
+    code_scale: f32,
+    style: &'a StyleUniform,
+    /// Per smallest spacing in place of per voxel.
+    per_unit: [f32; 3],
+    /// World, of length one, towards the eye and towards the light.
+    to_eye: [f32; 3],
+    to_light: [f32; 3],
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+impl<'a> Probe<'a> {
+    pub(super) fn new(
+        frame: &FrameUniform,
+        style: &'a StyleUniform,
+        brick: &BrickUniform,
+        data: &BrickData<'a>,
+        ray: &'a Ray,
+    ) -> Self {
+        let per_unit = frame.voxels_per_unit;
+        let to_eye: [f32; 3] = std::array::from_fn(|a| -ray.direction[a] / per_unit[a]);
+        let is_headlight = style.light == [0.0; 3];
+        Self {
+            volume: VolumeReader::new(brick, data.texels),
+            means: data.means,
+            ray,
+            step: frame.step,
+            hi: style.volume_hi.map(|n| n as f32),
+            code_scale: brick.code_scale,
+            style,
+            per_unit,
+            to_eye,
+            to_light: if is_headlight { to_eye } else { style.light },
+        }
+    }
+
+    fn inside(&self, p: [f32; 3]) -> [f32; 3] {
+        std::array::from_fn(|a| p[a].max(0.0).min(self.hi[a]))
+    }
+
+    /// The place at `k` steps, which need not be whole; index space.
+    #[inline(always)]
+    pub(super) fn place(&self, k: f32) -> [f32; 3] {
+        let t = k * self.step;
+        self.inside(std::array::from_fn(|a| self.ray.origin[a] + t * self.ray.direction[a]))
+    }
+
+    /// The trilinear code; the support must be free of leap voxels.
+    #[inline(always)]
+    pub(super) fn trilinear(&self, p: [f32; 3]) -> f32 {
+        self.volume.read(p) * self.code_scale
+    }
+
+    /// The mean of the region that a place is deep inside of, if it is: leap and inner guard voxels.
+    #[inline(always)]
+    pub(super) fn deep(&self, p: [f32; 3]) -> Option<f32> {
+        let means = self.means?;
+        let texel = self.volume.nearest(p);
+        if texel & LEAP_BIT != 0 {
+            return Some(means.get(usize::from(texel & 0x7f)).copied().unwrap_or(0.0));
+        }
+        (texel & INNER_BIT != 0).then(|| f32::from(texel >> 1) / f32::from(MAX_DENSITY))
+    }
+
+    /// The code of V' anywhere.
+    pub(super) fn value(&self, p: [f32; 3]) -> f32 {
+        self.deep(p).unwrap_or_else(|| self.trilinear(p))
+    }
+
+    /// Phong's factors at a place.
+    pub(super) fn light(&self, p: [f32; 3]) -> Lit {
+        if self.deep(p).is_some() {
+            return UNLIT;
+        }
+        let gradient: [f32; 3] = std::array::from_fn(|a| {
+            let (mut ahead, mut behind) = (p, p);
+            ahead[a] += 1.0;
+            behind[a] -= 1.0;
+            let rise = self.trilinear(self.inside(ahead)) - self.trilinear(self.inside(behind));
+            rise * 0.5 * self.per_unit[a]
+        });
+        let steepness = dot(gradient, gradient).sqrt();
+        let strength = (steepness / LEAST_GRADIENT - 1.0).max(0.0).min(1.0);
+        if strength == 0.0 {
+            return UNLIT;
+        }
+        let along = dot(gradient, self.to_light) / steepness;
+        // Both sides are lit: the normal is on the light's.
+        let side = if along < 0.0 { -1.0 } else { 1.0 };
+        let half: [f32; 3] = std::array::from_fn(|a| self.to_light[a] + self.to_eye[a]);
+        let length = dot(half, half).sqrt().max(1e-6);
+        let shine = (side * dot(gradient, half) / (steepness * length)).max(0.0).min(1.0);
+        let style = self.style;
+        let factor = style.ambient + style.diffuse * (side * along).min(1.0);
+        Lit { factor: 1.0 + (factor - 1.0) * strength, glint: style.specular * shine.powf(style.shininess) * strength }
+    }
+}

@@ -1,0 +1,131 @@
+//! `wgsl/shared/slab.wgsl` on the CPU: the integral of the transfer function between two values, and what it adds to a ray.
+
+use brickcast_volume::Premul;
+
+use super::light::{Lit, Probe, UNLIT};
+use super::raycast::{between, clamped};
+use crate::style::{Kinds, Light};
+
+/// Pre-integrated slabs: by entry of the front value, then of the back value.
+#[derive(Debug, Clone, Copy)]
+pub struct SlabTable<'a> {
+    pub size: usize,
+    /// Premultiplied colour and opacity of one step. With interpolated light, what the front end's light counts for, and the
+    /// opacity.
+    pub front: &'a [[f32; 4]],
+    /// What the back end's light counts for, and the part of the opacity that goes with it; empty without interpolated light.
+    pub back: &'a [[f32; 4]],
+    pub first: f32,
+    /// Entries per code.
+    pub scale: f32,
+}
+
+/// An end of a slab, or a place between.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct End {
+    pub(super) code: f32,
+    /// In steps along the ray.
+    pub(super) k: f32,
+    pub(super) light: Option<Lit>,
+}
+
+impl SlabTable<'_> {
+    #[inline(always)]
+    fn entry(&self, code: f32) -> (usize, f32) {
+        let last = self.size - 1;
+        let entry = clamped((code - self.first) * self.scale, last as f32);
+        let i = (entry as i32 as usize).min(last - 1);
+        (i, entry - i as f32)
+    }
+
+    /// Bilinear.
+    #[inline(always)]
+    fn look_up(&self, table: &[[f32; 4]], front: f32, back: f32) -> [f32; 4] {
+        let ((i, u), (j, v)) = (self.entry(front), self.entry(back));
+        let at = i * self.size + j;
+        let (near, far) = (&table[at..at + 2], &table[at + self.size..at + self.size + 2]);
+        std::array::from_fn(|c| between(between(near[0][c], near[1][c], v), between(far[0][c], far[1][c], v), u))
+    }
+}
+
+/// `color` premultiplied, of a slab of opacity `a`, as of one that is `length` times as long (algorithms.md section 4).
+#[inline(always)]
+fn of_length([r, g, b, a]: [f32; 4], length: f32) -> [f32; 4] {
+    if length == 1.0 {
+        return [r, g, b, a];
+    }
+    let clear = 1.0 - a;
+    let longer = 1.0 - if clear > 0.0 { clear.powf(length) } else { 0.0 };
+    let scale = if a > 1e-6 { longer / a } else { length };
+    [r * scale, g * scale, b * scale, longer]
+}
+
+/// Premultiplied, behind what is there.
+#[inline(always)]
+pub(super) fn add(sum: &mut Premul, [r, g, b, a]: [f32; 4]) {
+    let through = 1.0 - sum.a;
+    sum.r += through * r;
+    sum.g += through * g;
+    sum.b += through * b;
+    sum.a += through * a;
+}
+
+/// Straight colour under a light; no brighter than white.
+#[inline(always)]
+pub(super) fn lit_color([r, g, b]: [f32; 3], light: Lit) -> [f32; 3] {
+    [r, g, b].map(|c| (c * light.factor + light.glint).min(1.0))
+}
+
+/// Adds the slab from `front` to `back`, `length` steps long; returns its opacity.
+#[inline(always)]
+pub(super) fn add_slab(
+    sum: &mut Premul,
+    table: &SlabTable<'_>,
+    kinds: Kinds,
+    probe: &Probe<'_>,
+    (front, back): (&mut End, &mut End),
+    length: f32,
+) -> f32 {
+    let slab = table.look_up(table.front, front.code, back.code);
+    // Adding nothing changes no bit, and light on nothing need not be known.
+    if slab[3] <= 0.0 {
+        return 0.0;
+    }
+    let [r, g, b, a] = slab;
+    let premul = match kinds.light {
+        Light::None => slab,
+        Light::Interpolated => {
+            let far = table.look_up(table.back, front.code, back.code);
+            let at = |end: &mut End| *end.light.get_or_insert_with(|| probe.light(probe.place(end.k)));
+            let (first, second) = (at(front), at(back));
+            let glint = (a - far[3]) * first.glint + far[3] * second.glint;
+            let mix = |c: usize| (slab[c] * first.factor + far[c] * second.factor + glint).min(a);
+            [mix(0), mix(1), mix(2), a]
+        }
+        Light::Center => {
+            // Both ends deep in a region: so is what lies between.
+            let is_flat = front.light == Some(UNLIT) && back.light == Some(UNLIT);
+            let light = if is_flat { UNLIT } else { probe.light(probe.place(0.5 * (front.k + back.k))) };
+            let under = |c: f32| (c * light.factor + a * light.glint).min(a);
+            [under(r), under(g), under(b), a]
+        }
+    };
+    add(sum, of_length(premul, length));
+    a
+}
+
+/// Adds `n` slabs, both ends of each deep in one region, where nothing is lit.
+#[inline(always)]
+pub(super) fn add_flat(sum: &mut Premul, table: &SlabTable<'_>, kinds: Kinds, code: f32, n: f32) {
+    let mut slab = table.look_up(table.front, code, code);
+    if slab[3] <= 0.0 {
+        return;
+    }
+    if kinds.light == Light::Interpolated {
+        let far = table.look_up(table.back, code, code);
+        for c in 0..3 {
+            slab[c] += far[c];
+        }
+    }
+    add(sum, of_length(slab, n));
+}

@@ -1,0 +1,81 @@
+// Values anywhere on a ray, gradients, and Phong's factors. shaders/src/twin/light.rs is the same on the CPU.
+
+// Texels hold leaps.
+override LEAP: bool;
+
+// By slot; one row.
+@group(2) @binding(1) var means: texture_2d<f32>;
+
+// Codes per smallest spacing: below it there is no gradient, from twice this on it counts in full.
+const LEAST_GRADIENT: f32 = 1.0 / 16383.0;
+
+// factor, glint: what a colour is multiplied by, and how much white is added per opacity.
+const UNLIT: vec2<f32> = vec2(1.0, 0.0);
+
+// The place at k steps, which need not be whole; index space, clamped to the volume.
+fn place_at(ray: Ray, k: f32) -> vec3<f32> {
+    let t = k * frame.step;
+    return clamp(ray.origin + t * ray.direction, vec3(0.0), vec3<f32>(scene_data.style.volume_hi));
+}
+
+// The mean of the region that a place is deep inside of in x; y = 1 where it is.
+fn deep_at(p: vec3<f32>) -> vec2<f32> {
+    if !LEAP {
+        return vec2(0.0);
+    }
+    let last_texel = vec3<i32>(brick.stored_dims) - 1;
+    let at = clamp(vec3<i32>(p) - brick.stored_lo, vec3(0), last_texel);
+    let texel = u32(textureLoad(volume, at, 0).r * 65535.0 + 0.5);
+    if (texel & 0x8000u) != 0u {
+        return vec2(textureLoad(means, vec2<u32>(texel & 0x7fu, 0u), 0).r, 1.0);
+    }
+    return vec2(f32(texel >> 1u) * (1.0 / 16383.0), select(0.0, 1.0, (texel & 1u) == 1u));
+}
+
+// The code of V' anywhere.
+fn value_at(reader: Reader, p: vec3<f32>) -> f32 {
+    let deep = deep_at(p);
+    if deep.y != 0.0 {
+        return deep.x;
+    }
+    return read_volume(reader, p) * brick.code_scale;
+}
+
+fn rise_along(reader: Reader, p: vec3<f32>, axis: vec3<f32>) -> f32 {
+    let hi = vec3<f32>(scene_data.style.volume_hi);
+    return read_volume(reader, min(p + axis, hi)) - read_volume(reader, max(p - axis, vec3(0.0)));
+}
+
+fn light_at(reader: Reader, ray: Ray, p: vec3<f32>) -> vec2<f32> {
+    if deep_at(p).y != 0.0 {
+        return UNLIT;
+    }
+    let rise = vec3(
+        rise_along(reader, p, vec3(1.0, 0.0, 0.0)),
+        rise_along(reader, p, vec3(0.0, 1.0, 0.0)),
+        rise_along(reader, p, vec3(0.0, 0.0, 1.0)),
+    );
+    let gradient = rise * (0.5 * brick.code_scale) * frame.voxels_per_unit;
+    let steepness = sqrt(dot(gradient, gradient));
+    let strength = clamp(steepness / LEAST_GRADIENT - 1.0, 0.0, 1.0);
+    if strength == 0.0 {
+        return UNLIT;
+    }
+    let to_eye = -ray.direction / frame.voxels_per_unit;
+    let to_light = select(scene_data.style.light, to_eye, all(scene_data.style.light == vec3(0.0)));
+    let along = dot(gradient, to_light) / steepness;
+    // Both sides are lit: the normal is on the light's.
+    let side = select(1.0, -1.0, along < 0.0);
+    let half = to_light + to_eye;
+    let length = max(sqrt(dot(half, half)), 1e-6);
+    let shine = clamp(side * dot(gradient, half) / (steepness * length), 0.0, 1.0);
+    let factor = scene_data.style.ambient + scene_data.style.diffuse * min(side * along, 1.0);
+    // A power of zero is not defined.
+    let power = select(0.0, pow(max(shine, 1e-30), scene_data.style.shininess), shine > 0.0 || scene_data.style.shininess == 0.0);
+    return vec2(1.0 + (factor - 1.0) * strength, scene_data.style.specular * power * strength);
+}
+
+// Straight colour under a light; no brighter than white.
+fn lit_color(color: vec3<f32>, light: vec2<f32>) -> vec3<f32> {
+    return min(color * light.x + light.y, vec3(1.0));
+}

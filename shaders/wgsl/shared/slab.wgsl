@@ -1,0 +1,95 @@
+// What lies between two places of a ray. shaders/src/twin/slab.rs is the same on the CPU.
+
+// Samples in regions are hidden, shown alone, or have tables of their own.
+override REGIONS: bool;
+// Slabs come from a table over both of their ends.
+override PREINTEGRATED: bool;
+// 0: none, 1: at both ends of a slab, interpolated, 2: in its middle.
+override LIGHT: u32;
+override SURFACES: bool;
+// 0: composite, 1: maximum, 2: minimum, 3: average.
+override MODE: u32;
+
+// An end of a slab, or a place between.
+struct End {
+    code: f32,
+    // In steps along the ray.
+    k: f32,
+    light: vec2<f32>,
+    is_lit: bool,
+}
+
+fn is_shown(in_region: bool) -> bool {
+    return (frame.shown & select(1u, 2u, in_region)) != 0u;
+}
+
+// Premultiplied, of a slab, as of one that is `length` times as long.
+fn of_length(slab: vec4<f32>, length: f32) -> vec4<f32> {
+    if length == 1.0 {
+        return slab;
+    }
+    let clear = 1.0 - slab.a;
+    let longer = 1.0 - select(0.0, pow(max(clear, 1e-30), length), clear > 0.0);
+    let scale = select(length, longer / max(slab.a, 1e-30), slab.a > 1e-6);
+    return vec4(slab.rgb * scale, longer);
+}
+
+fn look_up(is_back: bool, in_region: bool, front: f32, back: f32) -> vec4<f32> {
+    if REGIONS && in_region {
+        if is_back {
+            return slab_of(region_slab_back, frame.region_first, frame.region_scale, front, back);
+        }
+        return slab_of(region_slab_front, frame.region_first, frame.region_scale, front, back);
+    }
+    if is_back {
+        return slab_of(slab_back, frame.table_first, frame.table_scale, front, back);
+    }
+    return slab_of(slab_front, frame.table_first, frame.table_scale, front, back);
+}
+
+// The slab from `front` to `back`, `length` steps long, premultiplied; learns the light of its ends.
+fn slab_between(
+    reader: Reader,
+    ray: Ray,
+    in_region: bool,
+    front: ptr<function, End>,
+    back: ptr<function, End>,
+    length: f32,
+) -> vec4<f32> {
+    let slab = look_up(false, in_region, (*front).code, (*back).code);
+    if slab.a <= 0.0 {
+        return vec4(0.0);
+    }
+    var color = slab.rgb;
+    if LIGHT == 1u {
+        let far = look_up(true, in_region, (*front).code, (*back).code);
+        if !(*front).is_lit {
+            (*front).light = light_at(reader, ray, place_at(ray, (*front).k));
+            (*front).is_lit = true;
+        }
+        if !(*back).is_lit {
+            (*back).light = light_at(reader, ray, place_at(ray, (*back).k));
+            (*back).is_lit = true;
+        }
+        let glint = (slab.a - far.a) * (*front).light.y + far.a * (*back).light.y;
+        color = min(slab.rgb * (*front).light.x + far.rgb * (*back).light.x + glint, vec3(slab.a));
+    }
+    if LIGHT == 2u {
+        // Both ends deep in a region: so is what lies between.
+        var light = UNLIT;
+        if !((*front).is_lit && (*back).is_lit) {
+            light = light_at(reader, ray, place_at(ray, 0.5 * ((*front).k + (*back).k)));
+        }
+        color = min(slab.rgb * light.x + slab.a * light.y, vec3(slab.a));
+    }
+    return of_length(vec4(color, slab.a), length);
+}
+
+// n slabs, both ends of each deep in one region, where nothing is lit; premultiplied.
+fn flat_slabs(in_region: bool, code: f32, n: f32) -> vec4<f32> {
+    var slab = look_up(false, in_region, code, code);
+    if LIGHT == 1u {
+        slab = vec4(slab.rgb + look_up(true, in_region, code, code).rgb, slab.a);
+    }
+    return of_length(slab, n);
+}

@@ -1,0 +1,248 @@
+//! What becomes of the values along a ray: integration, lighting, isosurfaces, projections, clipping.
+
+mod clip;
+mod surface;
+
+pub use clip::{Clip, ClipPlane, MAX_CLIP_PLANES, MAX_PLANES};
+pub use surface::{Isosurface, MAX_SURFACES};
+
+use glam::DVec3;
+
+use crate::Premul;
+pub use crate::preintegration::TableSize;
+
+/// How a transfer function is integrated between samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Integration {
+    /// One value per step.
+    #[default]
+    Sampled,
+    /// Every slab between two samples by a table over both values (Lum, Wilson & Ma 2004).
+    Preintegrated(TableSize),
+}
+
+/// Where a slab takes its light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Lighting {
+    /// At both ends, interpolated within the integral (Lum, Wilson & Ma 2004, section 4).
+    #[default]
+    Interpolated,
+    /// In its middle.
+    Center,
+}
+
+/// Phong's model. The colour of a sample is multiplied by `ambient + diffuse |n l|`, and `specular (n h)^shininess` of white is
+/// added; both sides of a surface are lit. n is the gradient by central differences over one voxel, interpolated. Where it
+/// vanishes, the factor is 1 and nothing is added.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Phong {
+    pub lighting: Lighting,
+    /// World direction towards the light; none: light comes from where the ray does.
+    pub light: Option<DVec3>,
+    pub ambient: f32,
+    pub diffuse: f32,
+    pub specular: f32,
+    pub shininess: f32,
+}
+
+impl Default for Phong {
+    fn default() -> Self {
+        Self { lighting: Lighting::default(), light: None, ambient: 0.2, diffuse: 0.8, specular: 0.3, shininess: 20.0 }
+    }
+}
+
+/// What a pixel shows of the values on its ray.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Mode {
+    /// Emission and absorption, front to back.
+    #[default]
+    Composite,
+    /// The largest value, through the transfer function.
+    Maximum,
+    /// The smallest.
+    Minimum,
+    /// The mean of all samples.
+    Average,
+}
+
+impl Mode {
+    /// The code of samples that change no pixel, whatever else lies on the ray; a macrocell that holds nothing else is skipped.
+    /// For the average they count, each as zero.
+    #[must_use]
+    pub const fn neutral_code(self) -> u16 {
+        match self {
+            Self::Composite | Self::Maximum | Self::Average => 0,
+            Self::Minimum => u16::MAX,
+        }
+    }
+
+    /// Joins what lies in front with what lies behind. Of a projection, pixels hold `r` = code (0..=1; the average: their sum),
+    /// `g` = number of samples (average only), `a` = 1 where there is a sample; [`Premul::CLEAR`] elsewhere.
+    #[must_use]
+    #[inline]
+    pub fn join(self, front: Premul, back: Premul) -> Premul {
+        if self == Self::Composite {
+            return crate::over(front, back);
+        }
+        if front.a == 0.0 || back.a == 0.0 {
+            return if front.a == 0.0 { back } else { front };
+        }
+        match self {
+            Self::Maximum => Premul { r: front.r.max(back.r), ..front },
+            Self::Minimum => Premul { r: front.r.min(back.r), ..front },
+            Self::Composite | Self::Average => Premul { r: front.r + back.r, g: front.g + back.g, ..front },
+        }
+    }
+
+    /// The code that a pixel of a projection stands for; `None` where its ray met no sample.
+    #[must_use]
+    pub fn code(self, pixel: Premul) -> Option<f32> {
+        match self {
+            _ if pixel.a == 0.0 => None,
+            Self::Average => Some(pixel.r / pixel.g.max(1.0)),
+            _ => Some(pixel.r),
+        }
+    }
+}
+
+/// Everything about a picture that is neither camera nor transfer function nor acceleration. The default is the plain
+/// emission-absorption picture of single samples.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Style {
+    pub integration: Integration,
+    /// None: colours as they are.
+    pub shading: Option<Phong>,
+    /// At most [`MAX_SURFACES`], of different values.
+    pub surfaces: Vec<Isosurface>,
+    pub mode: Mode,
+    pub clip: Clip,
+}
+
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum StyleError {
+    #[error("{got} isosurfaces: at most {MAX_SURFACES} are possible")]
+    Surfaces { got: usize },
+    #[error("isosurface {value}: the value must be finite, red, green, blue and opacity must lie between 0 and 1")]
+    Surface { value: f64 },
+    #[error("isosurface {value} is given twice: give it once, with one colour")]
+    SameSurface { value: f64 },
+    #[error("{name} {value}: must lie between 0 and {most}")]
+    Light { name: &'static str, value: f32, most: f32 },
+    #[error("light direction {0}: must be finite and not zero")]
+    LightDirection(DVec3),
+    #[error(
+        "a projection (maximum, minimum, average) shows values alone: leave out shading, isosurfaces, region views and \
+             region transfer functions"
+    )]
+    Projection,
+    #[error("clip box: the lower corner {lo} must lie below the upper corner {hi} on every axis")]
+    ClipBox { lo: DVec3, hi: DVec3 },
+    #[error("{got} clip planes: at most {MAX_CLIP_PLANES} are possible")]
+    ClipPlanes { got: usize },
+    #[error("clip plane {normal}, {offset}: the normal must be finite and not zero, the offset finite")]
+    ClipPlane { normal: DVec3, offset: f64 },
+}
+
+impl Style {
+    /// True where rays need nothing but single samples, as the plain kernels take them.
+    #[must_use]
+    pub fn is_plain(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// True where what lies between two samples matters: the last slab of a brick then ends at the first sample of the next.
+    #[must_use]
+    pub fn has_slabs(&self) -> bool {
+        self.mode == Mode::Composite && (self.integration != Integration::Sampled || !self.surfaces.is_empty())
+    }
+
+    /// True where slabs come from a pre-integration table.
+    #[must_use]
+    pub fn integrates_slabs(&self) -> bool {
+        self.mode == Mode::Composite && self.integration != Integration::Sampled
+    }
+
+    /// Voxels beyond a brick's owned box in which its rays may still read a position.
+    #[must_use]
+    pub fn reach(&self, step: f64) -> u32 {
+        // A step is at most that many voxels along any axis: it is in voxels of the smallest spacing.
+        if self.has_slabs() { step.ceil() as u32 } else { 0 }
+    }
+
+    /// Voxels that a gradient looks beyond a position's support.
+    #[must_use]
+    pub fn gradient_radius(&self) -> u32 {
+        u32::from(self.shading.is_some())
+    }
+
+    /// Ghost layers that a brick needs (algorithms.md section 1): what its last back sample and its gradients read.
+    #[must_use]
+    pub fn ghost(&self, step: f64) -> u32 {
+        crate::brick::GHOST_SAMPLED + self.reach(step) + self.gradient_radius()
+    }
+
+    /// Entries of the transfer function tables by which the scene's pixels and its empty space are told: those of the
+    /// pre-integration, where there is one.
+    #[must_use]
+    pub fn table_entries(&self) -> usize {
+        match self.integration {
+            Integration::Preintegrated(size) if self.mode == Mode::Composite => size.entries(),
+            _ => crate::transfer_function::table::ENTRIES,
+        }
+    }
+
+    /// The 16-bit codes (of `range`, data units) of the isosurfaces, ascending, each rounded down by more than kernels round: a
+    /// voxel below shows nothing of the surface nor of what it encloses.
+    #[must_use]
+    pub fn surface_codes(&self, range: (f64, f64)) -> Vec<u16> {
+        let code = |s: &Isosurface| (f64::from(s.code(range)) * 65535.0).floor().clamp(1.0, 65535.0) as u16 - 1;
+        self.sorted_surfaces().iter().map(code).collect()
+    }
+
+    /// Surfaces by ascending value, as the kernels want them.
+    #[must_use]
+    pub fn sorted_surfaces(&self) -> Vec<Isosurface> {
+        let mut surfaces = self.surfaces.clone();
+        surfaces.sort_by(|a, b| a.value.total_cmp(&b.value));
+        surfaces
+    }
+
+    /// # Errors
+    /// Numbers out of range, too many of something, things that do not go together.
+    pub fn validate(&self) -> Result<(), StyleError> {
+        if self.surfaces.len() > MAX_SURFACES {
+            return Err(StyleError::Surfaces { got: self.surfaces.len() });
+        }
+        for surface in &self.surfaces {
+            surface.validate()?;
+        }
+        for pair in self.sorted_surfaces().windows(2) {
+            if pair[0].value == pair[1].value {
+                return Err(StyleError::SameSurface { value: pair[0].value });
+            }
+        }
+        if let Some(phong) = &self.shading {
+            let named = [
+                ("ambient", phong.ambient, 4.0),
+                ("diffuse", phong.diffuse, 4.0),
+                ("specular", phong.specular, 4.0),
+                ("shininess", phong.shininess, 1000.0),
+            ];
+            for (name, value, most) in named {
+                if !(0.0..=most).contains(&value) {
+                    return Err(StyleError::Light { name, value, most });
+                }
+            }
+            if let Some(light) = phong.light.filter(|l| !(l.is_finite() && l.length_squared().is_normal())) {
+                return Err(StyleError::LightDirection(light));
+            }
+        }
+        if self.mode != Mode::Composite && (self.shading.is_some() || !self.surfaces.is_empty()) {
+            return Err(StyleError::Projection);
+        }
+        self.clip.validate()
+    }
+}
+
+#[cfg(test)]
+mod tests;
