@@ -338,7 +338,7 @@ mod tests {
     /// Of a scene in which nothing shows, or everything.
     fn emptiness(opaque: u32) -> Arc<Emptiness> {
         let counts = (0..=u32::from(u16::MAX)).map(|code| [code * opaque, (code + 1) * opaque]).collect();
-        Arc::new(Emptiness { counts, tables: Vec::new() })
+        Arc::new(Emptiness { counts, ..Emptiness::default() })
     }
 
     /// A brick that was last seen with a transfer function long gone must not keep its counts, and must not take another

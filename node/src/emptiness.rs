@@ -9,16 +9,16 @@ use brickcast_volume::transfer_function::TransferTable;
 use crate::raycaster::KernelScene;
 
 /// Codes `min..=max` are empty iff `counts[max][1] == counts[min][0]`.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub(crate) struct Emptiness {
     pub(crate) counts: Vec<[u32; 2]>,
     pub(crate) tables: Vec<Arc<TransferTable>>,
-    also: Also,
+    pub(crate) also: Also,
 }
 
 /// What fills space beside opacity.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-struct Also {
+pub(crate) struct Also {
     /// Codes from here on are on an isosurface or inside it.
     lowest_surface: Option<u16>,
     mode: Mode,

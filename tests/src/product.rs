@@ -2,15 +2,20 @@
 
 use std::sync::{Arc, OnceLock};
 
+use brickcast_node::kernel_style::KernelStyle;
 use brickcast_node::raycaster::{
     self, BackendChoice, BrickInput, Job, JobImage, KernelScene, Raycaster, ResidentBrick,
 };
 use brickcast_volume::brick::GHOST_SAMPLED;
 use brickcast_volume::merge::sort_front_to_back;
+use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::store::BrickVoxels;
+use brickcast_volume::style::{Lighting, Mode, Style};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction, TransferTable};
-use brickcast_volume::{BrickGrid, BrickIndex, Camera, Geometry, OwnedBox, PictureSize, PixelRect, Projection, View};
+use brickcast_volume::{
+    BrickGrid, BrickIndex, Camera, Geometry, OwnedBox, PictureSize, PixelRect, Premul, Projection, View,
+};
 
 use crate::compare::Picture;
 use crate::referee::Lens;
@@ -36,6 +41,7 @@ pub struct Loaded<'a> {
     /// In the grid's linear order.
     bricks: Vec<Arc<dyn ResidentBrick>>,
     filter: Filter,
+    style: Style,
 }
 
 /// Opens a kernel; `Err` says why there is none.
@@ -97,6 +103,17 @@ pub fn load<'a>(raycaster: &'a dyn Raycaster, scene: &Scene, brick_size: u32) ->
     load_cut(raycaster, scene, brick_size, |owned| cut(&scene.codes, dims, owned, GHOST_SAMPLED))
 }
 
+/// As [`load`], to be rendered in a style, with the ghost layers that it needs.
+///
+/// # Panics
+/// As [`load`].
+#[must_use]
+pub fn load_styled<'a>(raycaster: &'a dyn Raycaster, scene: &Scene, brick_size: u32, style: &Style) -> Loaded<'a> {
+    let (dims, ghost) = (scene.truth.volume.dims, style.ghost(scene.truth.step));
+    let loaded = load_cut(raycaster, scene, brick_size, |owned| cut(&scene.codes, dims, owned, ghost));
+    Loaded { style: style.clone(), ..loaded }
+}
+
 /// As [`load`], each brick's voxels made by `cut`: the way in for bricks that are wrong on purpose.
 ///
 /// # Panics
@@ -117,7 +134,7 @@ pub fn load_cut<'a>(
         raycaster.upload(owned, &BrickInput::plain(&cut(owned))).unwrap()
     };
     let bricks = grid.bricks().map(upload).collect();
-    Loaded { raycaster, grid, geometry, bricks, filter: Filter::default() }
+    Loaded { raycaster, grid, geometry, bricks, filter: Filter::default(), style: Style::default() }
 }
 
 impl Loaded<'_> {
@@ -135,8 +152,20 @@ impl Loaded<'_> {
     pub fn render(&self, scene: &Scene) -> (Picture, u64) {
         let [width, height] = scene.truth.size;
         let image = self.render_rect(scene, picture_size(scene).full_rect());
-        let pixels = image.pixels.iter().map(|p| p.to_array().map(f64::from)).collect();
+        let function = transfer_function(scene);
+        let pixels = image.pixels.iter().map(|p| self.shown(&function, scene.range, *p)).collect();
         (Picture { width, height, pixels }, image.total().samples)
+    }
+
+    /// A projection's code by the transfer function, as the compositor does; other pixels as they are.
+    fn shown(&self, function: &TransferFunction, (lo, hi): (f64, f64), pixel: Premul) -> [f64; 4] {
+        if self.style.mode == Mode::Composite {
+            return pixel.to_array().map(f64::from);
+        }
+        let Some(code) = self.style.mode.code(pixel) else { return [0.0; 4] };
+        let value = lo + (hi - lo) * f64::from(code);
+        let ([r, g, b], a) = (function.color(value), function.opacity(value));
+        [r * a, g * a, b * a, a]
     }
 
     /// A part of the picture.
@@ -156,11 +185,20 @@ impl Loaded<'_> {
     pub fn render_layers(&self, scene: &Scene, count: usize, rect: PixelRect) -> Vec<JobImage> {
         let truth = &scene.truth;
         let view = View::new(&self.geometry, &camera(scene), picture_size(scene), truth.step).unwrap();
-        let table = TransferTable::build(&transfer_function(scene), scene.range, truth.delta() / truth.unit);
+        let (function, ratio) = (transfer_function(scene), truth.delta() / truth.unit);
+        let entries = self.style.table_entries();
+        let table = TransferTable::with_entries(&function, scene.range, ratio, entries);
+        let lit = self.style.shading.is_some_and(|phong| phong.lighting == Lighting::Interpolated);
+        let slabs = self.style.integrates_slabs().then(|| {
+            let slabs = Arc::new(Preintegrated::with_entries(&function, scene.range, ratio, entries, lit));
+            [slabs.clone(), slabs]
+        });
+        let style = KernelStyle::new(&self.style, truth.step, &self.geometry, scene.range, slabs);
         let mut order: Vec<BrickIndex> = self.grid.bricks().collect();
         sort_front_to_back(&mut order, self.grid.brick_size(), view.viewpoint());
         let bricks: Vec<_> = order.iter().map(|&b| self.bricks[self.grid.linear(b)].clone()).collect();
-        let kernel_scene = KernelScene::plain(view, Arc::new(table), truth.early_termination as f32, self.filter);
+        let plain = KernelScene::plain(view, Arc::new(table), truth.early_termination as f32, self.filter);
+        let kernel_scene = KernelScene { style, ..plain };
         let jobs: Vec<Job> =
             bricks.chunks(bricks.len().div_ceil(count)).map(|run| Job { bricks: run.to_vec(), rect }).collect();
         let images = self.raycaster.render(&kernel_scene, &jobs).unwrap();

@@ -7,12 +7,14 @@ mod camera;
 mod clip;
 mod march;
 mod sabotage;
+mod styled;
 mod transfer;
 mod volume;
 
 pub use camera::{Camera, Lens, Ray};
 pub use march::{Rendering, render, render_bricks};
 pub use sabotage::Sabotage;
+pub use styled::{Light, Mistake, Projection, Style, render_styled};
 pub use transfer::Transfer;
 pub use volume::Volume;
 

@@ -13,6 +13,7 @@ use brickcast_volume::camera::{Camera, Orbit, Projection};
 use brickcast_volume::format::{self, RawHints};
 use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
 use brickcast_volume::store::{PrepareOptions, Store, prepare};
+use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Mode, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use brickcast_volume::{MergeTree, PictureSize};
 use glam::DVec3;
@@ -181,6 +182,60 @@ fn the_same_bits_from_any_number_of_nodes() {
                     assert!(busy >= count.min(2), "{busy} of {count} nodes have a strip");
                     let one = expected_shared.get_or_insert_with(|| bits(&frame));
                     assert!(*one == bits(&frame), "shared: {count} nodes, bricks of {brick_size}");
+                }
+            }
+        }
+    });
+}
+
+/// Slabs, light, isosurfaces, clips and projections, whoever renders what.
+fn styles(store: &Store) -> Vec<(&'static str, Style)> {
+    let (lo, hi) = store.manifest().range;
+    let surface = |share: f64, opacity| Isosurface { value: lo + (hi - lo) * share, color: [0.9, 0.5, 0.2], opacity };
+    let center = store.manifest().geometry.center_world();
+    let normal = DVec3::new(0.2, -0.5, -0.9);
+    let everything = Style {
+        integration: Integration::Preintegrated(TableSize::N256),
+        shading: Some(Phong { light: Some(DVec3::new(1.0, 2.0, 3.0)), ..Phong::default() }),
+        surfaces: vec![surface(0.45, 0.3), surface(0.6, 0.4)],
+        mode: Mode::Composite,
+        clip: Clip { bounds: None, planes: vec![ClipPlane { normal, offset: normal.dot(center) - 17.3 }] },
+    };
+    let clip = everything.clip.clone();
+    vec![
+        ("slabs", Style { integration: Integration::Preintegrated(TableSize::N1024), ..Style::default() }),
+        ("everything", everything),
+        ("maximum", Style { mode: Mode::Maximum, clip: clip.clone(), ..Style::default() }),
+        ("average", Style { mode: Mode::Average, clip, ..Style::default() }),
+    ]
+}
+
+#[test]
+fn styles_have_the_same_bits_from_any_number_of_nodes() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = volume_file(folder.path());
+    let store = store(folder.path(), &input, 32);
+    let skips = Acceleration { skip_empty: true, ..Acceleration::default() };
+    runtime().block_on(async {
+        for kernel in kernels() {
+            let mut expected: Vec<Vec<[u32; 4]>> = Vec::new();
+            for count in [1, 2, 3, 8] {
+                let nodes = EmbeddedNodes::start(&kernel, count, &store.path(), 1 << 30).await.unwrap();
+                let choice = StoreChoice::Hash(store.hash());
+                let mut session = Session::open_through(nodes.dial(), &nodes.addresses(), choice).await.unwrap();
+                let mut seen = 0;
+                for (camera_name, camera) in cameras(&store).into_iter().take(4) {
+                    for (name, style) in styles(&store) {
+                        let plain = scene(&store, camera, (67, 53), true);
+                        let scene = Scene { style, acceleration: skips, step: 1.0, ..plain };
+                        let frame = render(&mut session, &scene, Transport::F32).await;
+                        assert!(frame.picture.pixels().iter().any(|p| p.a > 0.01), "{camera_name}, {name}: nothing");
+                        match expected.get(seen) {
+                            None => expected.push(bits(&frame)),
+                            Some(one) => assert!(*one == bits(&frame), "{camera_name}, {name}: {count} nodes"),
+                        }
+                        seen += 1;
+                    }
                 }
             }
         }

@@ -67,6 +67,7 @@ impl Way {
     fn recipe(&self, step: f64) -> Recipe {
         Recipe {
             guard: self.leaps.then(|| brickcast_volume::regions::guard_width(step, 0) as u8),
+            radius: 0,
             macrocell: self.macrocell,
             homogeneous: self.homogeneous,
             region_flags: self.view != RegionView::All || self.has_region_table,
@@ -287,7 +288,7 @@ fn maps_follow_the_transfer_function() {
 fn everything_warms_up() {
     let Some(gpu) = gpu("everything_warms_up") else { return };
     for filter in BOTH_FILTERS {
-        gpu.warm_up(filter, Features { leap: true, map: true, regions: true }).unwrap();
-        gpu.warm_up(filter, Features { leap: true, map: true, regions: false }).unwrap();
+        gpu.warm_up(filter, Features { leap: true, map: true, regions: true, integral: None }).unwrap();
+        gpu.warm_up(filter, Features { leap: true, map: true, regions: false, integral: None }).unwrap();
     }
 }

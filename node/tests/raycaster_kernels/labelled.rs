@@ -118,7 +118,8 @@ impl Labelled {
     }
 
     pub(crate) fn regions(&self, stored: StoredBox) -> BrickRegions {
-        let covered = StoredBox { lo: stored.lo - 1, hi: stored.hi + 1 };
+        // One more than a radius of 1 needs.
+        let covered = StoredBox { lo: stored.lo - 3, hi: stored.hi + 3 };
         BrickRegions {
             covered,
             labels: cut(covered, |p| self.labels[self.at(p)]),

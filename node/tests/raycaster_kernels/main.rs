@@ -4,6 +4,7 @@
 
 mod accelerated;
 mod calls;
+mod integral;
 mod labelled;
 mod partition;
 mod physics;

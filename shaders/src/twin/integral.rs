@@ -134,6 +134,8 @@ pub fn integral_ray<W: Watch>(
     let margin = MARGIN.max(MARGIN_SHARE * largest);
     let edge = (1_u32 << brick.cell_shift) as f32;
     let has_flags = brick.region_flags == RegionFlags::Texture as u32;
+    // Else all samples are of one kind.
+    let has_kinds = frame.shown != SHOWS_RESIDUAL | SHOWS_REGIONS || tables.region.is_some();
     let shows = |in_region: bool| frame.shown & if in_region { SHOWS_REGIONS } else { SHOWS_RESIDUAL } != 0;
     let k_entry = if kinds.surfaces { first_of_volume(frame, style, ray, t_lo) } else { -1.0 };
 
@@ -227,6 +229,7 @@ pub fn integral_ray<W: Watch>(
             }
         }
         last = code;
+        in_region &= has_kinds;
         watch.takes(k, n, code);
         // Positions that the brick owns.
         let taken = n.min(k_out - k).max(0.0);

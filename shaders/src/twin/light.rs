@@ -99,18 +99,24 @@ impl<'a> Probe<'a> {
         self.deep(p).unwrap_or_else(|| self.trilinear(p))
     }
 
-    /// Phong's factors at a place.
-    pub(super) fn light(&self, p: [f32; 3]) -> Lit {
-        if self.deep(p).is_some() {
-            return UNLIT;
-        }
-        let gradient: [f32; 3] = std::array::from_fn(|a| {
+    /// By central differences over one voxel, interpolated; codes per smallest spacing.
+    #[inline(always)]
+    pub(super) fn gradient(&self, p: [f32; 3]) -> [f32; 3] {
+        std::array::from_fn(|a| {
             let (mut ahead, mut behind) = (p, p);
             ahead[a] += 1.0;
             behind[a] -= 1.0;
             let rise = self.trilinear(self.inside(ahead)) - self.trilinear(self.inside(behind));
             rise * 0.5 * self.per_unit[a]
-        });
+        })
+    }
+
+    /// Phong's factors at a place.
+    pub(super) fn light(&self, p: [f32; 3]) -> Lit {
+        if self.deep(p).is_some() {
+            return UNLIT;
+        }
+        let gradient = self.gradient(p);
         let steepness = dot(gradient, gradient).sqrt();
         let strength = (steepness / LEAST_GRADIENT - 1.0).max(0.0).min(1.0);
         if strength == 0.0 {

@@ -6,3 +6,5 @@ mod light;
 pub mod macrocell;
 pub mod raycast;
 pub mod slab;
+#[cfg(test)]
+mod surface_tests;

@@ -19,8 +19,8 @@ pub struct Rendering {
 
 /// What a ray has gathered: premultiplied colour and opacity.
 #[derive(Debug, Clone, Copy, Default)]
-struct Gathered {
-    rgba: [f64; 4],
+pub(super) struct Gathered {
+    pub(super) rgba: [f64; 4],
     samples: u64,
 }
 
@@ -181,7 +181,7 @@ fn straight_over(front: Gathered, back: Gathered) -> Gathered {
 }
 
 /// Every pixel of `scene`, rows shared among the processors.
-fn by_rows(scene: &Scene, pixel: impl Fn(&Ray, [usize; 2]) -> Gathered + Sync) -> Rendering {
+pub(super) fn by_rows(scene: &Scene, pixel: impl Fn(&Ray, [usize; 2]) -> Gathered + Sync) -> Rendering {
     let [width, height] = scene.size;
     let mut gathered = vec![(Gathered::default(), false); width * height];
     let threads = std::thread::available_parallelism().map_or(1, usize::from);

@@ -1,12 +1,11 @@
 //! The definition of the tables, slab by slab in O(n^3): what [`super::Preintegrated`] is tested and timed against.
 
-use super::Elements;
+use super::{Element, Elements};
 
 /// Premultiplied r, g, b and opacity of the slab from entry `front` to entry `back`, `length` opacity units long, and its
-/// back-weighted part: colour and opacity of every element times how far its middle lies from the front, 0..1.
+/// back-weighted part: colour and opacity of every element times how far from the front its light comes from, 0..1.
 ///
-/// Elements are composited one behind the other, from the front. A slab of one entry is that entry itself; half of its
-/// colour counts to either end.
+/// Elements are composited one behind the other, from the front. A slab of one entry is that entry itself.
 #[must_use]
 pub fn slab(elements: &Elements, length: f64, front: usize, back: usize) -> [[f64; 4]; 2] {
     let count = front.abs_diff(back);
@@ -14,14 +13,15 @@ pub fn slab(elements: &Elements, length: f64, front: usize, back: usize) -> [[f6
         let entry = &elements.entries[front];
         let opacity = entry.opacity(length);
         let total = premultiplied(entry.color, opacity);
-        return [total, total.map(|v| 0.5 * v)];
+        let depth = mean_depth(&elements.entries[front], length);
+        return [total, total.map(|v| depth * v)];
     }
     let share = length / count as f64;
     let (mut total, mut weighted, mut through) = ([0.0; 4], [0.0; 4], 1.0);
     for k in 0..count {
         let element = &elements.between[if front < back { front + k } else { front - 1 - k }];
         let own = premultiplied(element.color, element.opacity(share));
-        let weight = (k as f64 + 0.5) / count as f64;
+        let weight = (k as f64 + mean_depth(element, share)) / count as f64;
         for c in 0..4 {
             total[c] += through * own[c];
             weighted[c] += through * own[c] * weight;
@@ -29,6 +29,18 @@ pub fn slab(elements: &Elements, length: f64, front: usize, back: usize) -> [[f6
         through *= 1.0 - own[3];
     }
     [total, weighted]
+}
+
+/// Where the light of a homogeneous element comes from on average, as a share of its length from the front: the mean of u under
+/// `exp(-tau u)`, `1 / tau - 1 / (exp(tau) - 1)`, by its series (Bernoulli's numbers) where the two cancel.
+fn mean_depth(element: &Element, length: f64) -> f64 {
+    let tau = -element.log_transparency * length;
+    if tau > 0.5 {
+        return 1.0 / tau - 1.0 / tau.exp_m1();
+    }
+    let square = tau * tau;
+    let terms = [-1.0 / 12.0, 1.0 / 720.0, -1.0 / 30_240.0, 1.0 / 1_209_600.0, -1.0 / 47_900_160.0];
+    0.5 + tau * terms.iter().rev().fold(0.0, |sum, term| sum * square + term)
 }
 
 /// All slabs, index `front * n + back`.

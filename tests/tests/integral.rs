@@ -1,0 +1,173 @@
+//! Slabs, light, isosurfaces, projections and clips against the referee, which knows no tables and no bricks.
+
+#![allow(clippy::unwrap_used)] // helpers of tests are tests
+
+use brickcast_tests::compare::{Tolerance, assert_within_where, compare_where};
+use brickcast_tests::product::{self, Backend};
+use brickcast_tests::referee::{self, Mistake, Projection, render_styled};
+use brickcast_tests::scenes::{self, Scene};
+use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Lighting, Mode, Phong, Style, TableSize};
+use glam::DVec3;
+
+/// The same style for the referee and for the product.
+struct Case {
+    name: &'static str,
+    truth: referee::Style,
+    style: Style,
+}
+
+/// A share of the range, in data units.
+fn at(scene: &Scene, share: f64) -> f64 {
+    scene.range.0 + (scene.range.1 - scene.range.0) * share
+}
+
+/// Everything alone, and what goes together.
+fn cases(scene: &Scene) -> Vec<Case> {
+    let plain = || Case { name: "sampled", truth: referee::Style::default(), style: Style::default() };
+    let slabs = |name| {
+        let style = Style { integration: Integration::Preintegrated(TableSize::N1024), ..Style::default() };
+        Case { name, truth: referee::Style { preintegrated: true, ..Default::default() }, style }
+    };
+    let lit = |mut case: Case, name, center: bool, direction: Option<DVec3>| {
+        let lighting = if center { Lighting::Center } else { Lighting::Interpolated };
+        let phong = Phong { lighting, light: direction, ambient: 0.25, diffuse: 0.6, specular: 0.4, shininess: 12.0 };
+        case.style.shading = Some(phong);
+        case.truth.light = Some(referee::Light {
+            center,
+            direction,
+            ambient: 0.25,
+            diffuse: 0.6,
+            specular: 0.4,
+            shininess: 12.0,
+            range: scene.range,
+        });
+        Case { name, ..case }
+    };
+    let surfaces = |mut case: Case, name, all: &[(f64, [f64; 4])]| {
+        for &(share, color) in all {
+            let value = at(scene, share);
+            let [r, g, b, opacity] = color.map(|c| c as f32);
+            case.style.surfaces.push(Isosurface { value, color: [r, g, b], opacity });
+            case.truth.surfaces.push((value, color));
+        }
+        Case { name, ..case }
+    };
+    let projected = |name, mode, projection| Case {
+        name,
+        truth: referee::Style { projection: Some(projection), ..Default::default() },
+        style: Style { mode, ..Style::default() },
+    };
+    let clipped = |mut case: Case, name| {
+        let volume = &scene.truth.volume;
+        let place =
+            |share: [f64; 3]| volume.world_from_index(DVec3::from(share) * DVec3::from(volume.dims.map(|n| n as f64)));
+        let (lo, hi) = (place([0.13, 0.07, -0.5]), place([0.91, 0.88, 0.83]));
+        let normal = DVec3::new(0.3, -0.5, 0.7);
+        let offset = normal.dot(place([0.45, 0.5, 0.4]));
+        case.style.clip = Clip { bounds: Some((lo, hi)), planes: vec![ClipPlane { normal, offset }] };
+        case.truth.planes.push((normal, offset));
+        for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+            case.truth.planes.extend([(axis, axis.dot(lo)), (-axis, -axis.dot(hi))]);
+        }
+        Case { name, ..case }
+    };
+    let aslant = Some(DVec3::new(-0.4, 1.0, 0.7));
+    let two = [(0.37, [0.9, 0.3, 0.2, 0.5]), (0.52, [0.2, 0.5, 0.9, 0.8])];
+    vec![
+        slabs("slabs"),
+        lit(slabs(""), "interpolated headlight", false, None),
+        lit(slabs(""), "interpolated light aslant", false, aslant),
+        lit(slabs(""), "light in the middle", true, aslant),
+        lit(plain(), "lit samples", false, aslant),
+        surfaces(slabs(""), "surfaces in slabs", &two),
+        lit(surfaces(slabs(""), "", &two), "lit surfaces in lit slabs", false, aslant),
+        lit(surfaces(plain(), "", &two), "lit surfaces among samples", true, None),
+        clipped(slabs(""), "clipped slabs"),
+        clipped(lit(surfaces(plain(), "", &two[..1]), "", true, None), "clipped surface"),
+        projected("maximum", Mode::Maximum, Projection::Maximum),
+        clipped(projected("", Mode::Minimum, Projection::Minimum), "clipped minimum"),
+        clipped(projected("", Mode::Average, Projection::Average), "clipped average"),
+    ]
+}
+
+fn scenes_of(step: f64) -> Vec<Scene> {
+    let small = |scene| scenes::resized(scene, [40, 32]);
+    vec![
+        small(scenes::oblique(step)),
+        small(scenes::parallel_oblique(step)),
+        small(scenes::eye_inside(step)),
+        scenes::resized(scenes::eye_on_a_brick_corner(step), [32, 32]),
+    ]
+}
+
+/// Where a sample may lie on either side of a plane, or a slab hold several crossings, single pixels may differ.
+fn tolerance(backend: Backend) -> Tolerance {
+    match backend {
+        Backend::Cpu => Tolerance { outlier_share: 2e-3, ..Tolerance::CPU_AGAINST_REFEREE },
+        Backend::Gpu => Tolerance { outlier_share: 2e-3, ..Tolerance::GPU_AGAINST_TWIN },
+    }
+}
+
+fn check_all(backend: Backend, step: f64) {
+    let Some(raycaster) = product::raycaster(backend, "styles against the referee") else { return };
+    for scene in scenes_of(step) {
+        for Case { name, truth, style } in cases(&scene) {
+            let want = render_styled(&scene.truth, &truth);
+            let excused = scene.excused(&want);
+            let least = if truth.projection.is_some() { 0.01 } else { 0.2 };
+            assert!(want.picture.max_alpha() > least, "{name}: {}: nothing to see", scene.name);
+            for brick_size in [8, 64] {
+                let what = format!("{backend:?}, {name}, bricks of {brick_size}: {}", scene.name);
+                let (picture, _) = product::load_styled(raycaster, &scene, brick_size, &style).render(&scene);
+                let tolerance = tolerance(backend);
+                let d = assert_within_where(&what, &want.picture, &picture, &tolerance, |i| !excused[i]);
+                eprintln!("{what}: max {:.3}/255, mean {:.4}/255", d.max * 255.0, d.mean * 255.0);
+            }
+        }
+    }
+}
+
+#[test]
+fn cpu_styles_agree_at_half_a_step() {
+    check_all(Backend::Cpu, 0.5);
+}
+
+#[test]
+fn cpu_styles_agree_at_a_whole_step() {
+    check_all(Backend::Cpu, 1.0);
+}
+
+#[test]
+fn cpu_styles_agree_at_two_steps() {
+    check_all(Backend::Cpu, 2.0);
+}
+
+#[test]
+fn gpu_styles_agree_at_a_whole_step() {
+    check_all(Backend::Gpu, 1.0);
+}
+
+/// The comparison would notice what is easily got wrong: each mistake is far outside the tolerance in some case.
+#[test]
+fn mistakes_are_noticed() {
+    let scenes = [scenes::oblique(1.0), scenes::steep(1.0)].map(|scene| scenes::resized(scene, [40, 32]));
+    for mistake in [
+        Mistake::FrontOnly,
+        Mistake::Swapped,
+        Mistake::LastSlab,
+        Mistake::OneSided,
+        Mistake::FrontLight,
+        Mistake::SurfaceFirst,
+        Mistake::CubicVoxels,
+    ] {
+        let all = scenes.iter().flat_map(|scene| cases(scene).into_iter().map(move |case| (scene, case.truth)));
+        let noticed = all.into_iter().any(|(scene, truth)| {
+            let right = render_styled(&scene.truth, &truth);
+            let wrong = render_styled(&scene.truth, &referee::Style { mistake: Some(mistake), ..truth });
+            let bound = tolerance(Backend::Cpu);
+            let d = compare_where(&right.picture, &wrong.picture, bound.max, |_| true).unwrap();
+            d.mean > bound.mean && d.outliers as f64 > 5.0 * bound.outlier_share * d.pixels as f64
+        });
+        assert!(noticed, "{mistake:?}");
+    }
+}
