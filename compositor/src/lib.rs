@@ -35,5 +35,6 @@ mod session_error;
 pub mod source;
 pub mod stats;
 pub mod style_args;
+mod style_json;
 mod tls_words;
 mod worker;

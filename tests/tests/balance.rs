@@ -138,7 +138,7 @@ fn a_one_sided_volume_on_two_equal_nodes() {
     let folder = tempfile::tempdir().unwrap();
     one_sided(folder.path());
     let nodes = [node(folder.path(), &[]), node(folder.path(), &[])];
-    becomes_even(folder.path(), [&nodes[0], &nodes[1]], 1.5);
+    becomes_even(folder.path(), [&nodes[0], &nodes[1]], 1.4);
 }
 
 #[test]

@@ -26,6 +26,8 @@ pub enum TableArg {
     Frey,
     /// Krueger & Westermann 2003, Table 1: early termination and empty-space skipping
     Krueger,
+    /// Lum, Wilson & Ma 2004: errors over the step, sampled and pre-integrated; with --shading phong, lit in both ways
+    Lum,
 }
 
 /// A row's name and its accelerations.
@@ -65,6 +67,7 @@ pub async fn run(args: &BenchArgs, which: TableArg, quiet: bool) -> Result<(), F
     let (modes, ranges) = match which {
         TableArg::Frey => (&FREY[..], args.ranges.clone()),
         TableArg::Krueger => (&KRUEGER[..], vec![0.0]),
+        TableArg::Lum => return super::bench_lum::run(args).await,
     };
     // A store has the range that it was prepared with.
     let ranges = if args.path.is_file() { ranges } else { ranges[..1.min(ranges.len())].to_vec() };

@@ -2,6 +2,7 @@
 
 pub mod balance;
 pub mod bench;
+mod bench_lum;
 pub mod bench_table;
 pub mod config;
 pub mod demo;

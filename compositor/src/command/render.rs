@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use anyhow::anyhow;
 use brickcast_volume::View;
 use brickcast_volume::scene::Leap;
+use brickcast_volume::style::Mode;
 use brickcast_volume::transfer_function::TransferFunction;
 use serde_json::json;
 
@@ -20,7 +21,7 @@ use crate::output::{FrameOptions, FrameWriter, MAX_FRAMES, OutputFormat, hatched
 use crate::scene_args::SceneChoice;
 use crate::session::{Frame, Session};
 use crate::source::{Source, short};
-use crate::stats;
+use crate::{stats, style_json};
 
 /// # Errors
 /// Usage before anything opens; failures that name what was wrong; [`Failure::Incomplete`] where a frame was written that
@@ -47,6 +48,13 @@ fn check(args: &RenderArgs) -> Result<(), Failure> {
     if args.audit && !args.scene.accel.leaps_through_regions() {
         return Err(Failure::usage(anyhow!(
             "--audit compares with and without leaping through regions: add leap to --accel"
+        )));
+    }
+    let style = args.scene.style.style()?;
+    if args.audit && (style.shading.is_some() || style.mode != Mode::Composite) {
+        return Err(Failure::usage(anyhow!(
+            "--audit: its bound holds for colours as they are; leave out --mode, and light (--shading none where there are \
+             isosurfaces)"
         )));
     }
     if args.orbit.is_some_and(|d| !d.is_finite()) {
@@ -245,6 +253,7 @@ pub(crate) fn manifest(session: &Session, choice: &SceneChoice, frame: &Frame) -
             "leap_tolerance": scene.acceleration.leap_tolerance,
         },
         "view": format!("{:?}", scene.region_view).to_lowercase(),
+        "style": style_json::describe(&scene.style),
         "filter": format!("{:?}", scene.filter).to_lowercase(),
         "transport": format!("{:?}", choice.transport).to_lowercase(),
         "transfer_function": points(&scene.transfer_function),

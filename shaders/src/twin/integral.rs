@@ -16,11 +16,9 @@ use super::accelerated::{
 use super::light::{Probe, UNLIT};
 use super::raycast::{FAR, Ray, owned_segment};
 use super::slab::{End, SlabTable, add, add_flat, add_slab, lit_color};
+use super::surface::{crossing, meet};
 use crate::layout::{BrickUniform, FrameUniform, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
 use crate::style::{Kinds, Light, StyleUniform};
-
-/// Halvings of a slab in which an isosurface lies: to 1/64 step, before the last interpolation.
-const BISECTIONS: u32 = 6;
 
 /// What a ray reads that is not its brick's.
 #[derive(Debug, Clone, Copy)]
@@ -99,8 +97,31 @@ struct Front {
 /// The samples and slabs of `brick` along `ray`, into `sum`. A projection's pixels are as [`brickcast_volume::style::Mode::join`]
 /// says.
 #[must_use]
-#[allow(clippy::too_many_arguments)] // the kernel's bindings
 pub fn integral_ray<W: Watch>(
+    frame: &FrameUniform,
+    brick: &BrickUniform,
+    data: &BrickData<'_>,
+    with: &Integrals<'_>,
+    ray: &Ray,
+    sum: Premul,
+    watch: &mut W,
+) -> (Premul, RayCounts) {
+    let has_flags = brick.region_flags == RegionFlags::Texture as u32;
+    // What most pictures are made of is compiled by itself.
+    if with.kinds == SLABS_ALONE && data.means.is_none() && !has_flags {
+        let data = BrickData { means: None, ..*data };
+        let with = Integrals { kinds: SLABS_ALONE, ..*with };
+        march::<_, true>(frame, brick, &data, &with, ray, sum, watch)
+    } else {
+        march::<_, false>(frame, brick, data, with, ray, sum, watch)
+    }
+}
+
+const SLABS_ALONE: Kinds = Kinds { preintegrated: true, light: Light::None, surfaces: false, mode: 0 };
+
+/// `ALONE`: slabs of [`SLABS_ALONE`] in a brick without leaps and flags.
+#[inline(always)]
+fn march<W: Watch, const ALONE: bool>(
     frame: &FrameUniform,
     brick: &BrickUniform,
     data: &BrickData<'_>,
@@ -110,7 +131,8 @@ pub fn integral_ray<W: Watch>(
     watch: &mut W,
 ) -> (Premul, RayCounts) {
     let mut counts = RayCounts::default();
-    let Integrals { tables, style, kinds, .. } = *with;
+    let Integrals { tables, style, .. } = *with;
+    let kinds = if ALONE { SLABS_ALONE } else { with.kinds };
     let (t_lo, t_hi) = clipped(style, ray);
     let Some(mut owned) = owned_segment(frame, brick, ray) else { return (sum, counts) };
     owned.t_out = owned.t_out.min(t_hi);
@@ -133,14 +155,15 @@ pub fn integral_ray<W: Watch>(
     let largest = (0..3).fold(0.0_f32, |m, a| m.max(ray.origin[a].abs()).max(brick.owned_hi[a] as f32));
     let margin = MARGIN.max(MARGIN_SHARE * largest);
     let edge = (1_u32 << brick.cell_shift) as f32;
-    let has_flags = brick.region_flags == RegionFlags::Texture as u32;
+    let has_flags = !ALONE && brick.region_flags == RegionFlags::Texture as u32;
     // Else all samples are of one kind.
     let has_kinds = frame.shown != SHOWS_RESIDUAL | SHOWS_REGIONS || tables.region.is_some();
     let shows = |in_region: bool| frame.shown & if in_region { SHOWS_REGIONS } else { SHOWS_RESIDUAL } != 0;
     let k_entry = if kinds.surfaces { first_of_volume(frame, style, ray, t_lo) } else { -1.0 };
 
     let mut k = owned.k;
-    let mut probes = if data.means.is_some() { W::ENTRY_PROBES } else { 0 };
+    let has_leaps = !ALONE && data.means.is_some();
+    let mut probes = if has_leaps { W::ENTRY_PROBES } else { 0 };
     // The last value, far from all others: nothing is like it.
     let mut last = 9.0_f32;
     let (mut k_look, mut look) = (k, data.map.is_some());
@@ -178,7 +201,7 @@ pub fn integral_ray<W: Watch>(
                 // Both ends of all slabs up to the one that leaves.
                 counts.skips += 1;
                 (k, front, has_skipped) = (k_exit, None, has_slabs);
-                probes = if data.means.is_some() { W::ENTRY_PROBES } else { 0 };
+                probes = if has_leaps { W::ENTRY_PROBES } else { 0 };
                 last = 9.0;
                 continue;
             } else if empty == 0 && has_skipped {
@@ -196,7 +219,7 @@ pub fn integral_ray<W: Watch>(
                 }
             }
         }
-        if n == 0.0 && probes > 0 {
+        if has_leaps && n == 0.0 && probes > 0 {
             let texel = probe.volume.nearest(p);
             counts.samples += 1;
             if texel & LEAP_BIT != 0 {
@@ -223,7 +246,7 @@ pub fn integral_ray<W: Watch>(
                 in_region = data.flags[probe.volume.nearest_index(p)] != 0;
                 counts.samples += 1;
             }
-            if data.means.is_some() {
+            if has_leaps {
                 let equal = (code - last).abs() <= NEARLY_EQUAL;
                 probes = probes.saturating_sub(1).max(u32::from(equal));
             }
@@ -253,7 +276,7 @@ pub fn integral_ray<W: Watch>(
                 far.code = front.end.code;
             }
             let table = if kinds.preintegrated { with.slabs.map(|s| s[usize::from(front.in_region)]) } else { None };
-            opacity = slab(&mut sum, with, table.as_ref(), &probe, (&mut front.end, &mut far), watch);
+            opacity = slab(&mut sum, (with, kinds), table.as_ref(), &probe, (&mut front.end, &mut far), watch);
             back.light = back.light.or(if front.in_region == in_region { far.light } else { None });
         }
         if k == k_entry && shows(in_region) {
@@ -313,13 +336,12 @@ fn project(sum: &mut Premul, mode: u8, code: f32, n: f32) {
 #[inline(always)]
 fn slab<W: Watch>(
     sum: &mut Premul,
-    with: &Integrals<'_>,
+    (with, kinds): (&Integrals<'_>, Kinds),
     table: Option<&SlabTable<'_>>,
     probe: &Probe<'_>,
     (front, back): (&mut End, &mut End),
     watch: &mut W,
 ) -> f32 {
-    let kinds = with.kinds;
     let mut opacity = 0.0;
     if kinds.surfaces {
         let count = with.style.surface_count as usize;
@@ -350,34 +372,4 @@ fn slab<W: Watch>(
         }
     }
     table.map_or(opacity, |table| add_slab(sum, table, kinds, probe, (front, back), 1.0))
-}
-
-/// Where the ray has `value` between two samples on either side of it: bisection, then a line.
-fn crossing(probe: &Probe<'_>, (front, back): (&End, &End), value: f32) -> f32 {
-    let (mut lo, mut hi) = (0.0_f32, 1.0_f32);
-    let (mut at_lo, mut at_hi) = (front.code, back.code);
-    let is_above = at_lo >= value;
-    for _ in 0..BISECTIONS {
-        let middle = 0.5 * (lo + hi);
-        let code = probe.value(probe.place(front.k + middle));
-        if (code >= value) == is_above {
-            (lo, at_lo) = (middle, code);
-        } else {
-            (hi, at_hi) = (middle, code);
-        }
-    }
-    let rise = at_hi - at_lo;
-    let part = if rise == 0.0 { 0.5 } else { ((value - at_lo) / rise).max(0.0).min(1.0) };
-    front.k + lo + (hi - lo) * part
-}
-
-/// Adds an isosurface that the ray meets at `k` steps.
-fn meet<W: Watch>(sum: &mut Premul, with: &Integrals<'_>, probe: &Probe<'_>, surface: usize, k: f32, watch: &mut W) {
-    watch.meets(surface, k * probe.step);
-    let [r, g, b, alpha] = with.style.colors[surface];
-    let mut color = [r, g, b];
-    if with.kinds.light != Light::None {
-        color = lit_color(color, probe.light(probe.place(k)));
-    }
-    add(sum, [color[0] * alpha, color[1] * alpha, color[2] * alpha, alpha]);
 }

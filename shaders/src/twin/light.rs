@@ -3,7 +3,7 @@
 use brickcast_volume::regions::code::{INNER_BIT, LEAP_BIT, MAX_DENSITY};
 
 use super::accelerated::BrickData;
-use super::raycast::{Ray, VolumeReader};
+use super::raycast::{Ray, VolumeReader, clamped};
 use crate::layout::{BrickUniform, FrameUniform};
 use crate::style::StyleUniform;
 
@@ -118,7 +118,7 @@ impl<'a> Probe<'a> {
         }
         let gradient = self.gradient(p);
         let steepness = dot(gradient, gradient).sqrt();
-        let strength = (steepness / LEAST_GRADIENT - 1.0).max(0.0).min(1.0);
+        let strength = clamped(steepness / LEAST_GRADIENT - 1.0, 1.0);
         if strength == 0.0 {
             return UNLIT;
         }
@@ -127,7 +127,7 @@ impl<'a> Probe<'a> {
         let side = if along < 0.0 { -1.0 } else { 1.0 };
         let half: [f32; 3] = std::array::from_fn(|a| self.to_light[a] + self.to_eye[a]);
         let length = dot(half, half).sqrt().max(1e-6);
-        let shine = (side * dot(gradient, half) / (steepness * length)).max(0.0).min(1.0);
+        let shine = clamped(side * dot(gradient, half) / (steepness * length), 1.0);
         let style = self.style;
         let factor = style.ambient + style.diffuse * (side * along).min(1.0);
         Lit { factor: 1.0 + (factor - 1.0) * strength, glint: style.specular * shine.powf(style.shininess) * strength }

@@ -6,5 +6,6 @@ mod light;
 pub mod macrocell;
 pub mod raycast;
 pub mod slab;
+mod surface;
 #[cfg(test)]
 mod surface_tests;

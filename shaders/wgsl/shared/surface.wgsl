@@ -1,4 +1,4 @@
-// Isosurfaces (Krueger & Westermann 2003). shaders/src/twin/integral.rs is the same on the CPU.
+// Isosurfaces (Krueger & Westermann 2003). shaders/src/twin/surface.rs is the same on the CPU.
 
 // Halvings of a slab in which an isosurface lies: to 1/64 step, before the last interpolation.
 const BISECTIONS: i32 = 6;

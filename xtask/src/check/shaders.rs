@@ -46,6 +46,10 @@ fn run(tree: &Tree) -> Vec<String> {
         let kernel = Part::new(kernel);
         let mut choices = Vec::new();
         choose(&kernel, &shared, BTreeSet::new(), &mut choices);
+        if choices.is_empty() {
+            problems
+                .insert(format!("{}: no choice of parts declares all that it names, each name once", kernel.file.path));
+        }
         for choice in choices {
             used.extend(choice.iter().copied());
             let files: Vec<_> = choice.iter().map(|i| shared[*i].file).chain([kernel.file]).collect();
@@ -58,7 +62,7 @@ fn run(tree: &Tree) -> Vec<String> {
 }
 
 /// Completes `chosen` until every name that some part declares is declared; where several parts declare it (variants of one
-/// function), each of them is a choice.
+/// function), each of them is a choice, unless it declares again what is declared already.
 fn choose(kernel: &Part<'_>, shared: &[Part<'_>], chosen: BTreeSet<usize>, choices: &mut Vec<BTreeSet<usize>>) {
     let joined = || chosen.iter().map(|i| &shared[*i]).chain([kernel]);
     let open = joined().flat_map(|p| &p.names).find(|name| {
@@ -70,7 +74,8 @@ fn choose(kernel: &Part<'_>, shared: &[Part<'_>], chosen: BTreeSet<usize>, choic
         }
         return;
     };
-    for (i, _) in shared.iter().enumerate().filter(|(_, p)| p.declares.contains(open)) {
+    let fits = |part: &Part<'_>| joined().all(|p| p.declares.is_disjoint(&part.declares));
+    for (i, _) in shared.iter().enumerate().filter(|(_, p)| p.declares.contains(open) && fits(p)) {
         let mut more = chosen.clone();
         more.insert(i);
         choose(kernel, shared, more, choices);
@@ -163,6 +168,28 @@ mod tests {
         assert_eq!(found(&[good]), [""; 0]);
         let problems = found(&[good, bad]);
         assert!(problems.len() == 1 && problems[0].contains("b.wgsl"), "{problems:?}");
+    }
+
+    /// Two parts that both set up the same thing are never joined; where a kernel would need both, that is said.
+    #[test]
+    fn parts_that_declare_one_name_twice_are_no_choice() {
+        let read = |set_up: &str| format!("fn read(x: f32) -> f32 {{ return x * set_up() * {set_up}; }}");
+        let (one, other) =
+            ("fn set_up() -> f32 { return 1.0; }\nconst ONE: f32 = 1.0;", "fn set_up() -> f32 { return 2.0; }");
+        let parts = |read| {
+            [
+                ("shaders/wgsl/shared/a.wgsl", one),
+                ("shaders/wgsl/shared/b.wgsl", other),
+                ("shaders/wgsl/shared/r.wgsl", read),
+            ]
+        };
+        let fine = read("ONE");
+        let problems = found(&parts(&fine));
+        assert!(problems.len() == 1 && problems[0].contains("b.wgsl: no kernel names"), "{problems:?}");
+        let both = ("shaders/wgsl/shared/c.wgsl", "fn set_up() -> f32 { return 3.0; }\nconst TWO: f32 = 2.0;");
+        let impossible = read("ONE * TWO");
+        let all: Vec<_> = parts(&impossible).into_iter().chain([both]).collect();
+        assert!(found(&all).iter().any(|p| p.contains("no choice of parts")), "{:?}", found(&all));
     }
 
     #[test]
