@@ -8,6 +8,7 @@ use brickcast_shaders::twin::accelerated::{BrickData, RayCounts, Tables, Unwatch
 use brickcast_shaders::twin::integral::{Integrals, integral_ray};
 use brickcast_shaders::twin::macrocell::empty_distances;
 use brickcast_shaders::twin::raycast::{Ray, pixel_ray, raycast_ray};
+use brickcast_shaders::twin::slabs::{are_slabs_alone, slabs_ray};
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::regions::Density;
 use brickcast_volume::scene::Filter;
@@ -221,13 +222,17 @@ impl Raycaster for CpuRaycaster {
         check_jobs(scene, jobs, u32::MAX)?;
         let frame = scene.frame_uniform();
         let emptiness = self.emptiness.get(scene);
-        jobs.par_iter().map(|job| render_job(scene, &frame, emptiness.as_ref(), job)).collect()
+        let tables =
+            Tables { table: &scene.table.entries, region: scene.region_table.as_ref().map(|t| &t.entries[..]) };
+        let integrals = scene.style.as_ref().map(|style| style.integrals(&frame, tables));
+        let reads = Reads { frame: &frame, tables: &tables, integrals: integrals.as_ref() };
+        jobs.par_iter().map(|job| render_job(scene, &reads, emptiness.as_ref(), job)).collect()
     }
 }
 
 fn render_job(
     scene: &KernelScene,
-    frame: &FrameUniform,
+    reads: &Reads<'_>,
     emptiness: Option<&Arc<Emptiness>>,
     job: &Job,
 ) -> Result<JobImage, RaycastError> {
@@ -237,18 +242,14 @@ fn render_job(
         .map(|b| b.as_any().downcast_ref::<CpuBrick>().map(|b| PlacedBrick::new(b, scene, emptiness)))
         .collect::<Option<_>>()
         .ok_or(RaycastError::ForeignBrick { backend: "cpu" })?;
-    let tables = Tables { table: &scene.table.entries, region: scene.region_table.as_ref().map(|t| &t.entries[..]) };
-    let integrals = scene.style.as_ref().map(|style| style.integrals(frame, tables));
-    let reads = Reads { frame, tables: &tables, integrals: integrals.as_ref() };
     let mut pixels = new_pixels(&job.rect)?;
-    let counts =
-        tiles_of(&job.rect, &mut pixels).into_par_iter().map(|tile| render_tile(&reads, &bricks, tile)).reduce(
-            || vec![BrickCounts::default(); bricks.len()],
-            |mut a, b| {
-                a.iter_mut().zip(b).for_each(|(a, b)| *a = a.plus(b));
-                a
-            },
-        );
+    let counts = tiles_of(&job.rect, &mut pixels).into_par_iter().map(|tile| render_tile(reads, &bricks, tile)).reduce(
+        || vec![BrickCounts::default(); bricks.len()],
+        |mut a, b| {
+            a.iter_mut().zip(b).for_each(|(a, b)| *a = a.plus(b));
+            a
+        },
+    );
     Ok(JobImage { rect: job.rect, pixels, counts })
 }
 
@@ -298,6 +299,7 @@ fn render_tile(reads: &Reads<'_>, bricks: &[PlacedBrick<'_>], mut tile: Tile<'_>
             continue;
         }
         let data = brick.data();
+        let are_slabs_alone = integrals.is_some_and(|with| are_slabs_alone(&brick.uniform, &data, with));
         let mut finished = true;
         for y in touched.lo.y - lo.y..touched.hi.y - lo.y {
             let row = &mut tile.rows[y as usize];
@@ -307,6 +309,8 @@ fn render_tile(reads: &Reads<'_>, bricks: &[PlacedBrick<'_>], mut tile: Tile<'_>
                 let (sum, took) = if brick.is_plain {
                     let (sum, n) = raycast_ray(frame, &brick.uniform, data.texels, tables.table, ray, *pixel);
                     (sum, RayCounts { samples: n, positions: n, ..RayCounts::default() })
+                } else if let Some(with) = integrals.filter(|_| are_slabs_alone) {
+                    slabs_ray(frame, &brick.uniform, &data, with, ray, *pixel)
                 } else if let Some(with) = integrals {
                     integral_ray(frame, &brick.uniform, &data, with, ray, *pixel, &mut Unwatched)
                 } else {

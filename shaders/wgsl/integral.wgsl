@@ -52,7 +52,7 @@ fn clipped(ray: Ray) -> vec2<f32> {
 fn first_of_volume(ray: Ray, t_lo: f32) -> f32 {
     let flat = ray.direction == vec3(0.0);
     let at_lo = (vec3(0.0) - ray.origin) * ray.inverse;
-    let at_hi = (vec3<f32>(scene_data.style.volume_hi) - ray.origin) * ray.inverse;
+    let at_hi = (volume_hi - ray.origin) * ray.inverse;
     let enter = select(min(at_lo, at_hi), vec3(-FAR), flat);
     return first_sample(max(max(max(enter.x, enter.y), enter.z), t_lo));
 }
@@ -63,6 +63,7 @@ fn integral(
     @builtin(local_invocation_id) lane: vec3<u32>,
 ) {
     load_uniforms();
+    volume_hi = vec3<f32>(scene_data.style.volume_hi);
     // Within the rectangle.
     let place = workgroup.xy * 16u + pixel_of_lane(lane.xy);
     if any(place >= brick.rect_size) {
@@ -70,8 +71,11 @@ fn integral(
     }
     let pixel = vec2<i32>(brick.rect_lo + place);
     let ray = pixel_ray(frame, pixel.x, pixel.y);
-    let span = clipped(ray);
     var owned = owned_segment(frame, brick, ray);
+    if owned.k * frame.step >= owned.t_out {
+        return;
+    }
+    let span = clipped(ray);
     owned.t_out = min(owned.t_out, span.y);
     if span.x > 0.0 {
         owned.k = max(owned.k, first_sample(span.x));

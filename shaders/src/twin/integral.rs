@@ -33,7 +33,7 @@ pub struct Integrals<'a> {
 
 /// The first sample at or behind `t`, exactly: the product decides.
 #[inline(always)]
-fn first_sample(frame: &FrameUniform, t: f32) -> f32 {
+pub(super) fn first_sample(frame: &FrameUniform, t: f32) -> f32 {
     let mut k = (t / frame.step).ceil();
     for _ in 0..4 {
         if k > 0.0 && (k - 1.0) * frame.step >= t {
@@ -50,7 +50,7 @@ fn first_sample(frame: &FrameUniform, t: f32) -> f32 {
 
 /// What clipping leaves of a ray: `[t_lo, t_hi)`.
 #[inline(always)]
-fn clipped(style: &StyleUniform, ray: &Ray) -> (f32, f32) {
+pub(super) fn clipped(style: &StyleUniform, ray: &Ray) -> (f32, f32) {
     let (mut t_lo, mut t_hi) = (0.0_f32, FAR);
     for [nx, ny, nz, w] in &style.planes[..style.plane_count as usize] {
         let inside = nx * ray.origin[0] + ny * ray.origin[1] + nz * ray.origin[2] - w;
@@ -103,38 +103,14 @@ pub fn integral_ray<W: Watch>(
     data: &BrickData<'_>,
     with: &Integrals<'_>,
     ray: &Ray,
-    sum: Premul,
-    watch: &mut W,
-) -> (Premul, RayCounts) {
-    let has_flags = brick.region_flags == RegionFlags::Texture as u32;
-    // What most pictures are made of is compiled by itself.
-    if with.kinds == SLABS_ALONE && data.means.is_none() && !has_flags {
-        let data = BrickData { means: None, ..*data };
-        let with = Integrals { kinds: SLABS_ALONE, ..*with };
-        march::<_, true>(frame, brick, &data, &with, ray, sum, watch)
-    } else {
-        march::<_, false>(frame, brick, data, with, ray, sum, watch)
-    }
-}
-
-const SLABS_ALONE: Kinds = Kinds { preintegrated: true, light: Light::None, surfaces: false, mode: 0 };
-
-/// `ALONE`: slabs of [`SLABS_ALONE`] in a brick without leaps and flags.
-#[inline(always)]
-fn march<W: Watch, const ALONE: bool>(
-    frame: &FrameUniform,
-    brick: &BrickUniform,
-    data: &BrickData<'_>,
-    with: &Integrals<'_>,
-    ray: &Ray,
     mut sum: Premul,
     watch: &mut W,
 ) -> (Premul, RayCounts) {
     let mut counts = RayCounts::default();
-    let Integrals { tables, style, .. } = *with;
-    let kinds = if ALONE { SLABS_ALONE } else { with.kinds };
-    let (t_lo, t_hi) = clipped(style, ray);
+    let Integrals { tables, style, kinds, .. } = *with;
+    // Most rays of a tile miss most bricks.
     let Some(mut owned) = owned_segment(frame, brick, ray) else { return (sum, counts) };
+    let (t_lo, t_hi) = if style.plane_count == 0 { (0.0, FAR) } else { clipped(style, ray) };
     owned.t_out = owned.t_out.min(t_hi);
     if t_lo > 0.0 {
         owned.k = owned.k.max(first_sample(frame, t_lo));
@@ -155,14 +131,14 @@ fn march<W: Watch, const ALONE: bool>(
     let largest = (0..3).fold(0.0_f32, |m, a| m.max(ray.origin[a].abs()).max(brick.owned_hi[a] as f32));
     let margin = MARGIN.max(MARGIN_SHARE * largest);
     let edge = (1_u32 << brick.cell_shift) as f32;
-    let has_flags = !ALONE && brick.region_flags == RegionFlags::Texture as u32;
+    let has_flags = brick.region_flags == RegionFlags::Texture as u32;
     // Else all samples are of one kind.
     let has_kinds = frame.shown != SHOWS_RESIDUAL | SHOWS_REGIONS || tables.region.is_some();
     let shows = |in_region: bool| frame.shown & if in_region { SHOWS_REGIONS } else { SHOWS_RESIDUAL } != 0;
     let k_entry = if kinds.surfaces { first_of_volume(frame, style, ray, t_lo) } else { -1.0 };
 
     let mut k = owned.k;
-    let has_leaps = !ALONE && data.means.is_some();
+    let has_leaps = data.means.is_some();
     let mut probes = if has_leaps { W::ENTRY_PROBES } else { 0 };
     // The last value, far from all others: nothing is like it.
     let mut last = 9.0_f32;
@@ -276,7 +252,7 @@ fn march<W: Watch, const ALONE: bool>(
                 far.code = front.end.code;
             }
             let table = if kinds.preintegrated { with.slabs.map(|s| s[usize::from(front.in_region)]) } else { None };
-            opacity = slab(&mut sum, (with, kinds), table.as_ref(), &probe, (&mut front.end, &mut far), watch);
+            opacity = slab(&mut sum, with, table.as_ref(), &probe, (&mut front.end, &mut far), watch);
             back.light = back.light.or(if front.in_region == in_region { far.light } else { None });
         }
         if k == k_entry && shows(in_region) {
@@ -336,12 +312,13 @@ fn project(sum: &mut Premul, mode: u8, code: f32, n: f32) {
 #[inline(always)]
 fn slab<W: Watch>(
     sum: &mut Premul,
-    (with, kinds): (&Integrals<'_>, Kinds),
+    with: &Integrals<'_>,
     table: Option<&SlabTable<'_>>,
     probe: &Probe<'_>,
     (front, back): (&mut End, &mut End),
     watch: &mut W,
 ) -> f32 {
+    let kinds = with.kinds;
     let mut opacity = 0.0;
     if kinds.surfaces {
         let count = with.style.surface_count as usize;

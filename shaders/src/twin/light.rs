@@ -32,9 +32,6 @@ pub(super) struct Probe<'a> {
     style: &'a StyleUniform,
     /// Per smallest spacing in place of per voxel.
     per_unit: [f32; 3],
-    /// World, of length one, towards the eye and towards the light.
-    to_eye: [f32; 3],
-    to_light: [f32; 3],
 }
 
 fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
@@ -49,9 +46,6 @@ impl<'a> Probe<'a> {
         data: &BrickData<'a>,
         ray: &'a Ray,
     ) -> Self {
-        let per_unit = frame.voxels_per_unit;
-        let to_eye: [f32; 3] = std::array::from_fn(|a| -ray.direction[a] / per_unit[a]);
-        let is_headlight = style.light == [0.0; 3];
         Self {
             volume: VolumeReader::new(brick, data.texels),
             means: data.means,
@@ -60,9 +54,7 @@ impl<'a> Probe<'a> {
             hi: style.volume_hi.map(|n| n as f32),
             code_scale: brick.code_scale,
             style,
-            per_unit,
-            to_eye,
-            to_light: if is_headlight { to_eye } else { style.light },
+            per_unit: frame.voxels_per_unit,
         }
     }
 
@@ -122,10 +114,13 @@ impl<'a> Probe<'a> {
         if strength == 0.0 {
             return UNLIT;
         }
-        let along = dot(gradient, self.to_light) / steepness;
+        // World, of length one.
+        let to_eye: [f32; 3] = std::array::from_fn(|a| -self.ray.direction[a] / self.per_unit[a]);
+        let to_light = if self.style.light == [0.0; 3] { to_eye } else { self.style.light };
+        let along = dot(gradient, to_light) / steepness;
         // Both sides are lit: the normal is on the light's.
         let side = if along < 0.0 { -1.0 } else { 1.0 };
-        let half: [f32; 3] = std::array::from_fn(|a| self.to_light[a] + self.to_eye[a]);
+        let half: [f32; 3] = std::array::from_fn(|a| to_light[a] + to_eye[a]);
         let length = dot(half, half).sqrt().max(1e-6);
         let shine = clamped(side * dot(gradient, half) / (steepness * length), 1.0);
         let style = self.style;

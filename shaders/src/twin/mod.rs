@@ -6,6 +6,7 @@ mod light;
 pub mod macrocell;
 pub mod raycast;
 pub mod slab;
+pub mod slabs;
 mod surface;
 #[cfg(test)]
 mod surface_tests;

@@ -31,20 +31,33 @@ pub(super) struct End {
 
 impl SlabTable<'_> {
     #[inline(always)]
-    fn entry(&self, code: f32) -> (usize, f32) {
+    pub(super) fn entry(&self, code: f32) -> (usize, f32) {
         let last = self.size - 1;
         let entry = clamped((code - self.first) * self.scale, last as f32);
         let i = (entry as i32 as usize).min(last - 1);
         (i, entry - i as f32)
     }
 
-    /// Bilinear.
     #[inline(always)]
     fn look_up(&self, table: &[[f32; 4]], front: f32, back: f32) -> [f32; 4] {
-        let ((i, u), (j, v)) = (self.entry(front), self.entry(back));
+        self.between(table, self.entry(front), self.entry(back))
+    }
+
+    /// Bilinear.
+    #[inline(always)]
+    pub(super) fn between(&self, table: &[[f32; 4]], (i, u): (usize, f32), (j, v): (usize, f32)) -> [f32; 4] {
         let at = i * self.size + j;
-        let (near, far) = (&table[at..at + 2], &table[at + self.size..at + self.size + 2]);
-        std::array::from_fn(|c| between(between(near[0][c], near[1][c], v), between(far[0][c], far[1][c], v), u))
+        let (Some([a, b]), Some([c, d])) = (table.get(at..at + 2), table.get(at + self.size..at + self.size + 2))
+        else {
+            return [0.0; 4];
+        };
+        let mix = |k: usize| between(between(a[k], b[k], v), between(c[k], d[k], v), u);
+        let alpha = mix(3);
+        // Most of most volumes shows nothing.
+        if alpha <= 0.0 {
+            return [0.0; 4];
+        }
+        [mix(0), mix(1), mix(2), alpha]
     }
 }
 

@@ -6,6 +6,9 @@ override LEAP: bool;
 // By slot; one row.
 @group(2) @binding(1) var means: texture_2d<f32>;
 
+// The volume's upper corner. A copy: read once, not in loops.
+var<private> volume_hi: vec3<f32>;
+
 // Codes per smallest spacing: below it there is no gradient, from twice this on it counts in full.
 const LEAST_GRADIENT: f32 = 1.0 / 16383.0;
 
@@ -15,7 +18,7 @@ const UNLIT: vec2<f32> = vec2(1.0, 0.0);
 // The place at k steps, which need not be whole; index space, clamped to the volume.
 fn place_at(ray: Ray, k: f32) -> vec3<f32> {
     let t = k * frame.step;
-    return clamp(ray.origin + t * ray.direction, vec3(0.0), vec3<f32>(scene_data.style.volume_hi));
+    return clamp(ray.origin + t * ray.direction, vec3(0.0), volume_hi);
 }
 
 // The mean of the region that a place is deep inside of in x; y = 1 where it is.
@@ -42,8 +45,7 @@ fn value_at(reader: Reader, p: vec3<f32>) -> f32 {
 }
 
 fn rise_along(reader: Reader, p: vec3<f32>, axis: vec3<f32>) -> f32 {
-    let hi = vec3<f32>(scene_data.style.volume_hi);
-    return read_volume(reader, min(p + axis, hi)) - read_volume(reader, max(p - axis, vec3(0.0)));
+    return read_volume(reader, min(p + axis, volume_hi)) - read_volume(reader, max(p - axis, vec3(0.0)));
 }
 
 fn light_at(reader: Reader, ray: Ray, p: vec3<f32>) -> vec2<f32> {
