@@ -151,7 +151,8 @@ mod tests {
             let integration = Integration::Preintegrated(TableSize::N256);
             let scene = Style { integration, clip, ..Style::default() };
             let stored = owned.stored(scene.ghost(step));
-            let cells_of = OwnedBox { lo: owned.lo.saturating_sub(UVec3::splat(2)), hi: owned.hi + 2 };
+            let reach = UVec3::splat(scene.reach(step));
+            let cells_of = OwnedBox { lo: owned.lo.saturating_sub(reach), hi: owned.hi + reach };
             let clamp = |i: i32| i.clamp(0, 39);
             let texels: Vec<u16> = (stored.lo.z..stored.hi.z)
                 .flat_map(|z| (stored.lo.y..stored.hi.y).map(move |y| (y, z)))
