@@ -33,6 +33,8 @@ struct Row {
     /// Against the converged picture, premultiplied, over the pixels that are not empty in both.
     rms_error: f64,
     largest_error: f32,
+    /// Root mean square over the pixels that count for `banding`.
+    smooth_error: f64,
     /// The largest second difference along a scanline where the converged picture is smooth.
     banding: f32,
     /// Times as fast as the first kind at the smallest step.
@@ -152,6 +154,7 @@ async fn measure(args: &BenchArgs, kernel: &Kernel, store: &Store, budget: u64) 
             samples: one.samples,
             rms_error,
             largest_error,
+            smooth_error: smooth_error(&one.picture, &converged),
             banding: banding(&one.picture, &converged),
             speedup: base_ms / frame_ms,
         }
@@ -174,20 +177,47 @@ fn errors(a: &Picture, b: &Picture) -> (f64, f32) {
 
 /// The largest second difference of a colour along a scanline of `a`, where that of `converged` is no edge.
 fn banding(a: &Picture, converged: &Picture) -> f32 {
-    let width = a.size().width() as usize;
-    let second = |picture: &Picture, i: usize| {
-        let [l, m, r] = [i - 1, i, i + 1].map(|i| picture.pixels()[i].to_array());
-        (0..3).fold(0.0_f32, |worst, c| worst.max((l[c] - 2.0 * m[c] + r[c]).abs()))
-    };
-    (0..a.pixels().len())
-        .filter(|i| (1..width.saturating_sub(1)).contains(&(i % width)))
-        .filter(|&i| second(converged, i) <= SMOOTH)
-        .fold(0.0, |worst, i| worst.max(second(a, i)))
+    smooth(converged).fold(0.0, |worst, i| worst.max(second(a, i)))
+}
+
+/// The second difference of the colours along a scanline.
+fn second(picture: &Picture, i: usize) -> f32 {
+    let [l, m, r] = [i - 1, i, i + 1].map(|i| picture.pixels()[i].to_array());
+    (0..3).fold(0.0, |worst: f32, c| worst.max((l[c] - 2.0 * m[c] + r[c]).abs()))
+}
+
+/// Where the converged picture shows something, and no edge.
+fn smooth(converged: &Picture) -> impl Iterator<Item = usize> + '_ {
+    let width = converged.size().width() as usize;
+    (0..converged.pixels().len())
+        .filter(move |i| (1..width.saturating_sub(1)).contains(&(i % width)))
+        .filter(|&i| !converged.pixels()[i].is_clear() && second(converged, i) <= SMOOTH)
+}
+
+fn smooth_error(a: &Picture, converged: &Picture) -> f64 {
+    let (mut sum, mut count) = (0.0, 0_usize);
+    for i in smooth(converged) {
+        for (x, y) in a.pixels()[i].to_array().into_iter().zip(converged.pixels()[i].to_array()) {
+            sum += f64::from(x - y).powi(2);
+            count += 1;
+        }
+    }
+    (sum / count.max(1) as f64).sqrt()
 }
 
 fn table_of(rows: &[Row]) -> Table {
     let mut table = Table::new();
-    table.set_header(["kind", "step", "ms a frame", "M samples", "RMS error", "largest error", "banding", "speed-up"]);
+    table.set_header([
+        "kind",
+        "step",
+        "ms a frame",
+        "M samples",
+        "RMS error",
+        "largest error",
+        "error where smooth",
+        "banding",
+        "speed-up",
+    ]);
     for row in rows {
         table.add_row([
             row.kind.to_owned(),
@@ -196,6 +226,7 @@ fn table_of(rows: &[Row]) -> Table {
             format!("{:.2}", row.samples as f64 / 1e6),
             format!("{:.3}", row.rms_error * 255.0),
             format!("{:.2}", row.largest_error * 255.0),
+            format!("{:.3}", row.smooth_error * 255.0),
             format!("{:.2}", row.banding * 255.0),
             format!("{:.2}", row.speedup),
         ]);
