@@ -10,6 +10,7 @@ pub mod ids;
 pub mod macrocell;
 pub mod merge;
 pub mod phantom;
+pub mod preintegration;
 pub mod premul;
 pub mod regions;
 pub mod scene;

@@ -3,6 +3,7 @@
 pub mod color_space;
 pub mod colormap;
 mod colormap_tables;
+pub(crate) mod entry_codes;
 pub mod preset;
 mod preset_fields;
 #[cfg(test)]

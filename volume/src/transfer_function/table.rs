@@ -1,13 +1,10 @@
 //! The table that the kernels read: straight colour and the opacity of one step, and which value ranges are empty.
 
 use super::TransferFunction;
+use super::entry_codes::EntryCodes;
 
-/// Entries of a table: linear between them.
+/// Entries of the kernels' table: linear between them.
 pub const ENTRIES: usize = 4096;
-
-/// The narrowest `[c_first, c_last]`: a step within it still spans several 16-bit codes' worth of entries, and positions
-/// computed in f32 err by few entries.
-const MIN_WIDTH: f32 = 2e-4;
 
 /// Bound of the error with which any kernel computes `code - c_first` in f32: two roundings of numbers up to 1, and those of
 /// code / 65535 in a texture unit.
@@ -16,7 +13,7 @@ const CODE_ERROR: f64 = 4.0 * f32::EPSILON as f64;
 /// A transfer function sampled for one step length.
 ///
 /// Kernels read value codes `c` in 0..=1 (the stretched 16-bit code / 65535, i.e. `(v - lo) / (hi - lo)` over the store's
-/// range). Entry i stands at code `c_first + (c_last - c_first) i / (ENTRIES - 1)`; between entries the table is linear,
+/// range). Entry i of n stands at code `c_first + (c_last - c_first) i / (n - 1)`; between entries the table is linear,
 /// outside clamped. `[c_first, c_last]` covers where the function changes, so a narrow window keeps its full resolution.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TransferTable {
@@ -26,7 +23,7 @@ pub struct TransferTable {
     pub c_first: f32,
     /// Code of the last entry; greater than `c_first`.
     pub c_last: f32,
-    /// `opaque_before[i]`: how many of the entries before i have opacity.
+    /// `opaque_before[i]`: how many of the entries before i have opacity, or hide some that lies between them and the next.
     opaque_before: Vec<u32>,
 }
 
@@ -36,26 +33,26 @@ impl TransferTable {
     /// volume) reads the function at `lo` for every code.
     #[must_use]
     pub fn build(function: &TransferFunction, range: (f64, f64), delta_over_unit: f64) -> Self {
-        let (lo, hi) = range;
-        let (c_first, c_last) = changing_codes(function, lo, hi);
-        let entries: Vec<[f32; 4]> = (0..ENTRIES)
-            .map(|i| {
-                let t = i as f64 / (ENTRIES - 1) as f64;
-                let code = f64::from(c_first) + (f64::from(c_last) - f64::from(c_first)) * t;
-                let x = if code >= 1.0 { hi } else { lo + (hi - lo) * code };
+        Self::with_entries(function, range, delta_over_unit, ENTRIES)
+    }
+
+    /// The same with `entries` of them, at least 2. What is empty under it is empty under a
+    /// [`Preintegrated`](crate::preintegration::Preintegrated) of as many entries, too: slabs whose ends both lie in an
+    /// empty range of codes read exactly 0, in either direction.
+    #[must_use]
+    pub fn with_entries(function: &TransferFunction, range: (f64, f64), delta_over_unit: f64, entries: usize) -> Self {
+        let codes = EntryCodes::new(function, range, entries);
+        let xs = codes.xs();
+        let entries: Vec<[f32; 4]> = xs
+            .iter()
+            .map(|&x| {
                 let [r, g, b] = function.color(x);
                 let alpha = opacity_of_step(function.opacity(x), delta_over_unit);
                 [r as f32, g as f32, b as f32, alpha as f32]
             })
             .collect();
-        let mut opaque_before = Vec::with_capacity(ENTRIES + 1);
-        let mut count = 0;
-        opaque_before.push(count);
-        for e in &entries {
-            count += u32::from(e[3] > 0.0);
-            opaque_before.push(count);
-        }
-        Self { entries, c_first, c_last, opaque_before }
+        let opaque_before = opaque_before(function, &xs, &entries);
+        Self { entries, c_first: codes.c_first, c_last: codes.c_last, opaque_before }
     }
 
     /// True where every stretched code in `min..=max` (0..=65535), and every value between, has opacity 0, widened by one
@@ -85,12 +82,30 @@ impl TransferTable {
     }
 
     fn entries_about(&self, code: u16) -> [f64; 2] {
-        let last = (ENTRIES - 1) as f64;
+        let last = (self.entries.len() - 1) as f64;
         let width = f64::from(self.c_last) - f64::from(self.c_first);
         let position = (f64::from(code) / 65535.0 - f64::from(self.c_first)) / width * last;
         let margin = 1.0 + CODE_ERROR / width * last;
         [(position - margin).clamp(0.0, last), (position + margin).clamp(0.0, last)]
     }
+}
+
+/// Prefix sums of the entries with opacity. A spike between two entries counts as one of the lower: tables that integrate the
+/// function between entries see it, though none of the entries does.
+fn opaque_before(function: &TransferFunction, xs: &[f64], entries: &[[f32; 4]]) -> Vec<u32> {
+    let mut opaque: Vec<bool> = entries.iter().map(|e| e[3] > 0.0).collect();
+    for point in function.opacities().iter().filter(|p| p.opacity > 0.0) {
+        let above = xs.partition_point(|&x| x < point.x);
+        if above > 0 && above < xs.len() && !opaque[above] {
+            opaque[above - 1] = true;
+        }
+    }
+    let mut count = 0;
+    let sums = opaque.into_iter().map(|is| {
+        count += u32::from(is);
+        count
+    });
+    std::iter::once(0).chain(sums).collect()
 }
 
 /// `1 - (1 - a)^exponent`, also for an opacity of exactly 1 (which stays 1) and for very small ones.
@@ -99,23 +114,6 @@ fn opacity_of_step(opacity: f64, exponent: f64) -> f64 {
         return 1.0;
     }
     -(exponent * (-opacity).ln_1p()).exp_m1()
-}
-
-/// The codes `[first, last]` between which `function` changes, at least [`MIN_WIDTH`] apart. Rounded outwards: a first entry
-/// just above the point where opacity starts would give opacity to all values below.
-fn changing_codes(function: &TransferFunction, lo: f64, hi: f64) -> (f32, f32) {
-    if !(hi - lo).is_normal() || hi < lo {
-        return (0.0, 1.0);
-    }
-    let xs = function.colors().iter().map(|p| p.x).chain(function.opacities().iter().map(|p| p.x));
-    let (first, last) = xs.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
-    let to_code = |x: f64| ((x - lo) / (hi - lo)).clamp(0.0, 1.0) as f32;
-    let (first, last) = (to_code(first).next_down().max(0.0), to_code(last).next_up().min(1.0));
-    if last - first >= MIN_WIDTH {
-        return (first, last);
-    }
-    let first = (first - MIN_WIDTH / 2.0).clamp(0.0, 1.0 - MIN_WIDTH);
-    (first, last.max(first + MIN_WIDTH))
 }
 
 #[cfg(test)]

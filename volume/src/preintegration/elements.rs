@@ -1,0 +1,122 @@
+//! A transfer function, cut into pieces of which each is taken as homogeneous.
+
+use crate::transfer_function::TransferFunction;
+use crate::transfer_function::entry_codes::EntryCodes;
+
+/// Opacity per unit is cut off here: beyond, a slab's opacity would not depend on its length.
+pub const MAX_OPACITY: f64 = 1.0 - 1e-6;
+
+/// What a path of one opacity unit through one value does.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Element {
+    /// Straight r, g, b.
+    pub color: [f64; 3],
+    /// `ln(1 - opacity)`, at most 0.
+    pub log_transparency: f64,
+}
+
+impl Element {
+    fn of(color: [f64; 3], opacity: f64) -> Self {
+        Self { color, log_transparency: log_transparency(opacity) }
+    }
+
+    /// Opacity of a path of `length` opacity units: `1 - (1 - opacity)^length`.
+    #[must_use]
+    pub fn opacity(&self, length: f64) -> f64 {
+        -(self.log_transparency * length).exp_m1()
+    }
+}
+
+/// n entries and the n - 1 elements between them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Elements {
+    /// Code of the first entry.
+    pub c_first: f32,
+    /// Code of the last entry.
+    pub c_last: f32,
+    /// The function at the entries, n at least 2.
+    pub entries: Vec<Element>,
+    /// `between[x]`: the mean from entry x to entry x + 1.
+    pub between: Vec<Element>,
+}
+
+impl Elements {
+    /// `function` over the store's `range` (lo, hi in data units) at `entries` values, at least 2.
+    ///
+    /// The mean of an element is that of the function itself, not of its two entries: a spike between them counts with its
+    /// area. Optical depth is averaged, and colour weighted by it: what finer and finer elements tend to.
+    #[must_use]
+    pub fn of(function: &TransferFunction, range: (f64, f64), entries: usize) -> Self {
+        let codes = EntryCodes::new(function, range, entries);
+        let xs = codes.xs();
+        let points = function.colors().iter().map(|p| p.x).chain(function.opacities().iter().map(|p| p.x));
+        let mut kinks: Vec<f64> = points.collect();
+        kinks.sort_by(f64::total_cmp);
+        let mut rest = kinks.as_slice();
+        let mut between = Vec::with_capacity(codes.count - 1);
+        for ends in xs.windows(2) {
+            rest = &rest[rest.partition_point(|&x| x <= ends[0])..];
+            let inside = rest.partition_point(|&x| x < ends[1]);
+            between.push(mean(function, ends[0], &rest[..inside], ends[1]));
+        }
+        let entries = xs.iter().map(|&x| Element::of(function.color(x), function.opacity(x))).collect();
+        Self { c_first: codes.c_first, c_last: codes.c_last, entries, between }
+    }
+}
+
+fn log_transparency(opacity: f64) -> f64 {
+    (-opacity.min(MAX_OPACITY)).ln_1p()
+}
+
+/// The function from `from` to `to`; `kinks` are its points in between, sorted.
+fn mean(function: &TransferFunction, from: f64, kinks: &[f64], to: f64) -> Element {
+    let at = |x: f64| (x, function.color(x), function.opacity(x));
+    let mut left = at(from);
+    // A volume of one value, whose codes all stand for it.
+    if to - from <= 0.0 {
+        return Element::of(left.1, left.2);
+    }
+    let (mut depth, mut colored, mut plain) = (0.0, [0.0; 3], [0.0; 3]);
+    for &x in kinks.iter().chain(std::iter::once(&to)) {
+        let right = at(x);
+        let share = (right.0 - left.0) / (to - from);
+        let piece = mean_of_piece((left.1, left.2), (right.1, right.2));
+        depth += share * piece.log_transparency;
+        for c in 0..3 {
+            colored[c] += share * piece.log_transparency * piece.color[c];
+            plain[c] += share * piece.color[c];
+        }
+        left = right;
+    }
+    let color = if depth < 0.0 { colored.map(|c| (c / depth).clamp(0.0, 1.0)) } else { plain };
+    Element { color, log_transparency: depth }
+}
+
+/// Gauss-Legendre, five points over 0..=1: place, weight.
+const GAUSS: [(f64, f64); 5] = [
+    (0.046_910_077_030_668, 0.118_463_442_528_094_54),
+    (0.230_765_344_947_158_45, 0.239_314_335_249_683_23),
+    (0.5, 0.284_444_444_444_444_45),
+    (0.769_234_655_052_841_6, 0.239_314_335_249_683_23),
+    (0.953_089_922_969_332, 0.118_463_442_528_094_54),
+];
+
+/// Colour and opacity both linear from one end to the other.
+fn mean_of_piece((c0, a0): ([f64; 3], f64), (c1, a1): ([f64; 3], f64)) -> Element {
+    let (u0, u1) = (1.0 - a0.min(MAX_OPACITY), 1.0 - a1.min(MAX_OPACITY));
+    if a0 == a1 {
+        return Element::of(std::array::from_fn(|c| 0.5 * (c0[c] + c1[c])), a0);
+    }
+    let (mut depth, mut toward) = (0.0, 0.0);
+    for (t, weight) in GAUSS {
+        let l = weight * log_transparency(a0 + (a1 - a0) * t);
+        depth += l;
+        toward += l * t;
+    }
+    let t = if depth < 0.0 { toward / depth } else { 0.5 };
+    // Far apart, the logarithm is no polynomial, and its integral u ln u - u does not cancel.
+    if (u1 - u0).abs() > 0.1 * u0.max(u1) {
+        depth = (u1 * u1.ln() - u0 * u0.ln()) / (u1 - u0) - 1.0;
+    }
+    Element { color: std::array::from_fn(|c| c0[c] + (c1[c] - c0[c]) * t), log_transparency: depth }
+}
