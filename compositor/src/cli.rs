@@ -17,6 +17,7 @@ use crate::command::tls::TlsArgs;
 use crate::failure::EXIT_CODES;
 use crate::region_args::RegionArgs;
 use crate::style_args::StyleArgs;
+use crate::transfer_function_args::TransferFunctionArgs;
 
 /// Sort-last volume raycasting on one machine or many: the same picture from any number of nodes.
 #[derive(Debug, Parser)]
@@ -59,6 +60,8 @@ pub enum Command {
     Bench(Box<BenchArgs>),
     /// Render a sequence, or model a cluster, and show how the work is shared out between nodes
     Balance(Box<BalanceArgs>),
+    /// Show, convert and suggest transfer functions
+    TransferFunction(TransferFunctionArgs),
     /// Show the settings that hold, and where each came from: flag, environment, configuration file, default
     Config(Box<ConfigArgs>),
     /// Make certificates and a token for a cluster
@@ -197,7 +200,7 @@ pub struct SceneArgs {
     /// Picture size in pixels
     #[arg(long, value_name = "WxH", value_parser = picture_size, default_value = "512x512")]
     pub size: (u32, u32),
-    /// ParaView colour-map preset (JSON)
+    /// ParaView colour-map preset (JSON), or 3D Slicer volume property (.vp)
     #[arg(long, value_name = "FILE", conflicts_with_all = ["window", "opacity", "colormap"], help_heading = "Transfer function")]
     pub transfer_function: Option<PathBuf>,
     /// Rescale the preset to this range of data values

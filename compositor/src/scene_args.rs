@@ -1,19 +1,16 @@
 //! What the scene's words mean: arguments and a store become a [`Scene`].
 
-use std::path::Path;
-
 use anyhow::{Context, anyhow};
 use brickcast_volume::camera::{Camera, Orbit, Projection};
 use brickcast_volume::scene::{Filter, Scene, Transport};
 use brickcast_volume::store::Manifest;
 use brickcast_volume::style::{Mode, Style};
-use brickcast_volume::transfer_function::{
-    Colormap, Preset, PresetOptions, TransferFunction, default_opacities, describe_default,
-};
+use brickcast_volume::transfer_function::{Colormap, TransferFunction, default_opacities, describe_default};
 use brickcast_volume::{PictureSize, View};
 
 use crate::cli::{FilterArg, SceneArgs, TransportArg};
 use crate::failure::Failure;
+use crate::preset_file;
 use crate::style_args::ModeArg;
 
 /// A scene, and what the user should be told about it.
@@ -69,10 +66,13 @@ impl SceneArgs {
         let size = PictureSize::new(self.size.0, self.size.1).map_err(Failure::usage)?;
         let camera = self.camera_on(store)?;
         let style = self.style.style()?;
-        let (transfer_function, note) = self.transfer_function_on(store, &style)?;
-        let notes = note.into_iter().chain(self.accel.missing_regions(store)).collect();
+        let (transfer_function, notes) = self.transfer_function_on(store, &style)?;
+        let notes = notes.into_iter().chain(self.accel.missing_regions(store)).collect();
         let region_transfer_function = match &self.accel.region_transfer_function {
-            Some(path) => Some(self.preset(path, None, store)?.function),
+            Some(path) => {
+                let default = default_opacities(store.otsu, store.quantile_999);
+                Some(preset_file::read(path, None, default)?.function)
+            }
             None => None,
         };
         let scene = Scene {
@@ -134,40 +134,32 @@ impl SceneArgs {
         Camera::new(position, focal_point, up, projection).map_err(Failure::usage)
     }
 
-    fn preset(&self, path: &Path, range: Option<[f64; 2]>, store: &Manifest) -> Result<Preset, Failure> {
-        let file = path.display().to_string();
-        let text =
-            std::fs::read_to_string(path).with_context(|| format!("transfer function {file}: cannot be read"))?;
-        let default_opacities = default_opacities(store.otsu, store.quantile_999);
-        let options = PresetOptions { rescale: range.map(|[lo, hi]| (lo, hi)), default_opacities };
-        Ok(Preset::from_json(&file, &text, &options)?)
-    }
-
     fn transfer_function_on(
         &self,
         store: &Manifest,
         style: &Style,
-    ) -> Result<(TransferFunction, Option<String>), Failure> {
+    ) -> Result<(TransferFunction, Vec<String>), Failure> {
         let default_opacities = default_opacities(store.otsu, store.quantile_999);
         if let Some(path) = &self.transfer_function {
-            let preset = self.preset(path, self.transfer_function_range, store)?;
-            let note = (!preset.has_opacities).then(|| {
+            let preset = preset_file::read(path, self.transfer_function_range, default_opacities)?;
+            let default = (!preset.has_opacities).then(|| {
                 let default = describe_default(store.otsu, store.quantile_999);
                 format!("{} has no Points: {default}", path.display())
             });
-            return Ok((preset.function, note));
+            let left_out = preset.notes.iter().map(|note| format!("{}: {note}", path.display()));
+            return Ok((preset.function, default.into_iter().chain(left_out).collect()));
         }
         let default = self.window.is_none() && self.opacity.is_none() && self.colormap.is_none();
         if default && !style.surfaces.is_empty() {
-            return Ok((TransferFunction::nothing(), None));
+            return Ok((TransferFunction::nothing(), Vec::new()));
         }
         if default {
             let note = describe_default(store.otsu, store.quantile_999);
-            return Ok((TransferFunction::default_for(store.otsu, store.quantile_999), Some(note)));
+            return Ok((TransferFunction::default_for(store.otsu, store.quantile_999), vec![note]));
         }
         let [lo, hi] = self.window.unwrap_or([default_opacities[0].x, default_opacities[1].x]);
         let colormap = Colormap::from_name(self.colormap.as_deref().unwrap_or("grayscale")).map_err(Failure::usage)?;
         let function = TransferFunction::window(lo, hi, self.opacity.unwrap_or(0.5), colormap);
-        Ok((function.map_err(Failure::usage)?, None))
+        Ok((function.map_err(Failure::usage)?, Vec::new()))
     }
 }

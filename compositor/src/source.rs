@@ -7,7 +7,7 @@ use anyhow::{Context, anyhow};
 use brickcast_volume::StoreHash;
 use brickcast_volume::brick::BrickGrid;
 use brickcast_volume::format::{self, RawHints};
-use brickcast_volume::store::{Phase, PrepareOptions, PrepareSummary, Store, prepare};
+use brickcast_volume::store::{Manifest, Phase, PrepareOptions, PrepareSummary, Store, prepare, survey};
 
 use crate::cli::{CacheArgs, OnTheWayArgs, RawArgs};
 use crate::failure::Failure;
@@ -20,6 +20,33 @@ pub enum Source {
     Store(Store),
     /// A name that only the nodes know.
     Name(String),
+}
+
+/// What is known of a volume without rendering it.
+#[derive(Debug)]
+pub struct Surveyed {
+    pub manifest: Manifest,
+    /// Where the path is a store.
+    pub store: Option<Store>,
+    /// What the reader of an input noticed.
+    pub notes: Vec<String>,
+}
+
+/// Reads a store's manifest, or an input once from end to end; nothing is prepared.
+///
+/// # Errors
+/// Neither an input nor a store; what the reader finds wrong.
+pub fn surveyed(path: &Path, raw: &RawArgs) -> Result<Surveyed, Failure> {
+    if path.is_dir() {
+        let store = Store::open(path)?;
+        return Ok(Surveyed { manifest: store.manifest().clone(), store: Some(store), notes: Vec::new() });
+    }
+    let mut source = format::open(path, &raw.hints()?)?;
+    let notes = source.header().notes.clone();
+    let bar = Bar::new(&format!("reading {}", path.display()));
+    let manifest = survey(source.as_mut(), &mut |p| bar.at(p.done, p.total))?;
+    bar.finish();
+    Ok(Surveyed { manifest, store: None, notes })
 }
 
 impl RawArgs {

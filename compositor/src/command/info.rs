@@ -1,30 +1,19 @@
 //! `brickcast info`: what an input or a store holds, in the file's own units.
 
 use brickcast_volume::MergeTree;
-use brickcast_volume::format;
 use brickcast_volume::regions::code::MAX_DENSITY;
-use brickcast_volume::store::{Manifest, QUANTILES, Store, survey};
+use brickcast_volume::store::{Manifest, QUANTILES, Store};
 use serde_json::{Value, json};
 
 use super::{print, region_words};
 use crate::cli::InfoArgs;
 use crate::failure::Failure;
-use crate::progress::Bar;
+use crate::source::{Surveyed, surveyed};
 
 /// # Errors
 /// Neither an input nor a store; what the reader finds wrong.
 pub fn run(args: &InfoArgs) -> Result<(), Failure> {
-    let (manifest, store, notes) = if args.path.is_dir() {
-        let store = Store::open(&args.path)?;
-        (store.manifest().clone(), Some(store), Vec::new())
-    } else {
-        let mut source = format::open(&args.path, &args.raw.hints()?)?;
-        let notes = source.header().notes.clone();
-        let bar = Bar::new(&format!("reading {}", args.path.display()));
-        let manifest = survey(source.as_mut(), &mut |p| bar.at(p.done, p.total))?;
-        bar.finish();
-        (manifest, None, notes)
-    };
+    let Surveyed { manifest, store, notes } = surveyed(&args.path, &args.raw)?;
     let value = describe(&manifest, store.as_ref(), &notes);
     if args.json {
         print(&format!("{value:#}\n"))

@@ -13,6 +13,7 @@ pub mod phantom;
 pub mod prepare;
 pub mod render;
 pub mod tls;
+pub mod transfer_function;
 
 use std::io::Write as _;
 
@@ -42,6 +43,7 @@ pub fn run(invocation: Invocation) -> Result<(), Failure> {
         Command::Nodes(args) => blocking(nodes::run(args)),
         Command::Balance(args) => blocking(balance::run(*args, quiet)),
         Command::Bench(args) => blocking(bench::run(*args, quiet)),
+        Command::TransferFunction(args) => transfer_function::run(args, quiet),
         Command::Config(args) => config::run(&args, &origins),
         Command::Tls(args) => tls::run(args),
         Command::Completions { shell } => {

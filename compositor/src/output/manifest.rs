@@ -27,9 +27,17 @@ pub fn write_manifest(picture: &Path, value: &serde_json::Value) -> Result<PathB
 /// # Errors
 /// A missing folder, a full disk.
 pub fn write_json(path: &Path, value: &serde_json::Value) -> Result<PathBuf, OutputError> {
+    write_text(path, &format!("{value:#}\n"))
+}
+
+/// Writes `text` to `path`, and returns it.
+///
+/// # Errors
+/// A missing folder, a full disk.
+pub fn write_text(path: &Path, text: &str) -> Result<PathBuf, OutputError> {
     let file = AtomicFile::create(path)?;
     let mut writer = file.writer()?;
-    writeln!(writer, "{value:#}").and_then(|()| writer.flush()).map_err(|e| file.error(e))?;
+    writer.write_all(text.as_bytes()).and_then(|()| writer.flush()).map_err(|e| file.error(e))?;
     drop(writer);
     file.commit()
 }

@@ -17,7 +17,7 @@ use brickcast_volume::{PictureSize, Premul};
 
 pub use error::OutputError;
 pub use hatch::hatched;
-pub use manifest::{write_json, write_manifest};
+pub use manifest::{write_json, write_manifest, write_text};
 pub use writer::{FrameOptions, FrameWriter, MAX_FRAMES};
 
 /// What a file name's extension stands for.

@@ -160,6 +160,28 @@ mod tests {
         assert!(f.color(0.5).iter().all(|c| (c - 0.865).abs() < 0.005), "{:?}", f.color(0.5));
     }
 
+    /// ParaView ships the same map as a preset with ends and middle of its own rounding.
+    #[test]
+    fn cool_to_warm_is_paraviews() {
+        let f = function(Colormap::CoolToWarm);
+        let nodes = [
+            (0.0, [0.231_373, 0.298_039, 0.752_941]),
+            (0.5, [0.865_003, 0.865_003, 0.865_003]),
+            (1.0, [0.705_882, 0.015_686_3, 0.149_02]),
+        ];
+        for (x, want) in nodes {
+            assert!(f.color(x).iter().zip(want).all(|(g, w)| (g - w).abs() < 0.005), "{x}: {:?}", f.color(x));
+        }
+        for halves in nodes.windows(2) {
+            for i in 0..=50 {
+                let s = f64::from(i) / 50.0;
+                let want = color_space::interpolate(ColorSpace::Diverging, halves[0].1, halves[1].1, s);
+                let got = f.color(halves[0].0 + 0.5 * s);
+                assert!(got.iter().zip(want).all(|(g, w)| (g - w).abs() < 0.008), "{s}: {got:?} {want:?}");
+            }
+        }
+    }
+
     #[test]
     fn every_map_spans_zero_to_one_and_is_found_by_its_name() {
         for map in Colormap::ALL {

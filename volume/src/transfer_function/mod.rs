@@ -8,8 +8,13 @@ pub mod preset;
 mod preset_fields;
 #[cfg(test)]
 mod preset_tests;
+mod preset_write;
 mod resample;
+pub mod suggest;
 pub mod table;
+mod volume_property;
+#[cfg(test)]
+mod volume_property_tests;
 pub mod window;
 
 pub use colormap::Colormap;

@@ -1,15 +1,18 @@
-//! ParaView's colour-map presets: a JSON list of presets (the first one counts), or one bare preset.
+//! Files of transfer functions: ParaView's colour-map presets, a JSON list of presets (the first one counts) or one bare
+//! preset; and 3D Slicer's volume properties.
 
 use serde_json::Value;
 
 use super::color_space::{ColorSpace, interpolate};
 use super::preset_fields::{self as fields, PresetErrorKind};
 use super::resample::{Node, Shape, resample, shaped};
+use super::volume_property;
 use super::{ColorPoint, MAX_POINTS, MAX_X, OpacityPoint, TransferFunction};
 
 /// The longest file that is read, bytes.
-pub const MAX_BYTES: usize = 8 << 20;
-/// The most control points of either list; curves between them are resampled into at most [`MAX_POINTS`] points.
+pub const MAX_BYTES: usize = 16 << 20;
+/// The most control points of a list with curves between them, which are resampled into at most [`MAX_POINTS`] points; linear
+/// lists may have as many.
 pub const MAX_NODES: usize = MAX_POINTS / 4;
 
 /// What the file does not say.
@@ -24,11 +27,13 @@ pub struct PresetOptions {
 /// A preset, resampled to what is linear between points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Preset {
-    /// `Name`, where the file has one.
+    /// `Name`, where the file has one; ParaView's files have.
     pub name: Option<String>,
     pub function: TransferFunction,
     /// False where the opacities are [`PresetOptions::default_opacities`]: worth telling the user.
     pub has_opacities: bool,
+    /// What the file holds and no picture shows, for people.
+    pub notes: Vec<String>,
 }
 
 /// What is wrong with a preset, and where.
@@ -52,6 +57,45 @@ impl Preset {
     pub fn from_json(file: &str, text: &str, options: &PresetOptions) -> Result<Self, PresetError> {
         parse(text, options).map_err(|kind| PresetError { file: file.to_owned(), kind })
     }
+
+    /// Parses the text of a 3D Slicer volume property (`.vp`): its colours and scalar opacities. Lighting is left out, and
+    /// so is gradient opacity, of which [`Preset::notes`] tells.
+    ///
+    /// # Errors
+    /// A line that is missing or holds something else (its number and what was expected there), a range to rescale to that
+    /// is not `LO < HI`.
+    pub fn from_volume_property(file: &str, text: &str, options: &PresetOptions) -> Result<Self, PresetError> {
+        parse_property(text, options).map_err(|kind| PresetError { file: file.to_owned(), kind })
+    }
+
+    /// Parses the text of either kind of file: [`Preset::from_volume_property`] where `file` ends in `.vp`, else
+    /// [`Preset::from_json`].
+    ///
+    /// # Errors
+    /// As those.
+    pub fn from_text(file: &str, text: &str, options: &PresetOptions) -> Result<Self, PresetError> {
+        let ending = file.rsplit_once('.').map(|(_, ending)| ending);
+        if ending.is_some_and(|ending| ending.eq_ignore_ascii_case("vp")) {
+            Self::from_volume_property(file, text, options)
+        } else {
+            Self::from_json(file, text, options)
+        }
+    }
+}
+
+fn parse_property(text: &str, options: &PresetOptions) -> Result<Preset, PresetErrorKind> {
+    let property = volume_property::parse(text)?;
+    let (mut colors, mut opacities) = (property.colors, Some(property.opacities));
+    if let Some((lo, hi)) = options.rescale {
+        rescale(&mut colors, &mut opacities, lo, hi)?;
+    }
+    let ignored = "its gradient opacity is left out: opacity here depends on the value alone";
+    Ok(Preset {
+        name: None,
+        function: function(&colors, ColorSpace::Rgb, opacities, &options.default_opacities)?,
+        has_opacities: true,
+        notes: property.has_gradient_opacity.then(|| ignored.to_owned()).into_iter().collect(),
+    })
 }
 
 fn parse(text: &str, options: &PresetOptions) -> Result<Preset, PresetErrorKind> {
@@ -64,12 +108,26 @@ fn parse(text: &str, options: &PresetOptions) -> Result<Preset, PresetErrorKind>
     let space = fields::color_space(&path, preset)?;
     let mut colors = fields::color_nodes(&path, preset)?;
     let mut opacities = fields::opacity_nodes(&path, preset)?;
+    fields::check_curves(&path, space, &colors, opacities.as_deref())?;
     if let Some((lo, hi)) = options.rescale {
         rescale(&mut colors, &mut opacities, lo, hi)?;
     }
 
+    let has_opacities = opacities.is_some();
+    let function = function(&colors, space, opacities, &options.default_opacities)?;
+    let name = preset.get("Name").and_then(Value::as_str).map(str::to_owned);
+    Ok(Preset { name, function, has_opacities, notes: Vec::new() })
+}
+
+/// Nodes to what is linear in between; `default` where there are no opacities.
+fn function(
+    colors: &[Node<3>],
+    space: ColorSpace,
+    opacities: Option<Vec<Node<1>>>,
+    default: &[OpacityPoint],
+) -> Result<TransferFunction, PresetErrorKind> {
     let colors = resample(
-        &colors,
+        colors,
         MAX_POINTS,
         |a, b| match space {
             _ if a.values == b.values => Shape::Linear,
@@ -79,17 +137,15 @@ fn parse(text: &str, options: &PresetOptions) -> Result<Preset, PresetErrorKind>
         },
         |a, b, s| interpolate(space, a.values, b.values, s),
     );
-    let has_opacities = opacities.is_some();
     let opacities = match opacities {
-        None => options.default_opacities.clone(),
+        None => default.to_vec(),
         Some(nodes) => resample(&nodes, MAX_POINTS, Node::shape_to, |a, b, s| [shaped(a, b, s)])
             .into_iter()
             .map(|(x, [opacity])| OpacityPoint { x, opacity })
             .collect(),
     };
     let colors = colors.into_iter().map(|(x, rgb)| ColorPoint { x, rgb }).collect();
-    let name = preset.get("Name").and_then(Value::as_str).map(str::to_owned);
-    Ok(Preset { name, function: TransferFunction::new(colors, opacities)?, has_opacities })
+    Ok(TransferFunction::new(colors, opacities)?)
 }
 
 fn rescale(

@@ -4,8 +4,8 @@ use serde_json::{Map, Value};
 
 use super::color_space::ColorSpace;
 use super::preset::{MAX_BYTES, MAX_NODES};
-use super::resample::Node;
-use super::{MAX_X, TransferFunctionError};
+use super::resample::{Node, Shape};
+use super::{MAX_POINTS, MAX_X, TransferFunctionError};
 
 /// What is wrong with a preset.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -16,6 +16,8 @@ pub enum PresetErrorKind {
     Json { line: usize, column: usize, error: String },
     #[error("{path}: {problem}")]
     Field { path: String, problem: String },
+    #[error("line {line} ({name}): {problem}; expected {expected}")]
+    Line { line: usize, name: &'static str, problem: String, expected: &'static str },
     #[error("cannot rescale to {lo},{hi}: --transfer-function-range needs two finite numbers, the lower first")]
     Range { lo: f64, hi: f64 },
     #[error(transparent)]
@@ -85,6 +87,12 @@ pub(super) fn color_space(path: &str, preset: &Map<String, Value>) -> Result<Col
 
 /// `RGBPoints`: x, r, g, b.
 pub(super) fn color_nodes(path: &str, preset: &Map<String, Value>) -> Result<Vec<Node<3>>, PresetErrorKind> {
+    if preset.contains_key("volumeProperties") {
+        return Err(wrong(
+            path,
+            "a volume property of 3D Slicer as JSON (.vp.json); save it from Slicer as text (.vp)",
+        ));
+    }
     if !preset.contains_key("RGBPoints") && preset.contains_key("IndexedColors") {
         return Err(wrong(path, "a categorical preset (IndexedColors); use a continuous one, with RGBPoints"));
     }
@@ -98,6 +106,28 @@ pub(super) fn opacity_nodes(path: &str, preset: &Map<String, Value>) -> Result<O
     let quads = quads(path, "Points", ["opacity", "midpoint", "sharpness"], preset)?;
     let node = |[x, opacity, midpoint, sharpness]: [f64; 4]| Node { x, values: [opacity], midpoint, sharpness };
     Ok(quads.map(|quads| quads.into_iter().map(node).collect()))
+}
+
+/// Every curve needs points of its own: lists with curves may not be as long as others.
+pub(super) fn check_curves(
+    path: &str,
+    space: ColorSpace,
+    colors: &[Node<3>],
+    opacities: Option<&[Node<1>]>,
+) -> Result<(), PresetErrorKind> {
+    if space != ColorSpace::Rgb && colors.len() > MAX_NODES {
+        return Err(wrong(format!("{path}.RGBPoints"), too_many(colors.len(), MAX_NODES)));
+    }
+    match opacities {
+        Some(nodes) if nodes.len() > MAX_NODES && nodes.windows(2).any(|n| n[0].shape_to(&n[1]) != Shape::Linear) => {
+            Err(wrong(format!("{path}.Points"), too_many(nodes.len(), MAX_NODES)))
+        }
+        _ => Ok(()),
+    }
+}
+
+fn too_many(got: usize, most: usize) -> String {
+    format!("{got} points are more than {most}: thin the list out")
 }
 
 /// A flat list of x and three fractions called `names`, x not decreasing.
@@ -122,8 +152,8 @@ fn quads(
         let [a, b, c] = names;
         return Err(wrong(path, format!("{count} numbers are no multiple of 4 (x, {a}, {b}, {c})")));
     }
-    if count / 4 > MAX_NODES {
-        return Err(wrong(path, format!("{} points are more than {MAX_NODES}: thin the list out", count / 4)));
+    if count / 4 > MAX_POINTS {
+        return Err(wrong(path, too_many(count / 4, MAX_POINTS)));
     }
     let mut quads: Vec<[f64; 4]> = Vec::with_capacity(count / 4);
     for (i, four) in list.chunks_exact(4).enumerate() {

@@ -158,8 +158,16 @@ fn wrong_shapes_are_named_by_path() {
 fn limits_hold_and_are_named() {
     assert!(refused(&" ".repeat(MAX_BYTES + 1)).contains("bytes are too many"));
     let list = |n: usize, key: &str| (0..n).map(|i| format!("{i},{}", key)).collect::<Vec<_>>().join(",");
-    let error = refused(&format!(r#"{{"RGBPoints": [{}]}}"#, list(MAX_NODES + 1, "0,0,0")));
-    assert!(error.contains("16385 points are more than 16384"), "{error}");
+    let long = list(MAX_NODES + 1, "0,0,0");
+    let error = refused(&format!(r#"{{"ColorSpace": "Lab", "RGBPoints": [{long}]}}"#));
+    assert!(error.contains("RGBPoints: 16385 points are more than 16384"), "{error}");
+    let curved = list(MAX_NODES + 1, "0,0.3,0.5").replacen("0,0,", "0,1,", 1);
+    let error = refused(&format!(r#"{{"RGBPoints": [0,0,0,0], "Points": [{curved}]}}"#));
+    assert!(error.contains("Points: 16385 points are more than 16384"), "{error}");
+    // What is linear needs no more points than it has.
+    assert_eq!(function(&format!(r#"{{"RGBPoints": [{long}]}}"#)).colors().len(), MAX_NODES + 1);
+    let error = refused(&format!(r#"{{"RGBPoints": [{}]}}"#, list(MAX_POINTS + 1, "0,0,0")));
+    assert!(error.contains("65537 points are more than 65536"), "{error}");
     // As many curved segments as there may be still fit the table of points.
     let alternate = |a: &str, b: &str| {
         (0..MAX_NODES).map(|i| format!("{i},{}", if i % 2 == 0 { a } else { b })).collect::<Vec<_>>().join(",")

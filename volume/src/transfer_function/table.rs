@@ -23,7 +23,7 @@ pub struct TransferTable {
     pub c_first: f32,
     /// Code of the last entry; greater than `c_first`.
     pub c_last: f32,
-    /// `opaque_before[i]`: how many of the entries before i have opacity, or hide some that lies between them and the next.
+    /// `opaque_before[i]`: how many of the entries before i have opacity, or hide some that lies beside them.
     opaque_before: Vec<u32>,
 }
 
@@ -90,14 +90,16 @@ impl TransferTable {
     }
 }
 
-/// Prefix sums of the entries with opacity. A spike between two entries counts as one of the lower: tables that integrate the
-/// function between entries see it, though none of the entries does.
+/// Prefix sums of the entries with opacity. A spike between two entries counts as one of them: tables that integrate the
+/// function between entries see it, though none of the entries does. Not as the first or last entry, where it would stand for
+/// all values below or above.
 fn opaque_before(function: &TransferFunction, xs: &[f64], entries: &[[f32; 4]]) -> Vec<u32> {
     let mut opaque: Vec<bool> = entries.iter().map(|e| e[3] > 0.0).collect();
+    let last = xs.len() - 1;
     for point in function.opacities().iter().filter(|p| p.opacity > 0.0) {
         let above = xs.partition_point(|&x| x < point.x);
-        if above > 0 && above < xs.len() && !opaque[above] {
-            opaque[above - 1] = true;
+        if (1..=last).contains(&above) && !opaque[above - 1] && !opaque[above] {
+            opaque[if above == last { above - 1 } else { above }] = true;
         }
     }
     let mut count = 0;
@@ -214,6 +216,20 @@ mod tests {
         assert!(!table.is_empty_over(0, 30_001) && !table.is_empty_over(30_025, 30_025));
     }
 
+    /// Between the first two entries or the last two: what lies beyond is as empty as ever.
+    #[test]
+    fn a_spike_between_entries_leaves_what_is_outside_empty() {
+        let spike = |at: f64| [(at, 0.0), (at + 0.01, 1.0), (at + 0.02, 0.0)];
+        for at in [20_001.0, 30_000.0, 39_999.0] {
+            let f = function(&[&[(20_000.0, 0.0)][..], &spike(at), &[(40_001.0, 0.0)]].concat());
+            let table = TransferTable::with_entries(&f, (0.0, 65535.0), 1.0, 256);
+            assert!(table.entries.iter().all(|e| e[3] == 0.0));
+            assert!(table.is_empty_over(0, 19_000) && table.is_empty_over(41_000, 65_535), "{at}");
+            let code = at as u16;
+            assert!(!table.is_empty_over(code, code) && !table.is_empty_over(code, code + 1), "{at}");
+        }
+    }
+
     fn piecewise() -> impl Strategy<Value = TransferFunction> {
         let x = prop_oneof![-100.0..1100.0_f64, 400.0..401.0, Just(0.0), Just(1000.0)];
         let opacity = prop_oneof![3 => Just(0.0), 1 => Just(1.0), 1 => 0.0..1.0_f64];
@@ -240,7 +256,10 @@ mod tests {
             let table = TransferTable::build(&f, (0.0, 1000.0), 1.0);
             let end = start.saturating_add(length);
             let wider = (f64::from(table.c_last - table.c_first) * 65535.0 / (ENTRIES - 1) as f64 * 3.0).ceil() as u16 + 1;
-            if brute_force_is_empty(&table, start.saturating_sub(wider), end.saturating_add(wider)) {
+            let (from, to) = (start.saturating_sub(wider), end.saturating_add(wider));
+            // A spike between two entries is not empty, though this table does not show it.
+            let hidden = |p: &OpacityPoint| p.opacity > 0.0 && (f64::from(from)..=f64::from(to)).contains(&(p.x * 65.535));
+            if brute_force_is_empty(&table, from, to) && !f.opacities().iter().any(hidden) {
                 prop_assert!(table.is_empty_over(start, end));
             }
         }
