@@ -254,7 +254,7 @@ fn integral(
                                 slab_between(reader, ray, front_in_region, &front, &here, here.k - front.k);
                             sum += before * (1.0 - sum.a);
                         }
-                        sum += surface_at(reader, ray, surface, here.k) * (1.0 - sum.a);
+                        sum += surface_at(reader, ray, surface, here.k, false) * (1.0 - sum.a);
                         opacity = 1.0;
                         front = here;
                     }
@@ -274,7 +274,7 @@ fn integral(
         if SURFACES && k == k_entry && shows {
             for (var surface = 0u; surface < scene_data.style.surface_count; surface++) {
                 if code >= scene_data.style.codes[surface].x {
-                    sum += surface_at(reader, ray, surface, k) * (1.0 - sum.a);
+                    sum += surface_at(reader, ray, surface, k, true) * (1.0 - sum.a);
                 }
             }
         }

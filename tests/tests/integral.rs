@@ -158,6 +158,7 @@ fn mistakes_are_noticed() {
         Mistake::OneSided,
         Mistake::FrontLight,
         Mistake::SurfaceFirst,
+        Mistake::RoughCuts,
         Mistake::CubicVoxels,
     ] {
         let all = scenes.iter().flat_map(|scene| cases(scene).into_iter().map(move |case| (scene, case.truth)));

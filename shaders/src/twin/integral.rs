@@ -258,7 +258,7 @@ pub fn integral_ray<W: Watch>(
         if k == k_entry && shows(in_region) {
             for surface in 0..style.surface_count as usize {
                 if code >= style.codes[surface][0] {
-                    meet(&mut sum, with, &probe, surface, k, watch);
+                    meet(&mut sum, with, surface, (k, probe.step), || probe.light_of_entry(), watch);
                 }
             }
         }
@@ -336,7 +336,7 @@ fn slab<W: Watch>(
                 let length = k - from.k;
                 add_slab(sum, table, kinds, probe, (&mut from, &mut here), length);
             }
-            meet(sum, with, probe, surface, k, watch);
+            meet(sum, with, surface, (k, probe.step), || probe.light(probe.place(k)), watch);
             opacity = 1.0;
             from = here;
         }

@@ -111,9 +111,41 @@ impl<'a> Probe<'a> {
         let gradient = self.gradient(p);
         let steepness = dot(gradient, gradient).sqrt();
         let strength = clamped(steepness / LEAST_GRADIENT - 1.0, 1.0);
-        if strength == 0.0 {
-            return UNLIT;
+        if strength == 0.0 { UNLIT } else { self.lit(gradient, steepness, strength) }
+    }
+
+    /// Phong's factors on the face, of the volume or of a clip, by which the ray enters: the cut is flat, whatever is cut.
+    pub(super) fn light_of_entry(&self) -> Lit {
+        let normal = self.entry_normal();
+        self.lit(normal, dot(normal, normal).sqrt(), 1.0)
+    }
+
+    /// World, either way round; towards the eye where the ray starts inside.
+    fn entry_normal(&self) -> [f32; 3] {
+        let (ray, style) = (self.ray, self.style);
+        let mut normal: [f32; 3] = std::array::from_fn(|a| -ray.direction[a] / self.per_unit[a]);
+        let mut t_in = 0.0;
+        for [nx, ny, nz, w] in &style.planes[..style.plane_count as usize] {
+            let inside = nx * ray.origin[0] + ny * ray.origin[1] + nz * ray.origin[2] - w;
+            let along = nx * ray.direction[0] + ny * ray.direction[1] + nz * ray.direction[2];
+            if along > 0.0 && -inside / along > t_in {
+                t_in = -inside / along;
+                normal = [nx * self.per_unit[0], ny * self.per_unit[1], nz * self.per_unit[2]];
+            }
         }
+        for a in 0..3 {
+            if ray.direction[a] != 0.0 {
+                let enter = ((0.0 - ray.origin[a]) * ray.inverse[a]).min((self.hi[a] - ray.origin[a]) * ray.inverse[a]);
+                if enter > t_in {
+                    t_in = enter;
+                    normal = std::array::from_fn(|b| if a == b { 1.0 } else { 0.0 });
+                }
+            }
+        }
+        normal
+    }
+
+    fn lit(&self, gradient: [f32; 3], steepness: f32, strength: f32) -> Lit {
         // World, of length one.
         let to_eye: [f32; 3] = std::array::from_fn(|a| -self.ray.direction[a] / self.per_unit[a]);
         let to_light = if self.style.light == [0.0; 3] { to_eye } else { self.style.light };

@@ -4,7 +4,7 @@ use brickcast_volume::Premul;
 
 use super::accelerated::Watch;
 use super::integral::Integrals;
-use super::light::Probe;
+use super::light::{Lit, Probe};
 use super::raycast::clamped;
 use super::slab::{End, add, lit_color};
 use crate::style::Light;
@@ -32,19 +32,20 @@ pub(super) fn crossing(probe: &Probe<'_>, (front, back): (&End, &End), value: f3
 }
 
 /// Adds an isosurface that the ray meets at `k` steps.
+#[inline(always)]
 pub(super) fn meet<W: Watch>(
     sum: &mut Premul,
     with: &Integrals<'_>,
-    probe: &Probe<'_>,
     surface: usize,
-    k: f32,
+    (k, step): (f32, f32),
+    light: impl FnOnce() -> Lit,
     watch: &mut W,
 ) {
-    watch.meets(surface, k * probe.step);
+    watch.meets(surface, k * step);
     let [r, g, b, alpha] = with.style.colors[surface];
     let mut color = [r, g, b];
     if with.kinds.light != Light::None {
-        color = lit_color(color, probe.light(probe.place(k)));
+        color = lit_color(color, light());
     }
     add(sum, [color[0] * alpha, color[1] * alpha, color[2] * alpha, alpha]);
 }

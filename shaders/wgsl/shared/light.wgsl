@@ -63,6 +63,35 @@ fn light_at(reader: Reader, ray: Ray, p: vec3<f32>) -> vec2<f32> {
     if strength == 0.0 {
         return UNLIT;
     }
+    return lit(ray, gradient, steepness, strength);
+}
+
+// Phong's factors on the face, of the volume or of a clip, by which the ray enters: the cut is flat, whatever is cut.
+fn light_of_entry(ray: Ray) -> vec2<f32> {
+    var normal = -ray.direction / frame.voxels_per_unit;
+    var t_in = 0.0;
+    for (var i = 0u; i < scene_data.style.plane_count; i++) {
+        let plane = scene_data.style.planes[i];
+        let inside = dot(plane.xyz, ray.origin) - plane.w;
+        let along = dot(plane.xyz, ray.direction);
+        if along > 0.0 && -inside / along > t_in {
+            t_in = -inside / along;
+            normal = plane.xyz * frame.voxels_per_unit;
+        }
+    }
+    let flat = ray.direction == vec3(0.0);
+    let enter = select(min(-ray.origin * ray.inverse, (volume_hi - ray.origin) * ray.inverse), vec3(-FAR), flat);
+    for (var axis = 0; axis < 3; axis++) {
+        if enter[axis] > t_in {
+            t_in = enter[axis];
+            normal = vec3(0.0);
+            normal[axis] = 1.0;
+        }
+    }
+    return lit(ray, normal, sqrt(dot(normal, normal)), 1.0);
+}
+
+fn lit(ray: Ray, gradient: vec3<f32>, steepness: f32, strength: f32) -> vec2<f32> {
     let to_eye = -ray.direction / frame.voxels_per_unit;
     let to_light = select(scene_data.style.light, to_eye, all(scene_data.style.light == vec3(0.0)));
     let along = dot(gradient, to_light) / steepness;

@@ -26,12 +26,18 @@ fn crossing(reader: Reader, ray: Ray, front: End, back: End, value: f32) -> f32 
     return front.k + lo + (hi - lo) * part;
 }
 
-// An isosurface that the ray meets at k steps, premultiplied.
-fn surface_at(reader: Reader, ray: Ray, surface: u32, k: f32) -> vec4<f32> {
+// An isosurface that the ray meets at k steps, or with its entry, premultiplied.
+fn surface_at(reader: Reader, ray: Ray, surface: u32, k: f32, is_entry: bool) -> vec4<f32> {
     let shown = scene_data.style.colors[surface];
     var color = shown.rgb;
     if LIGHT != 0u {
-        color = lit_color(color, light_at(reader, ray, place_at(ray, k)));
+        var light = UNLIT;
+        if is_entry {
+            light = light_of_entry(ray);
+        } else {
+            light = light_at(reader, ray, place_at(ray, k));
+        }
+        color = lit_color(color, light);
     }
     return vec4(color * shown.a, shown.a);
 }

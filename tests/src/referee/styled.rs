@@ -59,6 +59,8 @@ pub enum Mistake {
     FrontLight,
     /// Isosurfaces behind what is in front of them in the same slab.
     SurfaceFirst,
+    /// Cuts shaded by the gradient of what they cut.
+    RoughCuts,
     /// Gradients in voxels, whatever their size.
     CubicVoxels,
 }
@@ -113,6 +115,24 @@ impl March<'_> {
         self.scene.volume.sample(self.place(k))
     }
 
+    /// Of the face by which the ray enters what clipping leaves of the volume; towards the eye where it starts inside.
+    fn entry_normal(&self) -> DVec3 {
+        let (volume, ray) = (&self.scene.volume, self.ray);
+        let (lo, hi) = volume.world_box();
+        let mut faces = self.style.planes.clone();
+        for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+            faces.extend([(axis, axis.dot(lo)), (-axis, -axis.dot(hi))]);
+        }
+        let (mut nearest, mut normal) = (0.0, -ray.direction);
+        for (n, offset) in faces {
+            let (inside, along) = (n.dot(ray.origin) - offset, n.dot(ray.direction));
+            if along > 0.0 && -inside / along > nearest {
+                (nearest, normal) = (-inside / along, n);
+            }
+        }
+        normal
+    }
+
     fn light(&self, k: f64) -> Lit {
         let Some(light) = &self.style.light else { return (1.0, 0.0) };
         let (volume, p) = (&self.scene.volume, self.place(k));
@@ -131,9 +151,12 @@ impl March<'_> {
         if strength == 0.0 {
             return (1.0, 0.0);
         }
+        self.lit(light, gradient.normalize(), strength)
+    }
+
+    fn lit(&self, light: &Light, mut normal: DVec3, strength: f64) -> Lit {
         let eye = -self.ray.direction;
         let to_light = light.direction.map_or(eye, DVec3::normalize);
-        let mut normal = gradient.normalize();
         if normal.dot(to_light) < 0.0 && self.style.mistake != Some(Mistake::OneSided) {
             normal = -normal;
         }
@@ -184,8 +207,7 @@ impl March<'_> {
         Self::add(gathered, [slab[0].min(a), slab[1].min(a), slab[2].min(a), a]);
     }
 
-    fn surface(&self, gathered: &mut Gathered, [r, g, b, a]: [f64; 4], k: f64) {
-        let (factor, glint) = self.light(k);
+    fn surface(&self, gathered: &mut Gathered, [r, g, b, a]: [f64; 4], (factor, glint): Lit) {
         let [r, g, b] = [r, g, b].map(|c| (c * factor + glint).min(1.0) * a);
         Self::add(gathered, [r, g, b, a]);
     }
@@ -219,7 +241,14 @@ impl March<'_> {
             if k == first {
                 for &(value, color) in &self.style.surfaces {
                     if v0 >= value {
-                        self.surface(gathered, color, at);
+                        let is_rough = self.style.mistake == Some(Mistake::RoughCuts);
+                        if is_rough {
+                            self.surface(gathered, color, self.light(at));
+                            continue;
+                        }
+                        let light = self.style.light.as_ref();
+                        let lit = light.map_or((1.0, 0.0), |l| self.lit(l, self.entry_normal().normalize(), 1.0));
+                        self.surface(gathered, color, lit);
                     }
                 }
             }
@@ -235,13 +264,13 @@ impl March<'_> {
             for &&(level, color) in &crossed {
                 let here = self.crossing(at, level).max(from);
                 if self.style.mistake == Some(Mistake::SurfaceFirst) {
-                    self.surface(gathered, color, here);
+                    self.surface(gathered, color, self.light(here));
                 }
                 if self.style.preintegrated {
                     self.slab(gathered, (value, level), from, here - from);
                 }
                 if self.style.mistake != Some(Mistake::SurfaceFirst) {
-                    self.surface(gathered, color, here);
+                    self.surface(gathered, color, self.light(here));
                 }
                 (from, value) = (here, level);
             }
