@@ -123,6 +123,7 @@ mod tests {
 
     use super::*;
     use crate::scene::{Acceleration, Filter};
+    use crate::style::Isosurface;
     use crate::transfer_function::{Colormap, TransferFunction};
     use crate::{Camera, Orbit, PictureSize};
 
@@ -185,6 +186,25 @@ mod tests {
         assert_eq!((lenient.flattened, lenient.over_tolerance), (true, false));
         let flat = BrickFacts { deviation: 0, ..FACTS };
         assert!(decide(Leap::Regions, Some(0.0), RegionView::All, bright, flat).is_some_and(|d| d.flattened));
+    }
+
+    /// A region that is flattened loses the surface in it, and a brick below or above all surfaces need not know of them.
+    #[test]
+    fn isosurfaces_send_the_bricks_that_they_may_cross_to_the_volume_itself() {
+        let (mut scene, geometry) = scene(Leap::Regions, None, RegionView::All);
+        let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(32) };
+        let dark = TransferTable::build(&TransferFunction::nothing(), (0.0, 65535.0), 0.5);
+        let mut decide = |value: f64, raw, facts| {
+            scene.style.surfaces = vec![Isosurface { value, color: [1.0; 3], opacity: 1.0 }];
+            let surfaces = scene.style.surface_codes((0.0, 65535.0));
+            let tables = SceneTables::new(&scene, &surfaces, &dark, None);
+            drawn(&scene, &tables, &geometry, &owned, raw, Some(&facts))
+        };
+        // V' from 31,000 to 40,000, the voxels themselves from 30,500.
+        for (value, flattened) in [(30_600.0, false), (35_000.0, false), (40_000.0, false), (30_000.0, true)] {
+            assert_eq!(decide(value, [30_500, 39_000], FACTS).map(|d| d.flattened), Some(flattened), "{value}");
+        }
+        assert_eq!(decide(41_000.0, [30_500, 39_000], FACTS), None, "all of it is outside");
     }
 
     #[test]
