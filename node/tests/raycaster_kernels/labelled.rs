@@ -42,7 +42,17 @@ fn ball(p: IVec3) -> (u16, u32) {
     if is_ball { (40_000 + noise(p) % 1300, 0) } else { (2000 + noise(p) % 300, 1) }
 }
 
+/// One small ball in the midst of a brick, with nothing else.
+fn dot(p: IVec3) -> (u16, u32) {
+    let is_ball = (p - IVec3::new(24, 22, 8)).length_squared() <= 5;
+    if is_ball { (60_000, 0) } else { (2000, 1) }
+}
+
 impl Labelled {
+    pub(crate) fn dot(dims: [u32; 3]) -> Self {
+        Self::new(dims, [1.0; 3], dot)
+    }
+
     pub(crate) fn balls(dims: [u32; 3], spacing: [f64; 3]) -> Self {
         Self::new(dims, spacing, ball)
     }
