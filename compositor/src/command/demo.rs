@@ -8,6 +8,7 @@ use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::phantom::{PhantomOptions, write_phantom};
 use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
 use brickcast_volume::store::{PrepareOptions, Store};
+use brickcast_volume::style::{Integration, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 
 use super::say;
@@ -116,7 +117,11 @@ fn scene(store: &Store, size: PictureSize) -> Result<Scene, Failure> {
         acceleration: Acceleration::default(),
         region_view: RegionView::All,
         region_transfer_function: None,
-        style: brickcast_volume::style::Style::default(),
+        style: Style {
+            integration: Integration::Preintegrated(TableSize::default()),
+            shading: Some(Phong::default()),
+            ..Style::default()
+        },
     }
     .validate()?)
 }
