@@ -23,7 +23,7 @@ use crate::raycaster::{
 };
 use crate::recipe::Recipe;
 use crate::texels::{PreparedBrick, PreparedCells, expected_bytes};
-use crate::worth::{Occupancy, Occupied};
+use crate::worth::Occupancy;
 
 /// Tile edge in pixels: small enough that threads stay busy to the end, large enough that a brick's voxels are reused.
 const TILE: usize = 32;
@@ -138,9 +138,10 @@ impl<'a> PlacedBrick<'a> {
         let mut uniform = brick.uniform;
         let mut skips = false;
         if let Some((emptiness, cells)) = emptiness.zip(brick.cells.as_ref()) {
-            let Occupied { bounds, skips: pays } = brick.occupancy.ask(emptiness, &brick.owned, &cells.cells);
+            let occupied = brick.occupancy.ask(emptiness, &brick.owned, &cells.cells);
+            let (bounds, pays) = scene.bounds(occupied, &brick.owned);
             skips = pays || cells.homogeneous.is_some();
-            uniform = uniform.within(&scene.bounds(bounds, &brick.owned));
+            uniform = uniform.within(&bounds);
         }
         let emptiness = emptiness.filter(|_| skips);
         let map = brick.map(emptiness);

@@ -13,6 +13,7 @@ use crate::cpu::CpuRaycaster;
 use crate::gpu::{GpuError, GpuOptions, GpuRaycaster};
 use crate::kernel_style::KernelStyle;
 use crate::recipe::Recipe;
+use crate::worth::Occupied;
 
 pub use brickcast_shaders::Features;
 use brickcast_shaders::FrameUniform;
@@ -55,16 +56,18 @@ impl KernelScene {
 
     /// The part of `owned` that holds all samples and slabs that show, where all that is not empty lies in `occupied`: a slab
     /// that shows starts or ends there. Every sample of a projection counts.
-    pub(crate) fn bounds(&self, occupied: OwnedBox, owned: &OwnedBox) -> OwnedBox {
+    /// And whether it pays to skip in it.
+    pub(crate) fn bounds(&self, occupied: Occupied, owned: &OwnedBox) -> (OwnedBox, bool) {
+        let Occupied { bounds, skips, skips_uncut } = occupied;
         if self.style.as_ref().is_some_and(|style| style.kinds.mode != 0) {
-            return *owned;
+            return (*owned, skips_uncut);
         }
-        if occupied.voxel_count() == 0 {
-            return OwnedBox { lo: owned.lo, hi: owned.lo };
+        if bounds.voxel_count() == 0 {
+            return (OwnedBox { lo: owned.lo, hi: owned.lo }, skips);
         }
         let reach = glam::UVec3::splat(self.style.as_ref().map_or(0, |style| style.reach));
-        let lo = occupied.lo.saturating_sub(reach).max(owned.lo);
-        OwnedBox { lo, hi: (occupied.hi + reach).min(owned.hi).max(lo) }
+        let lo = bounds.lo.saturating_sub(reach).max(owned.lo);
+        (OwnedBox { lo, hi: (bounds.hi + reach).min(owned.hi).max(lo) }, skips)
     }
 
     /// True where it matters which samples are in regions.

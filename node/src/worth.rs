@@ -24,8 +24,10 @@ pub(crate) struct Occupied {
     /// meet nothing outside it: its faces are planes of the global cell grid, so the samples inside are those that the brick
     /// takes anyway, each at the same place. No extent where all cells are empty.
     pub(crate) bounds: OwnedBox,
-    /// Enough of its cells are empty for skipping to pay.
+    /// Enough of the cells within the bounds are empty for skipping to pay.
     pub(crate) skips: bool,
+    /// The same where rays cross the whole box, whatever the bounds.
+    pub(crate) skips_uncut: bool,
 }
 
 /// [`Occupied`], remembered for the last transfer function.
@@ -60,13 +62,14 @@ fn occupied(counts: &[[u32; 2]], owned: &OwnedBox, cells: &Macrocells) -> Occupi
         hi = hi.max(cell + 1);
     }
     if showing == 0 {
-        return Occupied { bounds: OwnedBox { lo: owned.lo, hi: owned.lo }, skips: false };
+        return Occupied { bounds: OwnedBox { lo: owned.lo, hi: owned.lo }, skips: false, skips_uncut: true };
     }
     let first = cells.lo.as_uvec3();
     let bounds = OwnedBox { lo: (first + lo) * cells.edge, hi: (first + hi) * cells.edge };
     // What the bounds cut off need not be skipped.
     let within = (hi - lo).element_product();
-    Occupied { bounds, skips: f64::from(within - showing) >= LEAST_EMPTY * f64::from(within) }
+    let pays = |all: u32| f64::from(all - showing) >= LEAST_EMPTY * f64::from(all);
+    Occupied { bounds, skips: pays(within), skips_uncut: pays(dims.element_product()) }
 }
 
 /// Does leaping pay? `regions` covers the stored box and more.
@@ -111,18 +114,18 @@ mod tests {
         let of =
             |shows: &dyn Fn(UVec3) -> bool| occupied(&counts(), &owned, &cells(4, IVec3::new(1, 2, 4), dims, shows));
         let all = OwnedBox { lo: UVec3::new(4, 8, 16), hi: UVec3::new(24, 24, 32) };
-        assert_eq!(of(&|_| true), Occupied { bounds: all, skips: false });
+        assert_eq!(of(&|_| true), Occupied { bounds: all, skips: false, skips_uncut: false });
         let nothing = of(&|_| false);
-        assert_eq!((nothing.bounds.voxel_count(), nothing.skips), (0, false));
+        assert_eq!((nothing.bounds.voxel_count(), nothing.skips, nothing.skips_uncut), (0, false, true));
         for corner in 0..8_u32 {
             let cell = UVec3::new(corner & 1, corner >> 1 & 1, corner >> 2) * (dims - 1);
             let lo = (UVec3::new(1, 2, 4) + cell) * 4;
             let hi = (UVec3::new(1, 2, 4) + cell + 1) * 4;
             let one = of(&|c| c == cell);
-            assert_eq!(one, Occupied { bounds: OwnedBox { lo, hi }, skips: false }, "{cell}");
+            assert_eq!(one, Occupied { bounds: OwnedBox { lo, hi }, skips: false, skips_uncut: true }, "{cell}");
         }
         // Two far corners: all between them is empty, and within the bounds.
         let two = of(&|c| c == UVec3::ZERO || c == dims - 1);
-        assert_eq!(two, Occupied { bounds: all, skips: true });
+        assert_eq!(two, Occupied { bounds: all, skips: true, skips_uncut: true });
     }
 }

@@ -13,7 +13,7 @@ use super::kernel::Kernels;
 use crate::emptiness::Emptiness;
 use crate::raycaster::{Features, KernelScene, RaycastError, ResidentBrick};
 use crate::texels::PreparedBrick;
-use crate::worth::{Occupancy, Occupied};
+use crate::worth::Occupancy;
 
 /// Bytes of a macrocell: its range and its texel of the map.
 pub(super) const CELL_BYTES: u64 = 8;
@@ -44,9 +44,10 @@ impl GpuBrick {
         let mut uniform = self.uniform;
         let mut skips = false;
         if let Some((emptiness, cells)) = emptiness.zip(self.cells.as_ref()) {
-            let Occupied { bounds, skips: pays } = self.occupancy.ask(emptiness, &self.owned, &cells.cells);
+            let occupied = self.occupancy.ask(emptiness, &self.owned, &cells.cells);
+            let (bounds, pays) = scene.bounds(occupied, &self.owned);
             skips = leaps || pays;
-            uniform = uniform.within(&scene.bounds(bounds, &self.owned));
+            uniform = uniform.within(&bounds);
         }
         uniform.map_mask = (if skips { MAP_EMPTY } else { 0 }) | (if leaps { MAP_HOMOGENEOUS } else { 0 });
         let map = self.cells.is_some() && uniform.map_mask != 0;
