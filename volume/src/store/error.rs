@@ -69,18 +69,28 @@ pub enum StoreError {
         end: u64,
         fault: ChunkFault,
     },
-    #[error("halo index: entry of brick {brick} says {bytes} bytes, which no halo has; prepare the store again")]
-    HaloIndex { brick: BrickIndex, bytes: u64 },
     #[error(
-        "{}: {got} bytes, its index promises {want}; cut from the halo of brick {brick} on: prepare the store again",
+        "halo index: entry of brick {brick}, layer {layer}, says {bytes} bytes, which no halo has; prepare the store again"
+    )]
+    HaloIndex { brick: BrickIndex, layer: u32, bytes: u64 },
+    #[error(
+        "{}: {got} bytes, its index promises {want}; cut from the halo of brick {brick}, layer {layer}, on: prepare the store again",
         path.display()
     )]
-    HaloCut { path: PathBuf, brick: BrickIndex, got: u64, want: u64 },
+    HaloCut { path: PathBuf, brick: BrickIndex, layer: u32, got: u64, want: u64 },
     #[error(
-        "{}: halo of brick {brick}, bytes {start}..{end}: {fault}; the store is damaged: prepare it again",
+        "{}: halo of brick {brick}, layer {layer}, bytes {start}..{end}: {fault}; the store is damaged: prepare it again",
         path.display()
     )]
-    Halo { path: PathBuf, brick: BrickIndex, start: u64, end: u64, fault: HaloFault },
+    Halo {
+        path: PathBuf,
+        brick: BrickIndex,
+        /// The outermost that the record holds.
+        layer: u32,
+        start: u64,
+        end: u64,
+        fault: HaloFault,
+    },
     #[error("brick {brick} is outside the store's {dims:?} bricks")]
     BrickOutside { brick: BrickIndex, dims: [u32; 3] },
     #[error("{ghost} ghost layers are more than the {max} that a read may ask for")]

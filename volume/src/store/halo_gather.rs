@@ -7,7 +7,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::error::StoreError;
-use super::shell::Shell;
+use super::shell::{HaloReach, Shell};
 use crate::brick::BrickGrid;
 use crate::ids::BrickIndex;
 
@@ -30,26 +30,28 @@ impl Gathered for (Vec<u32>, Vec<u8>) {
     }
 }
 
-/// Gathers the shells of all bricks, a layer of bricks (all those with the same z) at a time. Memory: their shells, which is six
-/// to eight planes of the volume for each layer of the halo, whatever the brick size.
+/// Gathers the shells of all bricks, a layer of bricks (all those with the same z) at a time. Memory: their shells, which is seven
+/// to thirteen planes of the volume for each layer of voxels of the halo, whatever the brick size.
 #[derive(Debug)]
 pub(super) struct ShellGatherer<G> {
     grid: BrickGrid,
-    layers: u32,
+    reach: HaloReach,
     /// z of the first layer of bricks in `open`.
     first: u32,
-    /// Layers of bricks that began and are not complete; shells x fastest.
+    /// Layers of bricks that began and are not complete; shells x fastest, those of a brick from the inside out.
     open: VecDeque<Vec<G>>,
 }
 
 impl<G: Gathered> ShellGatherer<G> {
-    pub(super) fn new(grid: BrickGrid, layers: u32) -> Self {
-        Self { grid, layers, first: 0, open: VecDeque::new() }
+    pub(super) fn new(grid: BrickGrid, reach: HaloReach) -> Self {
+        Self { grid, reach, first: 0, open: VecDeque::new() }
     }
 
+    /// The shell at a place of a layer of bricks.
     fn shell(&self, bz: u32, within: usize) -> Shell {
-        let (bx, linear) = (self.grid.dims().x, within as u32);
-        Shell::of(&self.grid, BrickIndex([linear % bx, linear / bx, bz]), self.layers)
+        let (brick, nth) = (within / self.reach.records(), within % self.reach.records());
+        let (bx, linear) = (self.grid.dims().x, brick as u32);
+        self.reach.shell(&self.grid, BrickIndex([linear % bx, linear / bx, bz]), nth)
     }
 
     /// Takes whole planes of the volume, in any pieces but in their order. `take` appends the voxels of a run, whose positions
@@ -60,10 +62,11 @@ impl<G: Gathered> ShellGatherer<G> {
         take: impl Fn(&mut G, Range<usize>) + Sync,
         mut complete: impl FnMut(&[G]) -> Result<(), StoreError>,
     ) -> Result<(), StoreError> {
-        let (n, bricks) = (self.grid.volume_dims(), self.grid.dims());
+        let (n, bricks, records) = (self.grid.volume_dims(), self.grid.dims(), self.reach.records());
         let (nx, ny) = (n.x as usize, n.y as usize);
         for bz in self.first..bricks.z {
-            let of_layer = self.shell(bz, 0).planes();
+            // Those of the outermost shell.
+            let of_layer = self.shell(bz, records - 1).planes();
             if of_layer.start >= planes.end {
                 break;
             }
@@ -72,12 +75,12 @@ impl<G: Gathered> ShellGatherer<G> {
                 _ => {
                     self.open.push_back(Vec::new());
                     let voxels = |i| self.shell(bz, i).voxels() as usize;
-                    (0..(bricks.x * bricks.y) as usize).map(|i| G::with_room(voxels(i))).collect()
+                    (0..(bricks.x * bricks.y) as usize * records).map(|i| G::with_room(voxels(i))).collect()
                 }
             };
             shells.par_iter_mut().enumerate().for_each(|(i, out)| {
                 let shell = self.shell(bz, i);
-                for z in of_layer.start.max(planes.start)..of_layer.end.min(planes.end) {
+                for z in shell.planes().start.max(planes.start)..shell.planes().end.min(planes.end) {
                     for (y, xs) in shell.runs(z) {
                         let row = ((z - planes.start) as usize * ny + y as usize) * nx;
                         take(out, row + xs.start as usize..row + xs.end as usize);
@@ -107,12 +110,14 @@ mod tests {
         /// Slabs that end anywhere: a plane taken twice, or for the wrong brick, would shift the rest of a record.
         #[test]
         fn gathered_shells_hold_the_volume_in_the_order_of_their_runs(
-            dims in [1_u32..50, 1_u32..50, 1_u32..120], size in 4_u32..7, layers in 1_u32..3, planes in 1_usize..40,
+            dims in [1_u32..50, 1_u32..50, 1_u32..120], size in 4_u32..7, first in 1_u32..3, more in 0_u32..4,
+            planes in 1_usize..40,
         ) {
             let grid = BrickGrid::new(UVec3::from(dims), 1 << size).unwrap();
+            let reach = HaloReach { first, last: first + more };
             let [nx, ny, nz] = dims;
             let voxels: Vec<u32> = (0..nx * ny * nz).collect();
-            let mut gatherer = ShellGatherer::<Vec<u32>>::new(grid, layers);
+            let mut gatherer = ShellGatherer::<Vec<u32>>::new(grid, reach);
             let mut got: Vec<Vec<u32>> = Vec::new();
             for (i, slab) in voxels.chunks(planes * (nx * ny) as usize).enumerate() {
                 let z0 = (i * planes) as u32;
@@ -125,14 +130,15 @@ mod tests {
                 gatherer.add(z0..z1, take, complete).unwrap();
             }
             prop_assert!(gatherer.open.is_empty());
-            prop_assert_eq!(got.len() as u64, grid.brick_count());
-            for (brick, got) in grid.bricks().zip(got) {
-                let shell = Shell::of(&grid, brick, layers);
+            prop_assert_eq!(got.len() as u64, grid.brick_count() * reach.records() as u64);
+            let records = grid.bricks().flat_map(|brick| (0..reach.records()).map(move |nth| (brick, nth)));
+            for ((brick, nth), got) in records.zip(got) {
+                let shell = reach.shell(&grid, brick, nth);
                 let voxel = |x, y, z| x + nx * (y + ny * z);
                 let want: Vec<u32> = shell.planes()
                     .flat_map(|z| shell.runs(z).flat_map(move |(y, xs)| xs.map(move |x| voxel(x, y, z))))
                     .collect();
-                prop_assert_eq!(got, want, "brick {}", brick);
+                prop_assert_eq!(got, want, "brick {}, record {}", brick, nth);
             }
         }
     }

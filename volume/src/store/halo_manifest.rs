@@ -5,15 +5,16 @@ use serde::{Deserialize, Serialize};
 use super::error::ManifestError;
 use super::hash::ContentHash;
 use super::manifest_file::{field, hash};
-use super::profile::{HALO_LAYERS, REGION_HALO_MORE};
-use super::read::MAX_GHOST;
+use super::profile::{REGION_HALO, VOXEL_HALO};
 use super::shell::has_halos;
 
 /// What a store says of its halos.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct HaloEntry {
-    /// Voxels beyond the owned box that a halo reaches; that of labels and distances reaches one further.
+    /// Voxels beyond the owned box that a halo reaches.
     pub layers: u32,
+    /// The same of the halo of labels and distances, whether or not there are any.
+    pub region_layers: u32,
     /// Of the volume.
     pub voxels: HaloHashes,
     /// Of labels and distances; nothing where there are no regions.
@@ -34,12 +35,11 @@ impl HaloHashes {
 impl HaloEntry {
     /// Of a store that is yet to be written; nothing where its bricks have no halos.
     pub(super) fn unwritten(brick_size: u32) -> Option<Self> {
-        has_halos(brick_size).then_some(Self { layers: HALO_LAYERS, voxels: HaloHashes::UNKNOWN, regions: None })
+        has_halos(brick_size).then_some(Self::of(HaloHashes::UNKNOWN, None))
     }
 
-    /// Layers of the halo of labels and distances.
-    pub(super) fn region_layers(&self) -> u32 {
-        self.layers + REGION_HALO_MORE
+    fn of(voxels: HaloHashes, regions: Option<HaloHashes>) -> Self {
+        Self { layers: VOXEL_HALO.last, region_layers: REGION_HALO.last, voxels, regions }
     }
 }
 
@@ -87,17 +87,15 @@ pub(super) fn parse(
     if !has_halos(brick_size) {
         return Err(field("halo", "bricks of this size have none"));
     }
-    if !(1..=MAX_GHOST - REGION_HALO_MORE).contains(&file.layers) {
-        return Err(field("halo.layers", format!("must be 1 to {}", MAX_GHOST - REGION_HALO_MORE)));
+    if file.layers != VOXEL_HALO.last {
+        return Err(field("halo.layers", format!("must be {} in this version", VOXEL_HALO.last)));
     }
     if file.region_files.is_some() != has_regions {
         return Err(field("halo.region_files", "must be there exactly where regions are"));
     }
-    Ok(Some(HaloEntry {
-        layers: file.layers,
-        voxels: hashes(&file.files.file, &file.files.index)?,
-        regions: file.region_files.map(|f| hashes(&f.file, &f.index)).transpose()?,
-    }))
+    let voxels = hashes(&file.files.file, &file.files.index)?;
+    let regions = file.region_files.map(|f| hashes(&f.file, &f.index)).transpose()?;
+    Ok(Some(HaloEntry::of(voxels, regions)))
 }
 
 impl From<&HaloEntry> for HaloFile {

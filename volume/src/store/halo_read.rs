@@ -16,7 +16,7 @@ use super::hash::ContentHash;
 use super::profile::InnerChunk;
 use super::read::Store;
 use super::shard_read::{Shards, read_exact_at};
-use super::shell::Shell;
+use super::shell::{HaloReach, Shell, core_chunks};
 use super::window::{RowDecoder, Window};
 use crate::brick::{BrickGrid, StoredBox};
 use crate::ids::BrickIndex;
@@ -27,11 +27,18 @@ pub(super) struct Halos {
     folder: StoreFolder,
     file: &'static str,
     grid: BrickGrid,
-    pub(super) layers: u32,
+    reach: HaloReach,
     index: HaloIndex,
     /// Of the whole file.
     hash: ContentHash,
     bound: RecordBound,
+}
+
+/// A decoded record of a brick's halo.
+pub(super) struct HaloPart<H> {
+    pub(super) shell: Shell,
+    /// Nothing where all of the shell is the fill value.
+    pub(super) content: Option<H>,
 }
 
 /// The longest that a record is before compression.
@@ -53,73 +60,84 @@ impl Halos {
     pub(super) fn open(
         folder: &StoreFolder,
         grid: BrickGrid,
-        layers: u32,
+        reach: HaloReach,
         (file, index_file, hashes): (&'static str, &str, HaloHashes),
         bound: RecordBound,
     ) -> Result<Self, StoreError> {
-        let bytes = folder.read_exactly(index_file, grid.brick_count() * ENTRY_BYTES as u64)?;
+        let bytes = folder.read_exactly(index_file, grid.brick_count() * (reach.records() * ENTRY_BYTES) as u64)?;
         folder.check_hash(index_file, &bytes, hashes.index)?;
-        let raw = |brick| bound.bytes(Shell::of(&grid, brick, layers).voxels());
-        let index = HaloIndex::from_bytes(&bytes, &grid, |brick| codec::compressed_bound(raw(brick) as usize) as u64)?;
+        let longest = |brick, nth| match reach.shell(&grid, brick, nth).voxels() {
+            // Layers beyond the volume.
+            0 => 0,
+            voxels => codec::compressed_bound(bound.bytes(voxels) as usize) as u64,
+        };
+        let index = HaloIndex::from_bytes(&bytes, &grid, reach, longest)?;
         let got = folder.open(file)?.bytes;
         let path = folder.path_of(file);
         match index.file_bytes() {
             want if got < want => {
-                Err(StoreError::HaloCut { path, brick: grid.brick_at(index.first_cut(got)), got, want })
+                let (brick, nth) = index.first_cut(got);
+                Err(StoreError::HaloCut { path, brick: grid.brick_at(brick), layer: reach.layer(nth), got, want })
             }
             want if got > want => Err(StoreError::FileLength { path, got, want }),
-            _ => Ok(Self { folder: folder.clone(), file, grid, layers, index, hash: hashes.file, bound }),
+            _ => Ok(Self { folder: folder.clone(), file, grid, reach, index, hash: hashes.file, bound }),
         }
     }
 
-    /// True where a read of `margin` voxels beyond the owned box finds them all in the halo.
-    pub(super) fn reach(&self, margin: u32) -> bool {
-        (1..=self.layers).contains(&margin)
-    }
-
-    pub(super) fn shell(&self, brick: BrickIndex) -> Shell {
-        Shell::of(&self.grid, brick, self.layers)
-    }
-
-    /// The decoded record of a brick through `parse`, counted by `cache`; nothing where it holds fill values only.
+    /// What a read of `margin` voxels beyond the owned box needs of a brick's halo, through `parse`, which gets a record and its
+    /// voxels; counted by `cache`. Nothing where the halo does not serve such a read.
     pub(super) fn read<H>(
         &self,
         brick: BrickIndex,
+        margin: u32,
         cache: &ChunkCache,
-        parse: impl FnOnce(Vec<u8>, usize) -> Result<H, HaloFault>,
-    ) -> Result<Option<H>, StoreError> {
-        let record = self.index.record(self.grid.linear(brick));
-        if record.length == 0 {
-            return Ok(None);
-        }
-        let file = self.folder.open(self.file)?.file;
+        parse: impl Fn(Vec<u8>, usize) -> Result<H, HaloFault>,
+    ) -> Result<Option<Vec<HaloPart<H>>>, StoreError> {
+        let Some(count) = self.reach.serving(margin) else { return Ok(None) };
+        let records: Vec<_> = self.index.of_brick(self.grid.linear(brick)).take(count).collect();
+        let start = records[0].start;
         // The index was checked: no more than a halo can have.
-        let mut bytes = vec![0; record.length as usize];
-        let voxels = self.shell(brick).voxels();
-        let decoded = match read_exact_at(&file, &mut bytes, record.start) {
-            Ok(()) => decode(&bytes, record, self.bound.bytes(voxels)),
-            Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => Err(HaloFault::Cut),
-            Err(e) => return Err(StoreError::io("read", &self.path())(e)),
-        };
-        let parsed = decoded.and_then(|raw| {
-            cache.count_decoded(raw.len() as u64);
-            parse(raw, voxels as usize)
-        });
-        parsed.map(Some).map_err(|fault| StoreError::Halo {
+        let mut bytes = vec![0; (records[count - 1].end() - start) as usize];
+        let fault = |nth: usize, fault| StoreError::Halo {
             path: self.path(),
             brick,
-            start: record.start,
-            end: record.start + u64::from(record.length),
+            layer: self.reach.layer(nth),
+            start: records[nth].start,
+            end: records[nth].end(),
             fault,
-        })
+        };
+        if !bytes.is_empty() {
+            let opened = self.folder.open(self.file)?;
+            match read_exact_at(&opened.file, &mut bytes, start) {
+                Ok(()) => {}
+                Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => {
+                    let whole = records.iter().take_while(|record| record.end() <= opened.bytes).count();
+                    return Err(fault(whole.min(count - 1), HaloFault::Cut));
+                }
+                Err(e) => return Err(StoreError::io("read", &self.path())(e)),
+            }
+        }
+        let part = |(nth, record): (usize, &HaloRecord)| {
+            let shell = self.reach.shell(&self.grid, brick, nth);
+            if record.length == 0 {
+                return Ok(HaloPart { shell, content: None });
+            }
+            let of_record = &bytes[(record.start - start) as usize..][..record.length as usize];
+            let content = decode(of_record, *record, self.bound.bytes(shell.voxels())).and_then(|raw| {
+                cache.count_decoded(raw.len() as u64);
+                parse(raw, shell.voxels() as usize)
+            });
+            Ok(HaloPart { shell, content: Some(content.map_err(|f| fault(nth, f))?) })
+        };
+        records.iter().enumerate().map(part).collect::<Result<_, _>>().map(Some)
     }
 
     /// Decodes every record and compares the whole file with its hash.
     pub(super) fn verify(&self) -> Result<(), StoreError> {
         let uncounted = ChunkCache::new(0);
-        (0..self.grid.brick_count() as usize)
-            .into_par_iter()
-            .try_for_each(|linear| self.read(self.grid.brick_at(linear), &uncounted, |_, _| Ok(())).map(drop))?;
+        (0..self.grid.brick_count() as usize).into_par_iter().try_for_each(|linear| {
+            self.read(self.grid.brick_at(linear), self.reach.last, &uncounted, |_, _| Ok(())).map(drop)
+        })?;
         let mut file = self.folder.open(self.file)?.file;
         let (mut hash, mut part) = (Xxh3Default::new(), vec![0; 1 << 20]);
         loop {
@@ -152,18 +170,19 @@ fn decode(bytes: &[u8], record: HaloRecord, bound: u64) -> Result<Vec<u8>, HaloF
 }
 
 impl Store {
-    /// The elements of one array in a box about a brick, from the brick's own inner chunks and its halo: `halo_row` gives the
-    /// shell's elements from a position on.
-    pub(super) fn read_with_halo<T: Copy + Default>(
+    /// The elements of one array in a box about a brick, from the brick's own inner chunks and its halo: `halo_row` gives a part's
+    /// elements from a position of its shell on.
+    pub(super) fn read_with_halo<T: Copy + Default, H>(
         &self,
         shards: &Shards,
-        stored: StoredBox,
+        (brick, stored): (BrickIndex, StoredBox),
         cache: &ChunkCache,
         decoder: &impl RowDecoder<T>,
-        (shell, halo_row): (Shell, impl FnMut(usize, &mut [T])),
+        (halo, halo_row): (&[HaloPart<H>], impl Fn(Option<&H>, usize, &mut [T])),
     ) -> Result<Vec<T>, StoreError> {
-        let mut window = Window::new(stored, self.manifest().grid.volume_dims());
-        let [xs, ys, zs] = shell.core_chunks();
+        let grid = &self.manifest().grid;
+        let mut window = Window::new(stored, grid.volume_dims());
+        let [xs, ys, zs] = core_chunks(grid, brick);
         for z in zs {
             for y in ys.clone() {
                 for x in xs.clone() {
@@ -173,7 +192,9 @@ impl Store {
                 }
             }
         }
-        window.fill_shell(shell, halo_row);
+        for part in halo {
+            window.fill_shell(part.shell, |first, out| halo_row(part.content.as_ref(), first, out));
+        }
         Ok(window.clamped_to_edge())
     }
 }

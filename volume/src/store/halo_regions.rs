@@ -1,4 +1,4 @@
-//! The record of a brick's halo of labels and distances.
+//! A record of a brick's halo of labels and distances.
 //!
 //! A halo meets few regions, so labels are numbers of a palette, in as few bytes as the palette needs: with labels of 32 bits
 //! bricks of 16^3 would decode 1.8 times what they own.
@@ -23,13 +23,13 @@ fn width(labels: usize) -> usize {
 /// All labels differ: each has a place in the palette of its own.
 pub(super) const BOUND: RecordBound = RecordBound { head: 4, per_voxel: 4 + 4 + 1 };
 
-/// Nothing where no voxel is in a region: distances are 0 there.
+/// Nothing where no voxel is in a region (distances are 0 there), or where there is none.
 pub(super) fn encode(labels: &[u32], distances: &[u8]) -> Option<Vec<u8>> {
     // Runs first: there are far fewer of them than voxels.
     let mut palette: Vec<u32> = labels.chunk_by(|a, b| a == b).map(|run| run[0]).collect();
     palette.sort_unstable();
     palette.dedup();
-    if palette == [NO_REGION] && distances.iter().all(|d| *d == 0) {
+    if matches!(palette.as_slice(), [] | [NO_REGION]) && distances.iter().all(|d| *d == 0) {
         return None;
     }
     let width = width(palette.len());
@@ -127,6 +127,7 @@ mod tests {
     #[test]
     fn nothing_is_stored_where_there_is_no_region() {
         assert_eq!(encode(&[0; 5], &[0; 5]), None);
+        assert_eq!(encode(&[], &[]), None);
         assert!(encode(&[0, 0, 1], &[0, 0, 1]).is_some());
         let (mut labels, mut distances) = ([9; 3], [9; 3]);
         RegionHalo::NONE.labels(7, &mut labels);

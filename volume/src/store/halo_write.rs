@@ -1,4 +1,4 @@
-//! Writing a file of halos: append-only, one compressed record per brick, in the grid's linear order.
+//! Writing a file of halos: append-only, the compressed records of brick after brick, in the grid's linear order.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -15,7 +15,7 @@ use super::halo_index::HaloIndex;
 use super::halo_manifest::HaloHashes;
 use super::halo_regions;
 use super::hash::ContentHash;
-use super::profile::{HALO_LAYERS, REGION_HALO_MORE};
+use super::profile::{REGION_HALO, VOXEL_HALO};
 use super::voxel::Cell;
 use crate::brick::BrickGrid;
 
@@ -38,15 +38,17 @@ pub(super) struct HaloWriter {
     path: PathBuf,
     file: BufWriter<File>,
     hash: Xxh3Default,
+    /// Records of a brick.
+    records: usize,
     entries: Vec<(u32, u32)>,
 }
 
 impl HaloWriter {
     /// Replaces a file of an earlier attempt.
-    pub(super) fn create(path: &Path) -> Result<Self, StoreError> {
+    pub(super) fn create(path: &Path, records: usize) -> Result<Self, StoreError> {
         let file = File::create(path).map_err(StoreError::io("create", path))?;
         let file = BufWriter::with_capacity(1 << 20, file);
-        Ok(Self { path: path.to_path_buf(), file, hash: Xxh3Default::new(), entries: Vec::new() })
+        Ok(Self { path: path.to_path_buf(), file, hash: Xxh3Default::new(), records, entries: Vec::new() })
     }
 
     /// Takes the next records, which `raw` makes of each of `halos`; nothing where all is the fill value.
@@ -69,7 +71,7 @@ impl HaloWriter {
     pub(super) fn finish(mut self) -> Result<WrittenHalos, StoreError> {
         let written = self.file.flush().and_then(|()| self.file.get_ref().sync_all());
         written.map_err(StoreError::io("write", &self.path))?;
-        let index = HaloIndex::new(self.entries);
+        let index = HaloIndex::new(self.records, self.entries);
         let hash = ContentHash(self.hash.digest128());
         Ok(WrittenHalos { bytes: index.file_bytes(), hash, index: index.to_bytes() })
     }
@@ -83,7 +85,8 @@ pub(super) struct VoxelHalos<T> {
 
 impl<T: Cell> VoxelHalos<T> {
     pub(super) fn create(path: &Path, grid: BrickGrid) -> Result<Self, StoreError> {
-        Ok(Self { gatherer: ShellGatherer::new(grid, HALO_LAYERS), writer: HaloWriter::create(path)? })
+        let writer = HaloWriter::create(path, VOXEL_HALO.records())?;
+        Ok(Self { gatherer: ShellGatherer::new(grid, VOXEL_HALO), writer })
     }
 
     /// Takes whole planes; planes come in order.
@@ -114,8 +117,8 @@ pub(super) struct RegionHalos {
 
 impl RegionHalos {
     pub(super) fn create(path: &Path, grid: BrickGrid) -> Result<Self, StoreError> {
-        let gatherer = ShellGatherer::new(grid, HALO_LAYERS + REGION_HALO_MORE);
-        Ok(Self { gatherer, writer: HaloWriter::create(path)? })
+        let writer = HaloWriter::create(path, REGION_HALO.records())?;
+        Ok(Self { gatherer: ShellGatherer::new(grid, REGION_HALO), writer })
     }
 
     /// Takes whole planes; planes come in order.

@@ -13,7 +13,7 @@ use crate::format::VoxelType;
 use crate::space::Geometry;
 
 pub(super) const FORMAT: &str = "brickcast-store";
-pub(super) const VERSION: u64 = 3;
+pub(super) const VERSION: u64 = 4;
 /// The longest text in a manifest, in bytes.
 pub(super) const MAX_TEXT: usize = 255;
 

@@ -38,8 +38,9 @@ use crate::regions::code::{MAX_DENSITY, density_of_code};
 
 /// Makes the store `out` of an input that stands at its first plane. The same input and options give the same bytes.
 ///
-/// Memory: 16 planes in the stored type, and about 8 for halos, one plane of the input, and 64 KiB per shard of one z-row. With regions also 32
-/// planes of codes, labels and distances, and the components that are open: see [`super::segment`].
+/// Memory: 16 planes in the stored type, and 22 to 31 for halos, one plane of the input, and 64 KiB per shard of one z-row. With regions
+/// also 32 planes of codes, 37 to 66 of labels and distances for their halos, and the components that are open: see
+/// [`super::segment`].
 ///
 /// # Errors
 /// An input that cannot be read, a target that exists or is no store, options that do not fit, a failing disk. Nothing is

@@ -5,6 +5,7 @@ use std::fmt;
 use glam::UVec3;
 
 use super::StoreError;
+use super::shell::HaloReach;
 
 /// Voxels per edge of a shard: one file.
 pub const SHARD_EDGE: u32 = 256;
@@ -24,11 +25,12 @@ pub(super) const INDEX_BYTES: usize = CHUNKS_PER_SHARD * 16 + 4;
 pub(super) const ABSENT: u64 = u64::MAX;
 pub(super) const ZSTD_LEVEL: i32 = 1;
 
-/// Voxels beyond the owned box that a brick's halo reaches: what trilinear sampling reads. Two would make bricks of 16^3 decode
-/// 1.95 times what they own (docs/adr/0003-halos.md).
-pub(super) const HALO_LAYERS: u32 = 1;
-/// How much further the halo of labels and distances reaches: inner guards look one voxel beyond what is sampled.
-pub(super) const REGION_HALO_MORE: u32 = 1;
+/// Records of a brick's halo. Trilinear sampling reads 1 voxel beyond the owned box, slabs up to a step of one voxel another, and
+/// gradients one more (docs/adr/0003-halos.md).
+pub(super) const VOXEL_HALO: HaloReach = HaloReach { first: 1, last: 3 };
+/// The same of labels and distances: inner guards look one voxel beyond what is sampled, and another where there are
+/// gradients. Nothing reads fewer than 2.
+pub(super) const REGION_HALO: HaloReach = HaloReach { first: 2, last: 5 };
 
 /// The file that makes a folder a finished store; the store's hash is of its bytes.
 pub const MANIFEST_FILE: &str = "brickcast.json";

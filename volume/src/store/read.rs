@@ -14,7 +14,7 @@ use super::hash::ContentHash;
 use super::manifest::Manifest;
 use super::profile::{
     ARRAY_FILE, CHUNK_VOXELS, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, InnerChunk, MANIFEST_FILE, RANGES_FILE,
-    SHARDS_FILE, ShardGrid, StoreArray,
+    SHARDS_FILE, ShardGrid, StoreArray, VOXEL_HALO,
 };
 use super::region_read::StoreRegions;
 use super::shard_read::Shards;
@@ -89,7 +89,7 @@ impl Store {
         let halos = manifest.halo.map(|halo| {
             let files = (HALOS_FILE, HALO_INDEX_FILE, halo.voxels);
             let bound = RecordBound { head: 0, per_voxel: voxel_bytes as u64 };
-            Halos::open(folder, manifest.grid, halo.layers, files, bound)
+            Halos::open(folder, manifest.grid, VOXEL_HALO, files, bound)
         });
         let halos = halos.transpose()?;
         let regions = StoreRegions::open(folder, &manifest, grid)?;
@@ -161,17 +161,21 @@ impl Store {
     pub fn read_brick(&self, brick: BrickIndex, ghost: u32, cache: &ChunkCache) -> Result<BrickVoxels, StoreError> {
         let stored = self.stored_box(brick, ghost)?;
         let (shards, decoder) = (&self.inner.shards, ToCodes(&self.inner.codes));
-        let Some(halos) = self.inner.halos.as_ref().filter(|h| h.reach(ghost)) else {
-            let codes = self.read_box(shards, stored, cache, &decoder)?;
-            return Ok(BrickVoxels { stored, codes });
-        };
         let voxel_bytes = self.inner.manifest.stored_type.bytes();
-        let voxels = halos.read(brick, cache, |raw, voxels| match voxels * voxel_bytes {
+        let parse = |raw: Vec<u8>, voxels| match voxels * voxel_bytes {
             want if want == raw.len() => Ok(raw),
             want => Err(HaloFault::RecordLength { got: raw.len(), want }),
-        })?;
-        let row = |first, out: &mut [u16]| decoder.row(voxels.as_deref(), first, out);
-        let codes = self.read_with_halo(shards, stored, cache, &decoder, (halos.shell(brick), row))?;
+        };
+        let halo = self.inner.halos.as_ref().map(|halos| halos.read(brick, ghost, cache, parse)).transpose()?.flatten();
+        let codes = match halo {
+            None => self.read_box(shards, stored, cache, &decoder)?,
+            Some(halo) => {
+                let row = |voxels: Option<&Vec<u8>>, first, out: &mut [u16]| {
+                    decoder.row(voxels.map(Vec::as_slice), first, out);
+                };
+                self.read_with_halo(shards, (brick, stored), cache, &decoder, (&halo, row))?
+            }
+        };
         Ok(BrickVoxels { stored, codes })
     }
 

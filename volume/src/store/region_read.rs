@@ -9,8 +9,8 @@ use super::halo_regions::{self, RegionHalo};
 use super::manifest::Manifest;
 use super::profile::{
     DISTANCE_ARRAY_FILE, DISTANCE_SHARDS_FILE, LABEL_ARRAY_FILE, LABEL_IMAGE_FILE, LABEL_SHARDS_FILE,
-    LABELS_GROUP_FILE, REGION_BRICKS_FILE, REGION_HALO_INDEX_FILE, REGION_HALOS_FILE, REGIONS_FILE, ShardGrid,
-    StoreArray,
+    LABELS_GROUP_FILE, REGION_BRICKS_FILE, REGION_HALO, REGION_HALO_INDEX_FILE, REGION_HALOS_FILE, REGIONS_FILE,
+    ShardGrid, StoreArray,
 };
 use super::read::{Store, open_shards};
 use super::region_error::RegionsError;
@@ -55,7 +55,7 @@ impl StoreRegions {
         let distances = open_shards(folder, StoreArray::Distances, grid, distances, size_of::<u8>())?;
         let halos = manifest.halo.and_then(|halo| {
             let files = (REGION_HALOS_FILE, REGION_HALO_INDEX_FILE, halo.regions?);
-            Some(Halos::open(folder, manifest.grid, halo.region_layers(), files, halo_regions::BOUND))
+            Some(Halos::open(folder, manifest.grid, REGION_HALO, files, halo_regions::BOUND))
         });
         let halos = halos.transpose()?;
         Ok(Some(Self { table, facts, labels, distances, halos }))
@@ -94,13 +94,18 @@ impl Store {
     ) -> Result<BrickRegions, StoreError> {
         let regions = self.regions().ok_or(RegionsError::None)?;
         let covered = self.stored_box(brick, margin)?;
-        if let Some(halos) = regions.halos.as_ref().filter(|h| h.reach(margin)) {
-            let halo = halos.read(brick, cache, |raw, voxels| RegionHalo::parse(&raw, voxels))?;
-            let (halo, shell) = (halo.unwrap_or(RegionHalo::NONE), halos.shell(brick));
-            let row = |first, out: &mut [u32]| halo.labels(first, out);
-            let labels = self.read_with_halo(&regions.labels, covered, cache, &ToLabels, (shell, row))?;
-            let row = |first, out: &mut [u8]| halo.distances(first, out);
-            let distances = self.read_with_halo(&regions.distances, covered, cache, &ToDistances, (shell, row))?;
+        let parse = |raw: Vec<u8>, voxels| RegionHalo::parse(&raw, voxels);
+        let halo = regions.halos.as_ref().map(|halos| halos.read(brick, margin, cache, parse)).transpose()?.flatten();
+        if let Some(halo) = halo {
+            let at = (brick, covered);
+            let row = |part: Option<&RegionHalo>, first, out: &mut [u32]| {
+                part.unwrap_or(&RegionHalo::NONE).labels(first, out);
+            };
+            let labels = self.read_with_halo(&regions.labels, at, cache, &ToLabels, (&halo, row))?;
+            let row = |part: Option<&RegionHalo>, first, out: &mut [u8]| {
+                part.unwrap_or(&RegionHalo::NONE).distances(first, out);
+            };
+            let distances = self.read_with_halo(&regions.distances, at, cache, &ToDistances, (&halo, row))?;
             return Ok(BrickRegions { covered, labels, distances });
         }
         let labels = self.read_box(&regions.labels, covered, cache, &ToLabels)?;

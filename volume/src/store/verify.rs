@@ -8,8 +8,8 @@ use super::profile::{CHUNKS_PER_SHARD, InnerChunk};
 use super::read::Store;
 
 impl Store {
-    /// Reads every shard and halo, decodes every inner chunk and record, and compares all bytes with the manifest's hashes. A chunk (or a halo's brick) is named
-    /// where one is broken; bytes that belong to no chunk are found by the shard's hash.
+    /// Reads every shard and halo, decodes every inner chunk and record, and compares all bytes with the manifest's hashes. A chunk (or
+    /// a halo's brick and layer) is named where one is broken; bytes that belong to no chunk are found by the shard's hash.
     ///
     /// # Errors
     /// The first damage found.

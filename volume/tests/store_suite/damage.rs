@@ -37,8 +37,9 @@ fn read_all(path: &Path) -> Result<(), StoreError> {
     let store = Store::open(path)?;
     let cache = ChunkCache::new(1 << 20);
     store.manifest().grid.bricks().try_for_each(|b| {
-        for margin in [3, 1] {
-            store.read_brick(b, margin, &cache)?;
+        // 6 layers are more than halos hold; 3 of voxels, and 5 of labels and distances, are all that they do.
+        for (ghost, margin) in [(6, 6), (3, 5)] {
+            store.read_brick(b, ghost, &cache)?;
             if store.region_table().is_some() {
                 store.read_brick_regions(b, margin, &cache)?;
             }
@@ -214,7 +215,8 @@ fn what_is_no_finished_store_is_refused() {
     let path = store_in(dir.path());
     let manifest = fs::read_to_string(path.join("brickcast.json")).unwrap();
     let changed = [
-        ("\"version\": 3", "\"version\": 2", "this brickcast knows 3"),
+        ("\"version\": 4", "\"version\": 3", "this brickcast knows 4"),
+        ("\"version\": 4", "\"version\": 3", "prepare the store again"),
         ("brickcast-store", "someone-elses", "is not a brickcast store's"),
         ("\"brick_size\": 32", "\"brick_size\": 33", "power of two"),
         ("\"uint8\"", "\"uint9\"", "uint9"),
