@@ -331,4 +331,28 @@ async fn health_and_reflection_answer_and_shutdown_finishes_frames() {
     tokio::time::timeout(DRAIN_TIMEOUT + CLOSE_TIMEOUT, served.task).await.unwrap().unwrap().unwrap();
 }
 
+/// Rendered to the end, not only sent: the frame that has the turn, and the one that waits for it.
+#[tokio::test(flavor = "multi_thread")]
+async fn frames_that_are_not_rendered_yet_at_the_shutdown_are_finished() {
+    let mut served = Served::new().await;
+    let request = tonic_health::pb::HealthCheckRequest { service: String::new() };
+    let mut health = tonic_health::pb::health_client::HealthClient::new(served.channel.clone());
+    let mut states = health.watch(request).await.unwrap().into_inner();
+    let held = served.hold();
+    let order = served.order(200, 140);
+    let frames = [served.start(&order).await.unwrap(), served.start(&order).await.unwrap()];
+    served.stop.take().unwrap().send(()).unwrap();
+    let gone = tonic_health::pb::health_check_response::ServingStatus::NotServing;
+    while states.message().await.unwrap().unwrap().status() != gone {}
+    // One that gives its frames up does so right after that.
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    drop(held);
+    for frame in frames {
+        let (_, receipt) = frame.finish().await.unwrap();
+        assert_eq!(receipt.tiles + receipt.empty_tiles, order.layers[0].tiles.count());
+    }
+    drop(states);
+    tokio::time::timeout(DRAIN_TIMEOUT + CLOSE_TIMEOUT, served.task).await.unwrap().unwrap().unwrap();
+}
+
 mod clients;

@@ -83,6 +83,14 @@ impl Rig {
         Self { folder, store, nodes, proxies, size: (320, 256), reference, _one: one }
     }
 
+    /// Ends a node, if it has not ended, and starts another at its address, with these flags.
+    pub(crate) fn restart(&mut self, index: usize, flags: &[&str]) {
+        let node = &mut self.nodes[index];
+        node.kill();
+        let address = node.address.clone();
+        *node = NodeProcess::start_at(self.folder.path(), &address, &[&["--backend", "cpu"], flags].concat());
+    }
+
     pub(crate) fn addresses(&self) -> Vec<String> {
         self.proxies.iter().map(|p| p.address.clone()).collect()
     }
