@@ -32,6 +32,8 @@ pub enum LightingArg {
     Interpolated,
     /// In the middle of a slab
     Center,
+    /// Where what a slab emits comes from on average
+    Centroid,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
@@ -122,6 +124,7 @@ impl StyleArgs {
         let lighting = match self.lighting {
             LightingArg::Interpolated => Lighting::Interpolated,
             LightingArg::Center => Lighting::Center,
+            LightingArg::Centroid => Lighting::Centroid,
         };
         let (ambient, diffuse) = (self.ambient, self.diffuse);
         let (specular, shininess) = (self.specular, self.shininess);

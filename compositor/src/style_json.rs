@@ -13,7 +13,11 @@ pub(crate) fn describe(style: &Style) -> Value {
             Integration::Preintegrated(size) => json!({ "preintegrated": size.entries() }),
         },
         "shading": style.shading.map(|phong| json!({
-            "lighting": if phong.lighting == Lighting::Center { "center" } else { "interpolated" },
+            "lighting": match phong.lighting {
+                Lighting::Interpolated => "interpolated",
+                Lighting::Center => "center",
+                Lighting::Centroid => "centroid",
+            },
             "light": phong.light.map(triple),
             "ambient": phong.ambient,
             "diffuse": phong.diffuse,

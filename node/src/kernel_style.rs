@@ -41,6 +41,7 @@ impl KernelStyle {
             None => Light::None,
             Some(Lighting::Interpolated) => Light::Interpolated,
             Some(Lighting::Center) => Light::Center,
+            Some(Lighting::Centroid) => Light::Centroid,
         };
         let mode = match style.mode {
             Mode::Composite => 0,
@@ -79,7 +80,7 @@ impl KernelStyle {
     /// The one or two tables that the kernel reads of `slabs`.
     pub(crate) fn slab_entries<'a>(&self, slabs: &'a Preintegrated) -> [&'a [[f32; 4]]; 2] {
         match (self.kinds.light, &slabs.lit) {
-            (Light::Interpolated, Some(lit)) => [&lit.front, &lit.back],
+            (light, Some(lit)) if light.has_weights() => [&lit.front, &lit.back],
             _ => [&slabs.total, &[]],
         }
     }

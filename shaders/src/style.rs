@@ -70,6 +70,15 @@ pub enum Light {
     None = 0,
     Interpolated = 1,
     Center = 2,
+    Centroid = 3,
+}
+
+impl Light {
+    /// True where slabs come from two tables, weighted by either end.
+    #[must_use]
+    pub const fn has_weights(self) -> bool {
+        matches!(self, Self::Interpolated | Self::Centroid)
+    }
 }
 
 impl Kinds {

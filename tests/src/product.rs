@@ -11,7 +11,7 @@ use brickcast_volume::merge::sort_front_to_back;
 use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::store::BrickVoxels;
-use brickcast_volume::style::{Lighting, Mode, Style};
+use brickcast_volume::style::{Mode, Style};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction, TransferTable};
 use brickcast_volume::{
     BrickGrid, BrickIndex, Camera, Geometry, OwnedBox, PictureSize, PixelRect, Premul, Projection, View,
@@ -188,7 +188,7 @@ impl Loaded<'_> {
         let (function, ratio) = (transfer_function(scene), truth.delta() / truth.unit);
         let entries = self.style.table_entries();
         let table = TransferTable::with_entries(&function, scene.range, ratio, entries);
-        let lit = self.style.shading.is_some_and(|phong| phong.lighting == Lighting::Interpolated);
+        let lit = self.style.shading.is_some_and(|phong| phong.lighting.needs_weights());
         let slabs = self.style.integrates_slabs().then(|| {
             let slabs = Arc::new(Preintegrated::with_entries(&function, scene.range, ratio, entries, lit));
             [slabs.clone(), slabs]

@@ -14,7 +14,7 @@ mod volume;
 pub use camera::{Camera, Lens, Ray};
 pub use march::{Rendering, render, render_bricks};
 pub use sabotage::Sabotage;
-pub use styled::{Light, Mistake, Projection, Style, render_styled};
+pub use styled::{Light, LightAt, Mistake, Projection, Style, render_styled};
 pub use transfer::Transfer;
 pub use volume::Volume;
 

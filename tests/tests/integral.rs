@@ -4,7 +4,7 @@
 
 use brickcast_tests::compare::{Tolerance, assert_within_where, compare_where};
 use brickcast_tests::product::{self, Backend};
-use brickcast_tests::referee::{self, Mistake, Projection, render_styled};
+use brickcast_tests::referee::{self, LightAt, Mistake, Projection, render_styled};
 use brickcast_tests::scenes::{self, Scene};
 use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Lighting, Mode, Phong, Style, TableSize};
 use glam::DVec3;
@@ -28,12 +28,16 @@ fn cases(scene: &Scene) -> Vec<Case> {
         let style = Style { integration: Integration::Preintegrated(TableSize::N1024), ..Style::default() };
         Case { name, truth: referee::Style { preintegrated: true, ..Default::default() }, style }
     };
-    let lit = |mut case: Case, name, center: bool, direction: Option<DVec3>| {
-        let lighting = if center { Lighting::Center } else { Lighting::Interpolated };
+    let lit = |mut case: Case, name, lighting: Lighting, direction: Option<DVec3>| {
+        let at = match lighting {
+            Lighting::Interpolated => LightAt::Ends,
+            Lighting::Center => LightAt::Middle,
+            Lighting::Centroid => LightAt::Centroid,
+        };
         let phong = Phong { lighting, light: direction, ambient: 0.25, diffuse: 0.6, specular: 0.4, shininess: 12.0 };
         case.style.shading = Some(phong);
         case.truth.light = Some(referee::Light {
-            center,
+            at,
             direction,
             ambient: 0.25,
             diffuse: 0.6,
@@ -75,15 +79,16 @@ fn cases(scene: &Scene) -> Vec<Case> {
     let two = [(0.37, [0.9, 0.3, 0.2, 0.5]), (0.52, [0.2, 0.5, 0.9, 0.8])];
     vec![
         slabs("slabs"),
-        lit(slabs(""), "interpolated headlight", false, None),
-        lit(slabs(""), "interpolated light aslant", false, aslant),
-        lit(slabs(""), "light in the middle", true, aslant),
-        lit(plain(), "lit samples", false, aslant),
+        lit(slabs(""), "interpolated headlight", Lighting::Interpolated, None),
+        lit(slabs(""), "interpolated light aslant", Lighting::Interpolated, aslant),
+        lit(slabs(""), "light in the middle", Lighting::Center, aslant),
+        lit(slabs(""), "light where it comes from", Lighting::Centroid, aslant),
+        lit(plain(), "lit samples", Lighting::Interpolated, aslant),
         surfaces(slabs(""), "surfaces in slabs", &two),
-        lit(surfaces(slabs(""), "", &two), "lit surfaces in lit slabs", false, aslant),
-        lit(surfaces(plain(), "", &two), "lit surfaces among samples", true, None),
+        lit(surfaces(slabs(""), "", &two), "lit surfaces in lit slabs", Lighting::Interpolated, aslant),
+        lit(surfaces(plain(), "", &two), "lit surfaces among samples", Lighting::Center, None),
         clipped(slabs(""), "clipped slabs"),
-        clipped(lit(surfaces(plain(), "", &two[..1]), "", true, None), "clipped surface"),
+        clipped(lit(surfaces(plain(), "", &two[..1]), "", Lighting::Center, None), "clipped surface"),
         projected("maximum", Mode::Maximum, Projection::Maximum),
         clipped(projected("", Mode::Minimum, Projection::Minimum), "clipped minimum"),
         clipped(projected("", Mode::Average, Projection::Average), "clipped average"),

@@ -95,13 +95,14 @@ async fn measure(args: &BenchArgs, kernel: &Kernel, store: &Store, budget: u64) 
     let mut session = Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash())).await?;
     let limit = Duration::from_secs(3600);
     let is_lit = args.scene.style.shading == Some(ShadingArg::Phong);
-    let kinds: [(&'static str, IntegrationArg, LightingArg); 2] = if is_lit {
-        [
+    let kinds: Vec<(&'static str, IntegrationArg, LightingArg)> = if is_lit {
+        vec![
             ("center", IntegrationArg::Preintegrated, LightingArg::Center),
             ("interpolated", IntegrationArg::Preintegrated, LightingArg::Interpolated),
+            ("centroid", IntegrationArg::Preintegrated, LightingArg::Centroid),
         ]
     } else {
-        [
+        vec![
             ("sampled", IntegrationArg::Sampled, LightingArg::default()),
             ("preintegrated", IntegrationArg::Preintegrated, LightingArg::default()),
         ]

@@ -9,7 +9,6 @@ use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::regions::{Drawn, SceneTables, drawn, guard_width, within_reach};
 use brickcast_volume::scene::{Leap, RegionView, Scene};
 use brickcast_volume::store::Store;
-use brickcast_volume::style::Lighting;
 use brickcast_volume::transfer_function::TransferTable;
 
 use super::TableCache;
@@ -58,7 +57,7 @@ impl<'a> BrickChoice<'a> {
         let region = scene.region_transfer_function.as_ref().map(table);
         let main = table(&scene.transfer_function);
         let slabs = scene.style.integrates_slabs().then(|| {
-            let lit = scene.style.shading.is_some_and(|phong| phong.lighting == Lighting::Interpolated);
+            let lit = scene.style.shading.is_some_and(|phong| phong.lighting.needs_weights());
             let slabs = |function| tables.slabs(function, range, ratio, entries, lit);
             let inside = scene.region_transfer_function.as_ref().map(slabs);
             let outside = slabs(&scene.transfer_function);

@@ -48,6 +48,7 @@ fn styles() -> Vec<(&'static str, Style)> {
         ("preintegrated", integral.clone()),
         ("interpolated light", Style { shading: phong(Lighting::Interpolated, None), ..integral.clone() }),
         ("light in the middle", Style { shading: phong(Lighting::Center, aslant), ..integral.clone() }),
+        ("light where it comes from", Style { shading: phong(Lighting::Centroid, aslant), ..integral.clone() }),
         ("sampled and lit", Style { shading: phong(Lighting::Interpolated, aslant), ..Style::default() }),
         ("surfaces", Style { surfaces: surfaces.clone(), shading: phong(Lighting::Center, None), ..Style::default() }),
         (
@@ -82,7 +83,7 @@ fn scene(volume: &Labelled, style: &Style, way: Way, view: View, filter: Filter)
     // Isosurfaces by themselves, too.
     let is_alone = !style.surfaces.is_empty() && style.integration == Integration::Sampled;
     let function = if is_alone { TransferFunction::nothing() } else { function() };
-    let lit = style.shading.is_some_and(|phong| phong.lighting == Lighting::Interpolated);
+    let lit = style.shading.is_some_and(|phong| phong.lighting.needs_weights());
     let slabs = style.integrates_slabs().then(|| {
         let slabs = Arc::new(Preintegrated::with_entries(&function, range, step, entries, lit));
         [slabs.clone(), slabs]

@@ -16,10 +16,16 @@ const MODES: [(Mode, wire::Mode); 4] = [
     (Mode::Average, wire::Mode::Average),
 ];
 
+const LIGHTINGS: [(Lighting, wire::Lighting); 3] = [
+    (Lighting::Interpolated, wire::Lighting::Interpolated),
+    (Lighting::Center, wire::Lighting::Center),
+    (Lighting::Centroid, wire::Lighting::Centroid),
+];
+
 impl From<Phong> for wire::Phong {
     fn from(phong: Phong) -> Self {
         Self {
-            center: phong.lighting == Lighting::Center,
+            lighting: LIGHTINGS.iter().find(|(l, _)| *l == phong.lighting).map_or(0, |(_, wire)| (*wire).into()),
             light: phong.light.map(Into::into),
             ambient: phong.ambient,
             diffuse: phong.diffuse,
@@ -33,8 +39,10 @@ impl TryFrom<wire::Phong> for Phong {
     type Error = WireError;
 
     fn try_from(phong: wire::Phong) -> Result<Self, WireError> {
+        let lighting = LIGHTINGS.into_iter().find(|(_, wire)| i32::from(*wire) == phong.lighting);
+        let unknown = || WireError::Unknown { what: "lighting", value: phong.lighting.to_string() };
         Ok(Self {
-            lighting: if phong.center { Lighting::Center } else { Lighting::Interpolated },
+            lighting: lighting.ok_or_else(unknown)?.0,
             light: phong.light.map(|light| vec3("light", Some(light))).transpose()?,
             ambient: phong.ambient,
             diffuse: phong.diffuse,

@@ -100,7 +100,7 @@ fn style(random: &mut Random) -> Style {
     ];
     let vector = |random: &mut Random| DVec3::new(random.unit() + 0.1, random.unit(), random.unit());
     let shading = (random.below(2) == 0).then(|| Phong {
-        lighting: [Lighting::Interpolated, Lighting::Center][random.below(2)],
+        lighting: [Lighting::Interpolated, Lighting::Center, Lighting::Centroid][random.below(3)],
         light: (random.below(2) == 0).then(|| vector(random)),
         ..Phong::default()
     });

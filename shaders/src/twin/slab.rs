@@ -115,6 +115,14 @@ pub(super) fn add_slab(
             let mix = |c: usize| (slab[c] * first.factor + far[c] * second.factor + glint).min(a);
             [mix(0), mix(1), mix(2), a]
         }
+        Light::Centroid => {
+            let far = table.look_up(table.back, front.code, back.code);
+            let is_flat = front.light == Some(UNLIT) && back.light == Some(UNLIT);
+            let k = front.k + (back.k - front.k) * (far[3] / a);
+            let light = if is_flat { UNLIT } else { probe.light(probe.place(k)) };
+            let under = |c: usize| ((slab[c] + far[c]) * light.factor + a * light.glint).min(a);
+            [under(0), under(1), under(2), a]
+        }
         Light::Center => {
             // Both ends deep in a region: so is what lies between.
             let is_flat = front.light == Some(UNLIT) && back.light == Some(UNLIT);
@@ -134,7 +142,7 @@ pub(super) fn add_flat(sum: &mut Premul, table: &SlabTable<'_>, kinds: Kinds, co
     if slab[3] <= 0.0 {
         return;
     }
-    if kinds.light == Light::Interpolated {
+    if kinds.light.has_weights() {
         let far = table.look_up(table.back, code, code);
         for c in 0..3 {
             slab[c] += far[c];

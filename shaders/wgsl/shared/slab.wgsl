@@ -4,7 +4,7 @@
 override REGIONS: bool;
 // Slabs come from a table over both of their ends.
 override PREINTEGRATED: bool;
-// 0: none, 1: at both ends of a slab, interpolated, 2: in its middle.
+// 0: none, 1: at both ends of a slab, interpolated, 2: in its middle, 3: where what it emits comes from on average.
 override LIGHT: u32;
 override SURFACES: bool;
 // 0: composite, 1: maximum, 2: minimum, 3: average.
@@ -82,13 +82,22 @@ fn slab_between(
         }
         color = min(slab.rgb * light.x + slab.a * light.y, vec3(slab.a));
     }
+    if LIGHT == 3u {
+        let far = look_up(true, in_region, (*front).code, (*back).code);
+        var light = UNLIT;
+        if !((*front).is_lit && (*back).is_lit) {
+            let k = (*front).k + ((*back).k - (*front).k) * (far.a / slab.a);
+            light = light_at(reader, ray, place_at(ray, k));
+        }
+        color = min((slab.rgb + far.rgb) * light.x + slab.a * light.y, vec3(slab.a));
+    }
     return of_length(vec4(color, slab.a), length);
 }
 
 // n slabs, both ends of each deep in one region, where nothing is lit; premultiplied.
 fn flat_slabs(in_region: bool, code: f32, n: f32) -> vec4<f32> {
     var slab = look_up(false, in_region, code, code);
-    if LIGHT == 1u {
+    if LIGHT == 1u || LIGHT == 3u {
         slab = vec4(slab.rgb + look_up(true, in_region, code, code).rgb, slab.a);
     }
     return of_length(slab, n);

@@ -13,8 +13,7 @@ const SLICES: usize = 200;
 /// Phong's model; `range` is what codes 0 to 1 stand for, by which gradients are measured.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Light {
-    /// Light in the middle of a slab; else what falls on its ends, interpolated.
-    pub center: bool,
+    pub at: LightAt,
     /// World direction towards the light; none: a headlight.
     pub direction: Option<DVec3>,
     pub ambient: f64,
@@ -22,6 +21,16 @@ pub struct Light {
     pub specular: f64,
     pub shininess: f64,
     pub range: (f64, f64),
+}
+
+/// Where a slab takes its light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LightAt {
+    /// At both ends, and linear between.
+    Ends,
+    Middle,
+    /// The mean place of what its slices emit.
+    Centroid,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -181,17 +190,32 @@ impl March<'_> {
             _ => (v0, v1),
         };
         let transfer = &self.scene.transfer;
-        let center = self.style.light.is_some_and(|light| light.center);
-        let middle = self.light(k + length / 2.0);
-        let ends = (self.light(k), self.light(k + length));
         let exponent = self.scene.delta() / self.scene.unit * length / SLICES as f64;
+        let place = self.style.light.map_or(LightAt::Ends, |light| light.at);
+        let at = match place {
+            LightAt::Ends => 0.0,
+            LightAt::Middle => 0.5,
+            LightAt::Centroid => {
+                let (mut through, mut light, mut moment) = (1.0, 0.0, 0.0);
+                for i in 0..SLICES {
+                    let u = (i as f64 + 0.5) / SLICES as f64;
+                    let alpha = 1.0 - (1.0 - transfer.opacity(v0 + (v1 - v0) * u)).powf(exponent);
+                    light += through * alpha;
+                    moment += through * alpha * u;
+                    through *= 1.0 - alpha;
+                }
+                if light > 0.0 { moment / light } else { 0.5 }
+            }
+        };
+        let once = self.light(k + length * at);
+        let ends = (self.light(k), self.light(k + length));
         let mut slab = [0.0; 4];
         for i in 0..SLICES {
             let u = (i as f64 + 0.5) / SLICES as f64;
             let value = v0 + (v1 - v0) * u;
             let alpha = 1.0 - (1.0 - transfer.opacity(value)).powf(exponent);
-            let (factor, glint) = if center {
-                middle
+            let (factor, glint) = if place != LightAt::Ends {
+                once
             } else if self.style.mistake == Some(Mistake::FrontLight) {
                 ends.0
             } else {

@@ -29,6 +29,17 @@ pub enum Lighting {
     Interpolated,
     /// In its middle.
     Center,
+    /// Where what it emits comes from on average: near the front of an opaque one. Light there is what falls on what is seen,
+    /// however it changes along the ray; one gradient a slab.
+    Centroid,
+}
+
+impl Lighting {
+    /// True where the pre-integration table is weighted by either end.
+    #[must_use]
+    pub const fn needs_weights(self) -> bool {
+        matches!(self, Self::Interpolated | Self::Centroid)
+    }
 }
 
 /// Phong's model. The colour of a sample is multiplied by `ambient + diffuse |n l|`, and `specular (n h)^shininess` of white is
