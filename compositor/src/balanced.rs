@@ -194,3 +194,6 @@ impl Balanced {
 fn seat(member: &Member) -> Seat {
     Seat(member.serial)
 }
+
+#[cfg(test)]
+mod tests;
