@@ -9,22 +9,6 @@ override MAP: bool;
 // 1 for texels of a region.
 @group(2) @binding(3) var flags: texture_3d<u32>;
 
-// The first sample at or behind t, exactly: the product decides.
-fn first_sample(t: f32) -> f32 {
-    var k = ceil(t / frame.step);
-    for (var i = 0; i < 4; i++) {
-        if k > 0.0 && (k - 1.0) * frame.step >= t {
-            k -= 1.0;
-        }
-    }
-    for (var i = 0; i < 4; i++) {
-        if k * frame.step < t {
-            k += 1.0;
-        }
-    }
-    return k;
-}
-
 // What clipping leaves of a ray: from x to below y.
 fn clipped(ray: Ray) -> vec2<f32> {
     var span = vec2(0.0, FAR);
@@ -54,7 +38,7 @@ fn first_of_volume(ray: Ray, t_lo: f32) -> f32 {
     let at_lo = (vec3(0.0) - ray.origin) * ray.inverse;
     let at_hi = (volume_hi - ray.origin) * ray.inverse;
     let enter = select(min(at_lo, at_hi), vec3(-FAR), flat);
-    return first_sample(max(max(max(enter.x, enter.y), enter.z), t_lo));
+    return first_sample(frame, max(max(max(enter.x, enter.y), enter.z), t_lo));
 }
 
 @compute @workgroup_size(64, 4)
@@ -78,7 +62,7 @@ fn integral(
     let span = clipped(ray);
     owned.t_out = min(owned.t_out, span.y);
     if span.x > 0.0 {
-        owned.k = max(owned.k, first_sample(span.x));
+        owned.k = max(owned.k, first_sample(frame, span.x));
     }
     if owned.k * frame.step >= owned.t_out {
         return;

@@ -6,7 +6,7 @@
 use brickcast_volume::Premul;
 use brickcast_volume::regions::code::{INNER_BIT, LEAP_BIT, MAX_DENSITY};
 
-use super::raycast::{FAR, Ray, VolumeReader, between, clamped, owned_segment};
+use super::raycast::{FAR, Ray, VolumeReader, between, cut_off, entry_at, owned_segment};
 use crate::layout::{BrickUniform, FrameUniform, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
 
 /// Filtered values that differ by less may both come from guards: 1.25 of 16383.
@@ -84,11 +84,8 @@ impl Classifier<'_> {
     /// Straight colour and opacity of one step.
     #[inline(always)]
     pub(super) fn classify(&self, code: f32) -> [f32; 4] {
-        let last_entry = self.table.len() - 1;
-        let entry = clamped((code - self.first) * self.scale, last_entry as f32);
-        let i = (entry as i32 as usize).min(last_entry - 1);
+        let (i, w) = entry_at((code - self.first) * self.scale, self.table.len() - 1);
         let [a, b] = [self.table[i], self.table[i + 1]];
-        let w = entry - i as f32;
         std::array::from_fn(|c| between(a[c], b[c], w))
     }
 }
@@ -171,7 +168,7 @@ pub fn accelerated_ray<W: Watch>(
         let mut in_region = brick.region_flags == RegionFlags::EveryVoxel as u32;
         if look && let Some((map, dims)) = data.map {
             let cell: [i32; 3] = std::array::from_fn(|a| {
-                ((p[a] as i32 >> brick.cell_shift) - brick.cell_lo[a]).clamp(0, dims[a] as i32 - 1)
+                ((cut_off(p[a]) >> brick.cell_shift) - brick.cell_lo[a]).clamp(0, dims[a] as i32 - 1)
             });
             let at = cell[0] as usize + dims[0] as usize * (cell[1] as usize + dims[1] as usize * cell[2] as usize);
             let texel = map[at] & brick.map_mask;

@@ -14,7 +14,7 @@ use super::accelerated::{
     opacity_of, sample_at,
 };
 use super::light::{Probe, UNLIT};
-use super::raycast::{FAR, Ray, owned_segment};
+use super::raycast::{FAR, Ray, cut_off, first_sample, owned_segment};
 use super::slab::{End, SlabTable, add, add_flat, add_slab, lit_color};
 use super::surface::{crossing, meet};
 use crate::layout::{BrickUniform, FrameUniform, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
@@ -29,23 +29,6 @@ pub struct Integrals<'a> {
     pub slabs: Option<[SlabTable<'a>; 2]>,
     pub style: &'a StyleUniform,
     pub kinds: Kinds,
-}
-
-/// The first sample at or behind `t`, exactly: the product decides.
-#[inline(always)]
-pub(super) fn first_sample(frame: &FrameUniform, t: f32) -> f32 {
-    let mut k = (t / frame.step).ceil();
-    for _ in 0..4 {
-        if k > 0.0 && (k - 1.0) * frame.step >= t {
-            k -= 1.0;
-        }
-    }
-    for _ in 0..4 {
-        if k * frame.step < t {
-            k += 1.0;
-        }
-    }
-    k
 }
 
 /// What clipping leaves of a ray: `[t_lo, t_hi)`.
@@ -158,7 +141,7 @@ pub fn integral_ray<W: Watch>(
         let mut is_flat = false;
         if look && let Some((map, dims)) = data.map {
             let cell: [i32; 3] = std::array::from_fn(|a| {
-                ((p[a] as i32 >> brick.cell_shift) - brick.cell_lo[a]).clamp(0, dims[a] as i32 - 1)
+                ((cut_off(p[a]) >> brick.cell_shift) - brick.cell_lo[a]).clamp(0, dims[a] as i32 - 1)
             });
             let at = cell[0] as usize + dims[0] as usize * (cell[1] as usize + dims[1] as usize * cell[2] as usize);
             let texel = map[at] & brick.map_mask;

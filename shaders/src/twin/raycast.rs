@@ -4,6 +4,7 @@
 //! interpolated, which is the one difference in order.
 
 use brickcast_volume::Premul;
+use glam::Vec4;
 
 use crate::layout::{BrickUniform, FrameUniform};
 
@@ -58,6 +59,24 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+/// The first sample at or behind `t`, exactly.
+#[inline(always)]
+pub(super) fn first_sample(frame: &FrameUniform, t: f32) -> f32 {
+    // The quotient errs by a few units in the last place, the product decides.
+    let mut k = (t / frame.step).ceil();
+    for _ in 0..4 {
+        if k > 0.0 && (k - 1.0) * frame.step >= t {
+            k -= 1.0;
+        }
+    }
+    for _ in 0..4 {
+        if k * frame.step < t {
+            k += 1.0;
+        }
+    }
+    k
+}
+
 /// The samples of `ray` in the brick's owned box (conventions.md, "Sampling grid"); `None` where there are none.
 #[must_use]
 pub fn owned_segment(frame: &FrameUniform, brick: &BrickUniform, ray: &Ray) -> Option<Segment> {
@@ -79,18 +98,7 @@ pub fn owned_segment(frame: &FrameUniform, brick: &BrickUniform, ray: &Ray) -> O
     if t_in >= t_out {
         return None;
     }
-    // The quotient errs by a unit in the last place, the product decides.
-    let mut k = (t_in / frame.step).ceil();
-    for _ in 0..4 {
-        if k > 0.0 && (k - 1.0) * frame.step >= t_in {
-            k -= 1.0;
-        }
-    }
-    for _ in 0..4 {
-        if k * frame.step < t_in {
-            k += 1.0;
-        }
-    }
+    let k = first_sample(frame, t_in);
     (k * frame.step < t_out).then_some(Segment { k, t_out })
 }
 
@@ -99,6 +107,7 @@ pub(super) struct VolumeReader<'a> {
     codes: &'a [u16],
     /// Subtract from a global position + 0.5, rounded down, for the texel of the support's low corner.
     first_texel: [i32; 3],
+    /// -1 where one texel is the whole brick: nothing to interpolate between.
     last_corner: [i32; 3],
     row: usize,
     slice: usize,
@@ -116,14 +125,6 @@ impl<'a> VolumeReader<'a> {
         }
     }
 
-    #[inline(always)]
-    fn between_x(&self, at: usize, w: f32) -> f32 {
-        match self.codes.get(at..at + 2) {
-            Some(&[a, b]) => between(f32::from(a), f32::from(b), w),
-            _ => 0.0,
-        }
-    }
-
     /// The code, 0..=1.
     #[inline(always)]
     pub(super) fn read(&self, p_voxel: [f32; 3]) -> f32 {
@@ -132,15 +133,18 @@ impl<'a> VolumeReader<'a> {
         for a in 0..3 {
             // Half a voxel up in place of down: never negative, so that cutting off rounds down.
             let p = p_voxel[a] + 0.5;
-            let whole = p as i32;
+            let whole = cut_off(p);
             w[a] = p - whole as f32;
-            corner[a] = (whole - self.first_texel[a]).min(self.last_corner[a]).max(0) as usize;
+            corner[a] =
+                (whole.wrapping_sub(self.first_texel[a]).max(0) as u32).min(self.last_corner[a] as u32) as usize;
         }
         let at = corner[0] + corner[1] * self.row + corner[2] * self.slice;
-        let y0z0 = self.between_x(at, w[0]);
-        let y1z0 = self.between_x(at + self.row, w[0]);
-        let y0z1 = self.between_x(at + self.slice, w[0]);
-        let y1z1 = self.between_x(at + self.slice + self.row, w[0]);
+        let Some(support) = self.codes.get(at..at + self.slice + self.row + 2) else { return 0.0 };
+        // SAFETY: the slice was cut to reach from the first of these to the last.
+        let pair = |i: usize| unsafe { [*support.get_unchecked(i), *support.get_unchecked(i + 1)] };
+        let pairs = [pair(0), pair(self.row), pair(self.slice), pair(self.slice + self.row)];
+        let [near, far] = [0, 1].map(|x| Vec4::from_array(pairs.map(|pair| f32::from(pair[x]))));
+        let [y0z0, y1z0, y0z1, y1z1] = (near + (far - near) * w[0]).to_array();
         between(between(y0z0, y1z0, w[1]), between(y0z1, y1z1, w[1]), w[2]) * CODE
     }
 }
@@ -168,6 +172,29 @@ pub(super) fn between(a: f32, b: f32, t: f32) -> f32 {
     a + (b - a) * t
 }
 
+/// The integer part of what an i32 can hold; one instruction, which `as` is not.
+#[inline(always)]
+pub(super) fn cut_off(x: f32) -> i32 {
+    #[cfg(target_arch = "x86_64")]
+    {
+        use std::arch::x86_64::{_mm_cvttss_si32, _mm_set_ss};
+        // SAFETY: there is no such processor without SSE.
+        unsafe { _mm_cvttss_si32(_mm_set_ss(x)) }
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    {
+        x as i32
+    }
+}
+
+/// The entry below a position in a table of `last + 1` entries, and how far on it lies; `last` is at least 1.
+#[inline(always)]
+pub(super) fn entry_at(position: f32, last: usize) -> (usize, f32) {
+    let entry = clamped(position, last as f32);
+    let i = cut_off(entry).min(last as i32 - 1);
+    (i as usize, entry - i as f32)
+}
+
 /// Into 0..=last; in this form one instruction a side, which `f32::clamp` is not.
 #[inline(always)]
 pub(super) fn clamped(x: f32, last: f32) -> f32 {
@@ -193,7 +220,7 @@ pub fn raycast_ray(
     }
     let volume = VolumeReader::new(brick, codes);
     let last_entry = table.len() - 1;
-    let (first, scale, last) = (frame.table_first, frame.table_scale, last_entry as f32);
+    let (first, scale) = (frame.table_first, frame.table_scale);
     let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin, ray.direction);
     let mut k = owned.k;
     loop {
@@ -203,10 +230,8 @@ pub fn raycast_ray(
             break;
         }
         let code = volume.read([ox + t * dx, oy + t * dy, oz + t * dz]);
-        let entry = clamped((code - first) * scale, last);
-        let i = (entry as i32 as usize).min(last_entry - 1);
+        let (i, w) = entry_at((code - first) * scale, last_entry);
         let [a, b] = [table[i], table[i + 1]];
-        let w = entry - i as f32;
         let alpha = between(a[3], b[3], w);
         // Adding nothing changes no bit.
         if alpha > 0.0 {

@@ -1,9 +1,10 @@
 //! `wgsl/shared/slab.wgsl` on the CPU: the integral of the transfer function between two values, and what it adds to a ray.
 
 use brickcast_volume::Premul;
+use glam::Vec4;
 
 use super::light::{Lit, Probe, UNLIT};
-use super::raycast::{between, clamped};
+use super::raycast::entry_at;
 use crate::style::{Kinds, Light};
 
 /// Pre-integrated slabs: by entry of the front value, then of the back value.
@@ -32,32 +33,25 @@ pub(super) struct End {
 impl SlabTable<'_> {
     #[inline(always)]
     pub(super) fn entry(&self, code: f32) -> (usize, f32) {
-        let last = self.size - 1;
-        let entry = clamped((code - self.first) * self.scale, last as f32);
-        let i = (entry as i32 as usize).min(last - 1);
-        (i, entry - i as f32)
+        entry_at((code - self.first) * self.scale, self.size - 1)
     }
 
     #[inline(always)]
     fn look_up(&self, table: &[[f32; 4]], front: f32, back: f32) -> [f32; 4] {
-        self.between(table, self.entry(front), self.entry(back))
+        self.between(table, self.entry(front), self.entry(back)).to_array()
     }
 
     /// Bilinear.
     #[inline(always)]
-    pub(super) fn between(&self, table: &[[f32; 4]], (i, u): (usize, f32), (j, v): (usize, f32)) -> [f32; 4] {
+    pub(super) fn between(&self, table: &[[f32; 4]], (i, u): (usize, f32), (j, v): (usize, f32)) -> Vec4 {
         let at = i * self.size + j;
-        let (Some([a, b]), Some([c, d])) = (table.get(at..at + 2), table.get(at + self.size..at + self.size + 2))
+        let (Some(&[a, b]), Some(&[c, d])) = (table.get(at..at + 2), table.get(at + self.size..at + self.size + 2))
         else {
-            return [0.0; 4];
+            return Vec4::ZERO;
         };
-        let mix = |k: usize| between(between(a[k], b[k], v), between(c[k], d[k], v), u);
-        let alpha = mix(3);
-        // Most of most volumes shows nothing.
-        if alpha <= 0.0 {
-            return [0.0; 4];
-        }
-        [mix(0), mix(1), mix(2), alpha]
+        let [a, b, c, d] = [a, b, c, d].map(Vec4::from_array);
+        let (near, far) = (a + (b - a) * v, c + (d - c) * v);
+        near + (far - near) * u
     }
 }
 

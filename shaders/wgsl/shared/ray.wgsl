@@ -44,6 +44,23 @@ fn pixel_ray(frame: FrameUniform, x: i32, y: i32) -> Ray {
     return Ray(origin, direction, inverse);
 }
 
+// The first sample at or behind t, exactly.
+fn first_sample(frame: FrameUniform, t: f32) -> f32 {
+    // The quotient errs by a few units in the last place, the product decides.
+    var k = ceil(t / frame.step);
+    for (var i = 0; i < 4; i++) {
+        if k > 0.0 && (k - 1.0) * frame.step >= t {
+            k -= 1.0;
+        }
+    }
+    for (var i = 0; i < 4; i++) {
+        if k * frame.step < t {
+            k += 1.0;
+        }
+    }
+    return k;
+}
+
 // Empty where k * step >= t_out.
 fn owned_segment(frame: FrameUniform, brick: BrickUniform, ray: Ray) -> Segment {
     let lo = vec3<f32>(brick.owned_lo);
@@ -61,17 +78,5 @@ fn owned_segment(frame: FrameUniform, brick: BrickUniform, ray: Ray) -> Segment 
     if t_in >= t_out {
         return Segment(0.0, -1.0);
     }
-    // The quotient errs by a few units in the last place, the product decides.
-    var k = ceil(t_in / frame.step);
-    for (var i = 0; i < 4; i++) {
-        if k > 0.0 && (k - 1.0) * frame.step >= t_in {
-            k -= 1.0;
-        }
-    }
-    for (var i = 0; i < 4; i++) {
-        if k * frame.step < t_in {
-            k += 1.0;
-        }
-    }
-    return Segment(k, t_out);
+    return Segment(first_sample(frame, t_in), t_out);
 }
