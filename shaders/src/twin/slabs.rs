@@ -1,5 +1,5 @@
 //! What most pictures are made of, by itself: pre-integrated slabs in a brick without leaps. The same as
-//! [`super::integral::integral_ray`], at twice its speed.
+//! [`super::integral::integral_ray`], without what that must ask at every sample.
 
 use brickcast_volume::Premul;
 use glam::Vec4;
@@ -30,7 +30,7 @@ pub fn slabs_ray(
     data: &BrickData<'_>,
     with: &Integrals<'_>,
     ray: &Ray,
-    mut sum: Premul,
+    sum: Premul,
 ) -> (Premul, RayCounts) {
     let mut counts = RayCounts::default();
     let (Some(mut owned), Some(slabs)) = (owned_segment(frame, brick, ray), &with.slabs) else { return (sum, counts) };
@@ -116,8 +116,7 @@ pub fn slabs_ray(
         counts.positions += (k.min(k_out) - k_first) as u32;
         front_is_empty = is_empty && k == k_first + 1.0;
     }
-    sum = Premul::from_array(total.to_array());
-    (sum, counts)
+    (Premul::from_array(total.to_array()), counts)
 }
 
 #[cfg(test)]
