@@ -74,7 +74,7 @@ impl KernelStyle {
 
     fn slab_table<'a>(&self, slabs: &'a Preintegrated, first: f32, scale: f32) -> SlabTable<'a> {
         let [front, back] = self.slab_entries(slabs);
-        SlabTable { size: slabs.size, front, back, first, scale }
+        SlabTable { size: slabs.size, front, back, shown_before: &slabs.shown_before, first, scale }
     }
 
     /// The one or two tables that the kernel reads of `slabs`.

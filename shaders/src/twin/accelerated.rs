@@ -6,7 +6,7 @@
 use brickcast_volume::Premul;
 use brickcast_volume::regions::code::{INNER_BIT, LEAP_BIT, MAX_DENSITY};
 
-use super::raycast::{FAR, Ray, VolumeReader, between, cut_off, entry_at, owned_segment};
+use super::raycast::{FAR, Ray, VolumeReader, between, cut_off, entry_at, owned_segment, rounded_up};
 use crate::layout::{BrickUniform, FrameUniform, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
 
 /// Filtered values that differ by less may both come from guards: 1.25 of 16383.
@@ -121,7 +121,7 @@ pub(super) fn leaves(ray: &Ray, lo: [f32; 3], hi: [f32; 3]) -> f32 {
 /// The first sample at or behind `t`, but for rounding: never more than `most`.
 #[inline(always)]
 pub(super) fn sample_at(frame: &FrameUniform, t: f32, most: f32) -> f32 {
-    (t / frame.step).ceil().min(most)
+    rounded_up((t / frame.step).min(most))
 }
 
 /// Like [`super::raycast::raycast_ray`], for bricks that can do more than be sampled.
@@ -252,7 +252,7 @@ pub fn accelerated_ray<W: Watch>(
 /// The first sample that the brick does not own: the first k with `k * step >= t_out`.
 #[inline(always)]
 pub(super) fn first_outside(frame: &FrameUniform, k: f32, t_out: f32) -> f32 {
-    let mut k_out = (t_out / frame.step).ceil().max(k + 1.0);
+    let mut k_out = rounded_up(t_out / frame.step).max(k + 1.0);
     // The quotient errs by a unit in the last place, the product decides.
     for _ in 0..2 {
         if k_out > k + 1.0 && (k_out - 1.0) * frame.step >= t_out {

@@ -2,6 +2,7 @@
 
 pub mod accelerated;
 pub mod integral;
+mod lanes;
 mod light;
 pub mod macrocell;
 pub mod raycast;

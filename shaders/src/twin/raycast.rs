@@ -3,6 +3,8 @@
 //! Both filters of the GPU are one here: interpolation is at full precision. Value codes stay 0..=65535 until they are
 //! interpolated, which is the one difference in order.
 
+use std::ops::{Add, Mul, Sub};
+
 use brickcast_volume::Premul;
 use glam::Vec4;
 
@@ -11,7 +13,7 @@ use crate::layout::{BrickUniform, FrameUniform};
 /// Slower than this per unit of t, a ray moves by less than 3e-7 voxel over the longest reach: it runs inside the plane.
 const PARALLEL_TO_PLANE: f32 = 1e-12;
 pub(super) const FAR: f32 = 3e38;
-const CODE: f32 = 1.0 / 65535.0;
+pub(super) const CODE: f32 = 1.0 / 65535.0;
 
 /// Index space; t in units of the smallest spacing.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,7 +65,7 @@ fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 #[inline(always)]
 pub(super) fn first_sample(frame: &FrameUniform, t: f32) -> f32 {
     // The quotient errs by a few units in the last place, the product decides.
-    let mut k = (t / frame.step).ceil();
+    let mut k = rounded_up(t / frame.step);
     for _ in 0..4 {
         if k > 0.0 && (k - 1.0) * frame.step >= t {
             k -= 1.0;
@@ -77,8 +79,20 @@ pub(super) fn first_sample(frame: &FrameUniform, t: f32) -> f32 {
     k
 }
 
+/// As `f32::ceil`, which is a call on processors of the oldest kind.
+#[inline(always)]
+pub(super) fn rounded_up(x: f32) -> f32 {
+    // Larger ones are whole.
+    if x.abs() > 1e9 {
+        return x;
+    }
+    let whole = cut_off(x) as f32;
+    if whole < x { whole + 1.0 } else { whole }
+}
+
 /// The samples of `ray` in the brick's owned box (conventions.md, "Sampling grid"); `None` where there are none.
 #[must_use]
+#[inline]
 pub fn owned_segment(frame: &FrameUniform, brick: &BrickUniform, ray: &Ray) -> Option<Segment> {
     let (mut t_in, mut t_out) = (0.0_f32, FAR);
     for a in 0..3 {
@@ -104,20 +118,24 @@ pub fn owned_segment(frame: &FrameUniform, brick: &BrickUniform, ray: &Ray) -> O
 
 /// Trilinear value code of the brick's texels at a global position.
 pub(super) struct VolumeReader<'a> {
-    codes: &'a [u16],
+    pub(super) codes: &'a [u16],
     /// Subtract from a global position + 0.5, rounded down, for the texel of the support's low corner.
-    first_texel: [i32; 3],
+    pub(super) first_texel: [i32; 3],
     /// -1 where one texel is the whole brick: nothing to interpolate between.
-    last_corner: [i32; 3],
-    row: usize,
-    slice: usize,
+    pub(super) last_corner: [i32; 3],
+    pub(super) row: usize,
+    pub(super) slice: usize,
+    /// No texel is missing, and there are two along each axis.
+    pub(super) is_whole: bool,
 }
 
 impl<'a> VolumeReader<'a> {
     pub(super) fn new(brick: &BrickUniform, codes: &'a [u16]) -> Self {
         let dims = brick.stored_dims;
+        let voxels = dims.iter().try_fold(1_usize, |n, &side| n.checked_mul(side as usize));
         Self {
             codes,
+            is_whole: voxels.is_some_and(|n| codes.len() >= n) && dims.iter().all(|&side| side >= 2),
             first_texel: brick.stored_lo.map(|lo| lo + 1),
             last_corner: dims.map(|n| n as i32 - 2),
             row: dims[0] as usize,
@@ -141,9 +159,11 @@ impl<'a> VolumeReader<'a> {
         let at = corner[0] + corner[1] * self.row + corner[2] * self.slice;
         let Some(support) = self.codes.get(at..at + self.slice + self.row + 2) else { return 0.0 };
         // SAFETY: the slice was cut to reach from the first of these to the last.
-        let pair = |i: usize| unsafe { [*support.get_unchecked(i), *support.get_unchecked(i + 1)] };
-        let pairs = [pair(0), pair(self.row), pair(self.slice), pair(self.slice + self.row)];
-        let [near, far] = [0, 1].map(|x| Vec4::from_array(pairs.map(|pair| f32::from(pair[x]))));
+        let code = |i: usize| f32::from(unsafe { *support.get_unchecked(i) });
+        let (y, z) = (self.row, self.slice);
+        // Written out: closures over arrays become calls.
+        let near = Vec4::new(code(0), code(y), code(z), code(y + z));
+        let far = Vec4::new(code(1), code(y + 1), code(z + 1), code(y + z + 1));
         let [y0z0, y1z0, y0z1, y1z1] = (near + (far - near) * w[0]).to_array();
         between(between(y0z0, y1z0, w[1]), between(y0z1, y1z1, w[1]), w[2]) * CODE
     }
@@ -166,9 +186,9 @@ impl VolumeReader<'_> {
     }
 }
 
-/// Returns equal ends unchanged.
+/// Returns equal ends unchanged; of numbers or of lanes.
 #[inline(always)]
-pub(super) fn between(a: f32, b: f32, t: f32) -> f32 {
+pub(super) fn between<T: Copy + Add<Output = T> + Sub<Output = T> + Mul<Output = T>>(a: T, b: T, t: T) -> T {
     a + (b - a) * t
 }
 

@@ -3,6 +3,7 @@
 use brickcast_volume::Premul;
 use glam::Vec4;
 
+use super::lanes::entries_at;
 use super::light::{Lit, Probe, UNLIT};
 use super::raycast::entry_at;
 use crate::style::{Kinds, Light};
@@ -16,6 +17,8 @@ pub struct SlabTable<'a> {
     pub front: &'a [[f32; 4]],
     /// What the back end's light counts for, and the part of the opacity that goes with it; empty without interpolated light.
     pub back: &'a [[f32; 4]],
+    /// [`brickcast_volume::preintegration::Preintegrated::shown_before`].
+    pub shown_before: &'a [u32],
     pub first: f32,
     /// Entries per code.
     pub scale: f32,
@@ -36,20 +39,44 @@ impl SlabTable<'_> {
         entry_at((code - self.first) * self.scale, self.size - 1)
     }
 
+    /// [`SlabTable::entry`] in every lane.
+    #[inline(always)]
+    pub(super) fn entries(&self, codes: Vec4) -> (Vec4, Vec4) {
+        entries_at((codes - Vec4::splat(self.first)) * Vec4::splat(self.scale), self.size - 1)
+    }
+
     #[inline(always)]
     fn look_up(&self, table: &[[f32; 4]], front: f32, back: f32) -> [f32; 4] {
         self.between(table, self.entry(front), self.entry(back)).to_array()
+    }
+
+    /// Do slabs from entries within lo..=hi to such show anything?
+    #[inline(always)]
+    pub(super) fn shows(&self, lo: usize, hi: usize) -> bool {
+        self.shown_before.get(hi + 2).is_none_or(|after| *after != self.shown_before[lo])
+    }
+
+    /// Says that the slab between two entries will be looked up.
+    #[inline(always)]
+    pub(super) fn prefetch(&self, i: usize, j: usize) {
+        #[cfg(target_arch = "x86_64")]
+        for row in [i, i + 1] {
+            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+            let at = self.front.as_ptr().wrapping_add(row * self.size + j);
+            // SAFETY: a hint; it reads nothing, whatever the address.
+            unsafe { _mm_prefetch::<_MM_HINT_T0>(at.cast()) };
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = (i, j);
     }
 
     /// Bilinear.
     #[inline(always)]
     pub(super) fn between(&self, table: &[[f32; 4]], (i, u): (usize, f32), (j, v): (usize, f32)) -> Vec4 {
         let at = i * self.size + j;
-        let (Some(&[a, b]), Some(&[c, d])) = (table.get(at..at + 2), table.get(at + self.size..at + self.size + 2))
-        else {
-            return Vec4::ZERO;
-        };
-        let [a, b, c, d] = [a, b, c, d].map(Vec4::from_array);
+        let Some(support) = table.get(at..at + self.size + 2) else { return Vec4::ZERO };
+        let [a, b] = [support[0], support[1]].map(Vec4::from_array);
+        let [c, d] = [support[self.size], support[self.size + 1]].map(Vec4::from_array);
         let (near, far) = (a + (b - a) * v, c + (d - c) * v);
         near + (far - near) * u
     }

@@ -6,9 +6,16 @@ use glam::Vec4;
 
 use super::accelerated::{BrickData, RayCounts, first_outside, leaves, sample_at};
 use super::integral::{Integrals, clipped};
+use super::lanes;
 use super::raycast::{FAR, Ray, VolumeReader, clamped, cut_off, first_sample, owned_segment};
 use crate::layout::{BrickUniform, FrameUniform, MAP_EMPTY, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
 use crate::style::{Kinds, Light};
+
+/// Values that are read ahead of the slabs that need them: a read and a look-up each are a long chain of waits, and a
+/// processor sees no further than one of them.
+const BATCH: usize = 8;
+/// Where a run may end with any slab: as many as a vector holds, not to read too much in vain.
+const OPEN_BATCH: f32 = 4.0;
 
 const SLABS_ALONE: Kinds = Kinds { preintegrated: true, light: Light::None, surfaces: false, mode: 0 };
 
@@ -63,7 +70,17 @@ pub fn slabs_ray(
         let p = [ox + t * dx, oy + t * dy, oz + t * dz];
         if k == k_out { std::array::from_fn(|a| clamped(p[a], hi[a])) } else { p }
     };
-    let entry = |k: f32| table.entry(volume.read(place(k)) * brick.code_scale);
+    // The codes at k and the three samples after.
+    let codes = |k: f32| {
+        let ks = Vec4::splat(k) + Vec4::new(0.0, 1.0, 2.0, 3.0);
+        let t = ks * Vec4::splat(frame.step);
+        let mut p = [Vec4::splat(ox) + t * dx, Vec4::splat(oy) + t * dy, Vec4::splat(oz) + t * dz];
+        if k + 3.0 >= k_out {
+            let is_last = ks.cmpge(Vec4::splat(k_out));
+            p = std::array::from_fn(|a| Vec4::select(is_last, lanes::clamped(p[a], hi[a]), p[a]));
+        }
+        volume.read_lanes(p) * Vec4::splat(brick.code_scale)
+    };
 
     let mut k = owned.k;
     let mut total = Vec4::from_array(sum.to_array());
@@ -97,22 +114,55 @@ pub fn slabs_ray(
         }
         // Slabs until the map may say something new.
         let k_first = k;
-        loop {
-            let back = entry(k);
-            let mut opacity = 0.0;
-            if has_front && shows {
-                let slab = table.between(table.front, front, back);
-                // Adding nothing changes no bit.
-                total += (1.0 - total.w) * slab;
-                opacity = slab.w;
+        'run: loop {
+            // Beyond `k_look` a run ends with the first slab that shows nothing: a few reads may be in vain.
+            let known = if k < k_look { k_look - k } else { OPEN_BATCH };
+            let n = cut_off(known.min(k_out + 1.0 - k).min(BATCH as f32)).max(1) as usize;
+            counts.samples += n as u32;
+            let mut backs = [(0, 0.0); BATCH];
+            let mut shown = [false; BATCH];
+            let mut before = has_front.then_some(front.0);
+            for (first, (backs, shown)) in
+                (0..n).step_by(4).zip(backs.chunks_exact_mut(4).zip(shown.chunks_exact_mut(4)))
+            {
+                let (entries, weights) = table.entries(codes(k + first as f32));
+                let ends = lanes::indices(entries).into_iter().zip(weights.to_array());
+                for ((back, shown), end) in backs.iter_mut().zip(shown).zip(ends) {
+                    *back = end;
+                    if let Some(before) = before {
+                        *shown = shows && table.shows(before.min(end.0), before.max(end.0));
+                        if *shown {
+                            table.prefetch(before, end.0);
+                        }
+                    }
+                    before = Some(end.0);
+                }
             }
-            k += 1.0;
-            (front, has_front) = (back, true);
-            if k > k_out || total.w >= frame.stop_alpha || (k >= k_look && opacity <= 0.0) {
-                break;
+            if !shown[..n].contains(&true) {
+                // Nothing to add: the run goes on, or ends with its first slab beyond `k_look`.
+                let n = if k < k_look { n } else { 1 };
+                (front, has_front) = (backs[n - 1], true);
+                k += n as f32;
+                if k > k_out || k >= k_look {
+                    break 'run;
+                }
+                continue;
+            }
+            for (&back, shown) in backs[..n].iter().zip(shown) {
+                let mut opacity = 0.0;
+                if shown {
+                    let slab = table.between(table.front, front, back);
+                    // Adding nothing changes no bit.
+                    total += (1.0 - total.w) * slab;
+                    opacity = slab.w;
+                }
+                k += 1.0;
+                (front, has_front) = (back, true);
+                if k > k_out || total.w >= frame.stop_alpha || (k >= k_look && opacity <= 0.0) {
+                    break 'run;
+                }
             }
         }
-        counts.samples += (k - k_first) as u32;
         counts.positions += (k.min(k_out) - k_first) as u32;
         front_is_empty = is_empty && k == k_first + 1.0;
     }
@@ -179,7 +229,8 @@ mod tests {
             let style = StyleUniform::new(&scene, &geometry, (0.0, 1.0));
             let front = slabs.total.as_slice();
             let (first, scale) = (frame.table_first, frame.table_scale);
-            let slab = SlabTable { size: slabs.size, front, back: &[], first, scale };
+            let shown_before = &slabs.shown_before[..];
+            let slab = SlabTable { size: slabs.size, front, back: &[], shown_before, first, scale };
             let tables = Tables { table: &table.entries, region: None };
             let with = Integrals { tables, slabs: Some([slab; 2]), style: &style, kinds: SLABS_ALONE };
             for map in [None, Some((map.as_slice(), cells.dims.into()))] {
@@ -194,7 +245,14 @@ mod tests {
                         sum.to_array().iter().zip(want.to_array()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
                     // Positions on the volume's faces are clamped by the one and not by the other.
                     assert!(worst < 1e-6, "({x}, {y}), step {step}: {sum:?} {want:?}");
-                    assert_eq!(counts, counted, "({x}, {y}), step {step}");
+                    let [ours, theirs] = [counts, counted].map(|c| (c.positions, c.leapt, c.skips));
+                    assert_eq!(ours, theirs, "({x}, {y}), step {step}");
+                    let runs = counted.skips + 1;
+                    let in_vain = counts.samples.checked_sub(counted.samples);
+                    assert!(
+                        in_vain.is_some_and(|n| n < OPEN_BATCH as u32 * runs + BATCH as u32),
+                        "{counts:?} {counted:?}"
+                    );
                     skips += counts.skips;
                     opaque += u32::from(sum.a > 0.5);
                 }

@@ -54,6 +54,10 @@ pub struct Preintegrated {
     pub total: Vec<[f32; 4]>,
     /// The tables of interpolated lighting, where asked for.
     pub lit: Option<Lit>,
+    /// At x, how many of the entries before entry x and of the elements behind them show anything; `size + 1` counts.
+    /// Where those at `min(f, b)` and `max(f, b) + 2` are equal, slabs of values from entry f to f + 1 in front and from b
+    /// to b + 1 at the back show nothing.
+    pub shown_before: Vec<u32>,
 }
 
 /// The two tables of interpolated pre-integrated lighting, as the paper packs them (section "Implementation"): the
@@ -96,12 +100,24 @@ impl Preintegrated {
     ) -> Self {
         let elements = Elements::of(function, range, entries);
         let (c_first, c_last, size) = (elements.c_first, elements.c_last, elements.entries.len());
+        let shown_before = shown_before(&elements);
         if lit {
             let [total, front, back] = subranges::integrate::<8, 3, _>(&elements, delta_over_unit);
-            Self { size, c_first, c_last, total, lit: Some(Lit { front, back }) }
+            Self { size, c_first, c_last, total, lit: Some(Lit { front, back }), shown_before }
         } else {
             let [total] = subranges::integrate::<4, 1, _>(&elements, delta_over_unit);
-            Self { size, c_first, c_last, total, lit: None }
+            Self { size, c_first, c_last, total, lit: None, shown_before }
         }
     }
+}
+
+fn shown_before(elements: &Elements) -> Vec<u32> {
+    let shows = |element: &Element| u32::from(element.log_transparency != 0.0);
+    let between = elements.between.iter().map(shows).chain([0]);
+    let mut sum = 0;
+    let sums = elements.entries.iter().map(shows).zip(between).map(|(entry, element)| {
+        sum += entry + element;
+        sum
+    });
+    [0].into_iter().chain(sums).collect()
 }
