@@ -171,3 +171,42 @@ pub(super) fn add_flat(sum: &mut Premul, table: &SlabTable<'_>, kinds: Kinds, co
     }
     add(sum, of_length(slab, n));
 }
+
+#[cfg(test)]
+mod tests {
+    use brickcast_volume::preintegration::Preintegrated;
+    use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
+
+    use super::SlabTable;
+
+    #[test]
+    fn what_is_not_looked_up_shows_nothing() {
+        let color = |x: f64| ColorPoint { x, rgb: [0.5, 0.25, 1.0] };
+        // A ramp that ends at an entry, a spike between two entries, one in an entry, and a last one that rises.
+        let opacity = |(x, opacity): (f64, f64)| OpacityPoint { x, opacity };
+        let points =
+            [(0.0, 0.3), (10.0, 0.0), (20.2, 0.0), (20.5, 0.9), (20.8, 0.0), (40.0, 0.0), (41.0, 0.2), (42.0, 0.0)];
+        let points = points.into_iter().chain([(62.5, 0.0), (63.0, 0.5)]);
+        let function = TransferFunction::new(vec![color(0.0), color(63.0)], points.map(opacity).collect()).unwrap();
+        let slabs = Preintegrated::with_entries(&function, (0.0, 63.0), 1.0, 64, false);
+        let table = SlabTable {
+            size: 64,
+            front: &slabs.total,
+            back: &[],
+            shown_before: &slabs.shown_before,
+            first: slabs.c_first,
+            scale: 63.0 / (slabs.c_last - slabs.c_first),
+        };
+        let (mut dark, mut shown) = (0, 0);
+        for (front, back) in (0..63).flat_map(|front| (0..63).map(move |back| (front, back))) {
+            let entries = [(0, 0), (0, 1), (1, 0), (1, 1)];
+            let is_dark = entries.iter().all(|(i, j)| slabs.total[(front + i) * 64 + back + j] == [0.0; 4]);
+            let shows = table.shows(front.min(back), front.max(back));
+            assert!(is_dark || shows, "slab from entry {front} to {back}");
+            dark += u32::from(is_dark);
+            shown += u32::from(is_dark && shows);
+        }
+        // Those that end just before something shows are looked up for nothing.
+        assert!(dark > 700 && shown * 5 < dark, "{shown} of {dark}");
+    }
+}
