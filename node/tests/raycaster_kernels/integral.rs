@@ -184,11 +184,12 @@ fn integral_gpu_and_twin_agree() {
                         pixels += image.pixels.len();
                         beyond += d.beyond;
                         let (a, b) = (image.total(), twin.total());
-                        for (a, b) in
-                            [(a.samples, b.samples), (a.positions, b.positions), (a.leapt, b.leapt), (a.skips, b.skips)]
-                        {
+                        for (a, b) in [(a.positions, b.positions), (a.leapt, b.leapt), (a.skips, b.skips)] {
                             assert!(a.abs_diff(b) as f64 <= 0.02 * b as f64 + 40.0, "{what}: {a} {b}");
                         }
+                        // The twin's loop of slabs reads some values in vain.
+                        let [a, b] = [a, b].map(|counts| counts.samples as f64);
+                        assert!(a <= 1.02 * b + 40.0 && b <= 1.25 * a + 40.0, "{what}: {a} {b} samples");
                     }
                 }
             }

@@ -79,11 +79,11 @@ pub(super) fn first_sample(frame: &FrameUniform, t: f32) -> f32 {
     k
 }
 
-/// As `f32::ceil`, which is a call on processors of the oldest kind.
+/// As `f32::ceil` but for the sign of zero; that is a call on processors of the oldest kind.
 #[inline(always)]
 pub(super) fn rounded_up(x: f32) -> f32 {
-    // Larger ones are whole.
-    if x.abs() > 1e9 {
+    // Larger ones are whole; NaN stays itself.
+    if x.abs().partial_cmp(&1e9).is_none_or(|order| order.is_gt()) {
         return x;
     }
     let whole = cut_off(x) as f32;
@@ -125,7 +125,7 @@ pub(super) struct VolumeReader<'a> {
     pub(super) last_corner: [i32; 3],
     pub(super) row: usize,
     pub(super) slice: usize,
-    /// No texel is missing, and there are two along each axis.
+    /// No texel is missing, and along each axis there are two and no more than f32 tells apart.
     pub(super) is_whole: bool,
 }
 
@@ -135,7 +135,7 @@ impl<'a> VolumeReader<'a> {
         let voxels = dims.iter().try_fold(1_usize, |n, &side| n.checked_mul(side as usize));
         Self {
             codes,
-            is_whole: voxels.is_some_and(|n| codes.len() >= n) && dims.iter().all(|&side| side >= 2),
+            is_whole: voxels.is_some_and(|n| codes.len() >= n) && dims.iter().all(|side| (2..=1 << 24).contains(side)),
             first_texel: brick.stored_lo.map(|lo| lo + 1),
             last_corner: dims.map(|n| n as i32 - 2),
             row: dims[0] as usize,
