@@ -2,7 +2,7 @@
 
 use glam::Vec4;
 
-use super::raycast::{CODE, VolumeReader, between};
+use super::raycast::VolumeReader;
 
 /// Positions of four samples, an axis each.
 pub(super) type Places = [Vec4; 3];
@@ -72,6 +72,9 @@ impl VolumeReader<'_> {
             __m128i, _mm_and_si128, _mm_cvtepi32_ps, _mm_cvtsi32_si128, _mm_set1_epi32, _mm_srli_epi32,
             _mm_unpacklo_epi32, _mm_unpacklo_epi64,
         };
+
+        use super::raycast::{CODE, between};
+
         let axis = |a: usize| {
             let p = at[a] + Vec4::splat(0.5);
             let low = whole(p);

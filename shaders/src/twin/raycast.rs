@@ -126,6 +126,7 @@ pub(super) struct VolumeReader<'a> {
     pub(super) row: usize,
     pub(super) slice: usize,
     /// No texel is missing, and along each axis there are two and no more than f32 tells apart.
+    #[cfg_attr(not(target_arch = "x86_64"), expect(dead_code, reason = "vectors are of x86-64"))]
     pub(super) is_whole: bool,
 }
 
