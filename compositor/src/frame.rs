@@ -227,12 +227,13 @@ impl Run<'_> {
         self.fail(ticket, &NodeError::Invalid { address, call: "RenderFrame", reason }, now);
     }
 
-    /// The ticket's open layers are void from now on; unless the node is only busy, so are all others of it.
+    /// The ticket's open layers are void from now on; unless the node is only busy, or closed a connection over cancelled calls, so
+    /// are all others of it.
     fn fail(&mut self, ticket: Ticket, error: &NodeError, now: Instant) {
         let worker = self.sent[ticket.0].worker;
-        if error.is_busy() {
+        if self.workers[worker].rests(error, now) {
+            tracing::debug!("frame {}: {error}; ordered again", self.order.frame.0);
             self.drop_ticket(ticket, Void::Open);
-            self.workers[worker].rest(now);
             return;
         }
         let which = if matches!(error, NodeError::Invalid { .. }) { Void::All } else { Void::Open };

@@ -10,6 +10,7 @@ pub mod balanced;
 pub mod bench_args;
 pub mod blend;
 pub mod camera_path;
+mod cancels;
 pub mod cli;
 mod cli_values;
 mod cluster;

@@ -4,13 +4,14 @@ use std::error::Error as _;
 use std::time::{Duration, Instant};
 
 use crate::access::Access;
+use crate::cancels::Cancels;
 use crate::tls_words::{PERHAPS_CERTIFICATE, PERHAPS_TLS, explained, is_handshake};
 use brickcast_proto::credentials::Badge;
 use brickcast_proto::status::innermost;
 use brickcast_proto::transport::Line;
 use brickcast_proto::{
-    FramePart, NodeDescription, PrepareReceipt, PrepareRequest, RenderOrder, StoreDescription, StoreQuery, transport,
-    wire,
+    FramePart, NodeDescription, Part, PrepareReceipt, PrepareRequest, RenderOrder, StoreDescription, StoreQuery,
+    transport, wire,
 };
 use brickcast_volume::StoreHash;
 use futures_util::{Stream, StreamExt as _};
@@ -26,6 +27,10 @@ const CALL_TIMEOUT: Duration = Duration::from_secs(10);
 /// A node that answers others of this address first is asked again after the pause, for so long.
 const BUSY_PAUSE: Duration = Duration::from_millis(100);
 const BUSY_LIMIT: Duration = Duration::from_secs(30);
+/// How often a connection that was closed over cancelled calls is opened again at once, to see whether its node leaves ...
+const CALMED_AGAIN: u32 = 3;
+/// ... and how long the next must have lasted to be the first again.
+const STEADY: Duration = Duration::from_secs(10);
 /// A connection that says nothing for so long is pinged, between frames too ...
 const PING_AFTER: Duration = Duration::from_secs(1);
 /// ... and given up where no answer comes within this: a hanging node is found within 2 s.
@@ -44,6 +49,8 @@ pub enum NodeError {
     NoAnswer { address: String, call: &'static str, seconds: u64 },
     #[error("node {address}: {call}: the connection was lost ({reason})")]
     Lost { address: String, call: &'static str, reason: String },
+    #[error("node {address}: {call}: the connection was closed, because calls on it were cancelled ({reason})")]
+    Calmed { address: String, call: &'static str, reason: String },
     #[error("node {address}: {call}: {message}")]
     Refused { address: String, call: &'static str, code: tonic::Code, message: String },
     #[error("node {address}: it is shutting down")]
@@ -61,17 +68,27 @@ pub enum NodeError {
 }
 
 impl NodeError {
-    /// True where the node is well and only has too much to do: it is worth asking again after a pause.
+    /// True where the node is well and only has, or had, too much to do: it is worth asking again after a pause.
     #[must_use]
     pub fn is_busy(&self) -> bool {
-        matches!(self, Self::Refused { code: tonic::Code::ResourceExhausted, .. })
+        matches!(self, Self::Refused { code: tonic::Code::ResourceExhausted, .. }) || self.is_calmed()
+    }
+
+    /// True where only the connection is gone, over calls that were cancelled on it. The next call opens another.
+    #[must_use]
+    pub fn is_calmed(&self) -> bool {
+        matches!(self, Self::Calmed { .. })
     }
 
     /// True where the way to the node broke, so that another connection may do.
     #[must_use]
     pub fn is_lost(&self) -> bool {
         match self {
-            Self::Lost { .. } | Self::NoAnswer { .. } | Self::Unreachable { .. } | Self::Invalid { .. } => true,
+            Self::Lost { .. }
+            | Self::Calmed { .. }
+            | Self::NoAnswer { .. }
+            | Self::Unreachable { .. }
+            | Self::Invalid { .. } => true,
             // What was sent was damaged on its way, or what was answered taken too slowly.
             Self::Refused { code, .. } => *code == tonic::Code::Aborted,
             _ => false,
@@ -86,6 +103,7 @@ pub struct NodeClient {
     cluster: ClusterClient<Line>,
     render: RenderClient<Line>,
     health: HealthClient<Line>,
+    cancels: Cancels,
     /// The connection shows no certificate.
     is_plain: bool,
 }
@@ -132,12 +150,31 @@ impl NodeClient {
             cluster: transport::cluster_client(line.clone()),
             health: HealthClient::new(line.clone()),
             render: transport::render_client(line),
+            cancels: Cancels::default(),
             is_plain: false,
         }
     }
 
     /// Resolves when the node leaves: it says that it no longer serves, or the connection breaks. Tells why.
     pub async fn leaves(&mut self) -> String {
+        let mut calmed = 0;
+        loop {
+            let started = Instant::now();
+            match self.watch().await {
+                Ok(why) => return why,
+                Err(error) => {
+                    calmed = if started.elapsed() < STEADY { calmed + 1 } else { 1 };
+                    if !error.is_calmed() || calmed > CALMED_AGAIN {
+                        return error.to_string();
+                    }
+                    tokio::time::sleep(BUSY_PAUSE).await;
+                }
+            }
+        }
+    }
+
+    /// Until the node says that it leaves, and in what words.
+    async fn watch(&mut self) -> Result<String, NodeError> {
         let request = HealthCheckRequest { service: String::new() };
         let mut states = match self.health.watch(request).await {
             Ok(states) => states.into_inner(),
@@ -145,16 +182,16 @@ impl NodeClient {
             Err(status) if status.source().is_none() && status.code() != tonic::Code::Unavailable => {
                 return std::future::pending().await;
             }
-            Err(status) => return refused(&self.address, "Watch", &status).to_string(),
+            Err(status) => return Err(self.refused("Watch", &status)),
         };
         loop {
             match states.message().await {
                 Ok(Some(state)) if state.status == ServingStatus::NotServing as i32 => {
-                    return format!("node {}: it is shutting down", self.address);
+                    return Ok(format!("node {}: it is shutting down", self.address));
                 }
                 Ok(Some(_)) => {}
-                Ok(None) => return format!("node {}: it ended", self.address),
-                Err(status) => return refused(&self.address, "Watch", &status).to_string(),
+                Ok(None) => return Ok(format!("node {}: it ended", self.address)),
+                Err(status) => return Err(self.refused("Watch", &status)),
             }
         }
     }
@@ -231,7 +268,8 @@ impl NodeClient {
         PrepareReceipt::try_from(answer).map_err(|e| self.invalid("Prepare", e))
     }
 
-    /// Sends an order; its parts come back as they are ready, with the bytes that each took on the wire.
+    /// Sends an order; its parts come back as they are ready, with the bytes that each took on the wire. Dropping it cancels the
+    /// order, but not before the node took it up.
     ///
     /// # Errors
     /// The order is refused. The stream's items may fail, too.
@@ -239,17 +277,21 @@ impl NodeClient {
         &mut self,
         order: RenderOrder,
     ) -> Result<impl Stream<Item = Result<(FramePart, usize), NodeError>> + use<>, NodeError> {
-        let address = self.address.clone();
-        let answer = self.render.render_frame(wire::RenderOrder::from(order)).await;
-        let parts = answer.map_err(|status| refused(&address, "RenderFrame", &status))?.into_inner();
+        let node = self.clone();
+        let (mut render, order) = (self.render.clone(), wire::RenderOrder::from(order));
+        let answer = self.cancels.call(async move { render.render_frame(order).await }).await;
+        let parts = answer.map_err(|status| self.refused("RenderFrame", &status))?.into_inner();
+        let mut unended = self.cancels.unless_ended();
         Ok(parts.map(move |part| {
-            let part = part.map_err(|status| refused(&address, "RenderFrame", &status))?;
-            let bytes = prost::Message::encoded_len(&part);
-            let part = FramePart::try_from(part).map_err(|e| NodeError::Invalid {
-                address: address.clone(),
-                call: "RenderFrame",
-                reason: e.to_string(),
+            let part = part.map_err(|status| {
+                unended.ended();
+                node.refused("RenderFrame", &status)
             })?;
+            let bytes = prost::Message::encoded_len(&part);
+            let part = FramePart::try_from(part).map_err(|e| node.invalid("RenderFrame", e))?;
+            if let Part::Receipt(_) = part.part {
+                unended.ended();
+            }
             Ok((part, bytes))
         }))
     }
@@ -278,7 +320,7 @@ impl NodeClient {
     ) -> Result<T, NodeError> {
         match tokio::time::timeout(limit, answer).await {
             Ok(Ok(response)) => Ok(response.into_inner()),
-            Ok(Err(status)) => Err(refused(&self.address, call, &status)),
+            Ok(Err(status)) => Err(self.refused(call, &status)),
             Err(_) => Err(NodeError::NoAnswer { address: self.address.clone(), call, seconds: limit.as_secs() }),
         }
     }
@@ -286,13 +328,19 @@ impl NodeClient {
     fn invalid(&self, call: &'static str, error: impl std::fmt::Display) -> NodeError {
         NodeError::Invalid { address: self.address.clone(), call, reason: error.to_string() }
     }
-}
 
-fn refused(address: &str, call: &'static str, status: &tonic::Status) -> NodeError {
-    let address = address.to_owned();
-    // Only what comes from the transport has a source; what the node itself says has none.
-    match status.source() {
-        Some(source) => NodeError::Lost { address, call, reason: explained(&innermost(source)) },
-        None => NodeError::Refused { address, call, code: status.code(), message: status.message().to_owned() },
+    fn refused(&self, call: &'static str, status: &tonic::Status) -> NodeError {
+        let address = self.address.clone();
+        // Only what comes from the transport has a source; what the node itself says has none.
+        let Some(source) = status.source() else {
+            return NodeError::Refused { address, call, code: status.code(), message: status.message().to_owned() };
+        };
+        let reason = explained(&innermost(source));
+        // The transport has this code for HTTP/2's ENHANCE_YOUR_CALM only.
+        if status.code() == tonic::Code::ResourceExhausted || self.cancels.just_now() {
+            NodeError::Calmed { address, call, reason }
+        } else {
+            NodeError::Lost { address, call, reason }
+        }
     }
 }

@@ -16,6 +16,8 @@ const PAUSE: (Duration, Duration) = (Duration::from_millis(50), Duration::from_s
 const CALLS_AGAIN: u32 = 3;
 /// Between such calls.
 const CALL_PAUSE: Duration = Duration::from_millis(250);
+/// Connections to one node that may be closed over cancelled calls within one frame.
+const CALMED: u32 = 3;
 
 /// A node in one frame.
 #[derive(Debug)]
@@ -32,6 +34,7 @@ pub(crate) struct Worker {
     /// Busy until then.
     ready_at: Option<Instant>,
     pause: Duration,
+    calmed: u32,
     pub(crate) stat: NodeFrame,
 }
 
@@ -52,6 +55,7 @@ impl Worker {
             called_again: 0,
             ready_at: None,
             pause: PAUSE.0,
+            calmed: 0,
             stat,
         }
     }
@@ -67,10 +71,21 @@ impl Worker {
         self.ready_at.filter(|at| self.out.is_none() && *at > now)
     }
 
-    /// It is left alone for a while, each time longer.
-    pub(crate) fn rest(&mut self, now: Instant) {
+    /// True where it is left alone for a while after this, each time longer, and is not lost.
+    pub(crate) fn rests(&mut self, error: &NodeError, now: Instant) -> bool {
+        if error.is_calmed() {
+            // All orders of one connection fail together: that is once.
+            if self.resting_until(now).is_some() {
+                return true;
+            }
+            self.calmed += 1;
+        }
+        if !error.is_busy() || self.calmed > CALMED {
+            return false;
+        }
         self.ready_at = Some(now + self.pause);
         self.pause = (self.pause * 2).min(PAUSE.1);
+        true
     }
 
     /// It is not asked any more.

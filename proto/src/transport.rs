@@ -39,6 +39,19 @@ pub const KEEP_ALIVE_TIMEOUT: Duration = Duration::from_secs(5);
 pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 /// Calls that one connection may have open at once.
 pub const MAX_CONCURRENT_STREAMS: u32 = 64;
+/// Calls of one connection that its client reset before the node took them up; one more, and the node closes the connection.
+///
+/// h2 says 20, which a client meets that cancels frames in a burst: all that it has open, and more as soon as those are closed. So
+/// it is 16 times what may be open. It is bounded since such calls cost memory (their headers) and do not count as open: without
+/// a bound, whoever resets calls faster than a node takes them up fills it (rapid reset, CVE-2023-44487). They only pile up within
+/// one turn of a connection's task, which then takes all of them up; docs/security.md tells what they were measured to cost.
+pub const MAX_RESETS_UNSEEN: usize = 16 * MAX_CONCURRENT_STREAMS as usize;
+/// Calls that a client remembers after it reset them, and for how long: what a node had sent before it heard of it is ignored. Of a
+/// forgotten call each such frame counts for as long as the connection lives ...
+pub const RESETS_REMEMBERED: usize = 1024;
+pub const RESET_MEMORY: Duration = Duration::from_secs(5);
+/// ... and the client itself closes a connection on which more of them came: a node that goes on after a reset is broken.
+pub const MAX_LATE_FRAMES: usize = 1 << 16;
 
 #[derive(Debug, thiserror::Error)]
 pub enum AddressError {
@@ -82,7 +95,10 @@ pub fn endpoint(address: &str, tls: Option<&Tls>) -> Result<Endpoint, AddressErr
         .keep_alive_while_idle(true)
         .initial_stream_window_size(STREAM_WINDOW)
         .initial_connection_window_size(CONNECTION_WINDOW)
-        .max_frame_size(FRAME_BYTES))
+        .max_frame_size(FRAME_BYTES)
+        .http2_max_concurrent_reset_streams(RESETS_REMEMBERED)
+        .http2_reset_stream_duration(RESET_MEMORY)
+        .http2_max_local_error_reset_streams(MAX_LATE_FRAMES))
 }
 
 /// A server with the same settings; its keep-alive pings idle connections too.
@@ -96,6 +112,7 @@ pub fn server() -> Server {
         .http2_max_header_list_size(MAX_HEADER_BYTES)
         .max_frame_size(FRAME_BYTES)
         .max_concurrent_streams(MAX_CONCURRENT_STREAMS)
+        .http2_max_pending_accept_reset_streams(Some(MAX_RESETS_UNSEEN))
 }
 
 /// `listener` as the server takes it. `serve_with_incoming` ignores the server's own nodelay: it is set here.

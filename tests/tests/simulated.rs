@@ -236,6 +236,32 @@ fn messages_that_overtake_each_other() {
     }
 }
 
+/// Frames that are dropped at any moment, faster than an order travels: what is rendered after them is whole, and nobody is lost.
+#[test]
+fn frames_that_are_cancelled() {
+    let subject = Subject::new();
+    for seed in 0..SEEDS / 2 {
+        let mut sim = subject.simulation(seed, LATENCY);
+        let log = SharedLog::default();
+        let (of, told) = (subject.clone(), log.clone());
+        sim.client(CLIENT, async move {
+            let mut session = of.session().await?;
+            for number in 0..3 {
+                for moment in 0..60 {
+                    let patience = CALM.mul_f64(share_of(seed + moment) / 10.0);
+                    let frame = session.render(of.scene(number + 1), Transport::F32, DEADLINE);
+                    tokio::time::timeout(patience, frame).await.ok();
+                }
+                render(&of, &mut session, number, &told).await;
+            }
+            Ok(())
+        });
+        sim.run().unwrap_or_else(|error| panic!("seed {seed}: {error}"));
+        let unhurt = |f: &Seen| f.lost.is_empty() && f.nodes == NODES.len();
+        assert!(log.borrow().frames.iter().all(unhurt), "seed {seed}: {:?}", log.borrow().frames);
+    }
+}
+
 #[test]
 fn nodes_that_crash() {
     let hurt = survive(Fault::Crash, Duration::from_millis(300), CALM);
