@@ -20,7 +20,7 @@ use crate::failure::Failure;
 use crate::output::{FrameOptions, FrameWriter, MAX_FRAMES, OutputFormat, hatched, write_json, write_manifest};
 use crate::scene_args::SceneChoice;
 use crate::session::{Frame, Session};
-use crate::source::{Source, short};
+use crate::source::{Source, short, tell};
 use crate::{stats, style_json};
 
 /// # Errors
@@ -86,7 +86,9 @@ pub(crate) async fn open_session(
     quiet: bool,
 ) -> Result<(Session, Option<EmbeddedNodes>), Failure> {
     if !args.nodes.is_empty() {
-        return Ok((Session::open_through(access(&args.access)?, &args.nodes, source.choice()).await?, None));
+        let session = Session::open_through(access(&args.access)?, &args.nodes, source.choice()).await?;
+        tell(path, &session.store().manifest);
+        return Ok((session, None));
     }
     let Source::Store(store) = source else { return Err(anyhow!("{}: no such store", path.display()).into()) };
     let kernel = Kernel::open(args.backend)?;
@@ -265,6 +267,7 @@ pub(crate) fn manifest(session: &Session, choice: &SceneChoice, frame: &Frame) -
             "address": n.address, "node_id": n.node_id, "version": n.version, "backend": n.backend, "adapter": n.adapter,
         })).collect::<Vec<_>>(),
         "store_short": short(store.hash),
+        "notes": store.manifest.notes,
     })
 }
 
