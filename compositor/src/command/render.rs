@@ -20,7 +20,7 @@ use crate::failure::Failure;
 use crate::output::{FrameOptions, FrameWriter, MAX_FRAMES, OutputFormat, hatched, write_json, write_manifest};
 use crate::scene_args::SceneChoice;
 use crate::session::{Frame, Session};
-use crate::source::{Source, short, tell};
+use crate::source::{Source, short};
 use crate::{stats, style_json};
 
 /// # Errors
@@ -87,7 +87,7 @@ pub(crate) async fn open_session(
 ) -> Result<(Session, Option<EmbeddedNodes>), Failure> {
     if !args.nodes.is_empty() {
         let session = Session::open_through(access(&args.access)?, &args.nodes, source.choice()).await?;
-        tell(path, &session.store().manifest);
+        crate::source::tell(path, &session.store().manifest);
         return Ok((session, None));
     }
     let Source::Store(store) = source else { return Err(anyhow!("{}: no such store", path.display()).into()) };

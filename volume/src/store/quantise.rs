@@ -229,4 +229,36 @@ mod tests {
         // A range that misses the data leaves the data's own bounds.
         assert_eq!(mapped(&[0.0, 0.5, 1.0], Some((5.0, 6.0))).1, [0, 32768, 65535]);
     }
+
+    fn scanned(voxel_type: VoxelType, bytes: &[[u8; 8]]) -> (Scan, Result<Vec<u16>, StoreError>) {
+        let scan = Scan::EMPTY.add(voxel_type, &bytes.concat());
+        let stored = Quantiser::new(&scan, None).map(|q| {
+            let mut out = vec![0; bytes.len()];
+            q.map(voxel_type, &bytes.concat(), &mut out);
+            out
+        });
+        (scan, stored)
+    }
+
+    #[test]
+    fn extremes_of_64_bits_neither_overflow_nor_pass_for_exact() {
+        let whole = [i64::MIN, -1, 0, i64::MAX].map(i64::to_le_bytes);
+        let (scan, stored) = scanned(VoxelType::I64, &whole);
+        assert_eq!((scan.bounds(), scan.rounded), ((-(2f64.powi(63)), 2f64.powi(63)), 1));
+        assert_eq!(stored.unwrap(), [0, 32768, 32768, 65535]);
+        let (scan, stored) = scanned(VoxelType::U64, &[0, u64::MAX].map(u64::to_le_bytes));
+        assert_eq!((scan.rounded, stored.unwrap()), (1, vec![0, 65535]));
+        // Neighbours beyond 2^53 fall together, and that is counted.
+        let (scan, _) = scanned(VoxelType::I64, &[(1 << 53) + 1, 1 << 53].map(i64::to_le_bytes));
+        assert_eq!(scan.rounded, 1);
+        assert!(!Quantiser::new(&scan, None).unwrap().lossless);
+        let (scan, stored) = scanned(VoxelType::I64, &[-70_000, -4_465].map(i64::to_le_bytes));
+        assert_eq!((Quantiser::new(&scan, None).unwrap().lossless, stored.unwrap()), (true, vec![0, 65535]));
+        // Too far apart, or too near: an error that names both ends.
+        for ends in [[f64::MIN, f64::MAX], [0.0, 5e-324]] {
+            assert!(matches!(scanned(VoxelType::F64, &ends.map(f64::to_le_bytes)).1, Err(StoreError::Range { .. })));
+        }
+        let (scan, stored) = scanned(VoxelType::F64, &[f64::NAN, 1e300, -1e300, 0.0].map(f64::to_le_bytes));
+        assert_eq!((scan.not_finite.nan, stored.unwrap()), (1, vec![0, 65535, 0, 32768]));
+    }
 }

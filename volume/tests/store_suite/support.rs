@@ -8,7 +8,7 @@ use brickcast_volume::store::{PrepareOptions, PrepareSummary, StoreError, prepar
 
 #[derive(Debug)]
 pub(crate) struct MemorySource {
-    header: SourceHeader,
+    pub(crate) header: SourceHeader,
     bytes: Vec<u8>,
     next: usize,
     /// Planes of more come short: a reader at fault.
