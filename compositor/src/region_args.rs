@@ -1,6 +1,6 @@
 //! Which regions a store is prepared with.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::anyhow;
 use brickcast_volume::format::RawHints;
@@ -64,11 +64,5 @@ impl RegionArgs {
             Some(SegmentationArg::Windows) | None => Segmentation::Windows { range },
         };
         Ok(Some(RegionOptions { segmentation, min_region }))
-    }
-
-    /// Files that the regions depend on.
-    #[must_use]
-    pub fn file(&self) -> Option<&Path> {
-        self.labels.as_deref()
     }
 }

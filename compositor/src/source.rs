@@ -2,12 +2,13 @@
 
 use std::hash::Hasher;
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context, anyhow};
 use brickcast_volume::StoreHash;
 use brickcast_volume::brick::BrickGrid;
 use brickcast_volume::format::{self, RawHints};
-use brickcast_volume::store::{Manifest, Phase, PrepareOptions, PrepareSummary, Store, prepare, survey};
+use brickcast_volume::store::{Manifest, Phase, PrepareOptions, PrepareSummary, Segmentation, Store, prepare, survey};
 
 use crate::cli::{CacheArgs, OnTheWayArgs, RawArgs};
 use crate::failure::Failure;
@@ -28,8 +29,6 @@ pub struct Surveyed {
     pub manifest: Manifest,
     /// Where the path is a store.
     pub store: Option<Store>,
-    /// What the reader of an input noticed.
-    pub notes: Vec<String>,
 }
 
 /// Reads a store's manifest, or an input once from end to end; nothing is prepared.
@@ -39,14 +38,13 @@ pub struct Surveyed {
 pub fn surveyed(path: &Path, raw: &RawArgs) -> Result<Surveyed, Failure> {
     if path.is_dir() {
         let store = Store::open(path)?;
-        return Ok(Surveyed { manifest: store.manifest().clone(), store: Some(store), notes: Vec::new() });
+        return Ok(Surveyed { manifest: store.manifest().clone(), store: Some(store) });
     }
     let mut source = format::open(path, &raw.hints()?)?;
-    let notes = source.header().notes.clone();
     let bar = Bar::new(&format!("reading {}", path.display()));
     let manifest = survey(source.as_mut(), &mut |p| bar.at(p.done, p.total))?;
     bar.finish();
-    Ok(Surveyed { manifest, store: None, notes })
+    Ok(Surveyed { manifest, store: None })
 }
 
 impl RawArgs {
@@ -68,6 +66,14 @@ impl OnTheWayArgs {
     /// # Errors
     /// Nothing there, neither store nor input, an input that cannot be read.
     pub fn open(&self, path: &Path, nodes_know: bool) -> Result<Source, Failure> {
+        let source = self.opened(path, nodes_know)?;
+        if let Source::Store(store) = &source {
+            tell(path, store.manifest());
+        }
+        Ok(source)
+    }
+
+    fn opened(&self, path: &Path, nodes_know: bool) -> Result<Source, Failure> {
         BrickGrid::new(glam::UVec3::ONE, self.brick).map_err(Failure::usage)?;
         if path.is_dir() {
             if self.regions.segmentation_range.is_some() || self.regions.labels.is_some() {
@@ -111,34 +117,51 @@ impl OnTheWayArgs {
         Ok(Store::open(&target)?)
     }
 
-    /// Changes whenever the prepared store would: place, size and time of input and labels, and every option.
+    /// Changes whenever the prepared store would: place, size and times of every file that the readers of input and labels open, and
+    /// every option.
     fn key(&self, input: &Path) -> Result<u64, Failure> {
         let mut hasher = xxhash_rust::xxh3::Xxh3::new();
-        let labels = self.regions.file().map(files_of).unwrap_or_default();
-        for file in files_of(input).into_iter().chain(labels) {
+        let (regions, version) = (self.regions.options(self.raw.dims)?, env!("CARGO_PKG_VERSION"));
+        let mut files = format::open(input, &self.raw.hints()?)?.files().to_vec();
+        if let Some(Segmentation::Labels { path, hints }) = regions.as_ref().map(|r| &r.segmentation) {
+            files.extend_from_slice(format::open(path, hints)?.files());
+        }
+        for file in files {
             let place = file.canonicalize().with_context(|| format!("{}: cannot be found", file.display()))?;
             let data = place.metadata().with_context(|| format!("{}: cannot be read", file.display()))?;
-            let text = format!("{}|{}|{:?}", place.display(), data.len(), data.modified().ok());
+            hasher.write(place.as_os_str().as_encoded_bytes());
+            let text = format!("|{}|{:?}|{:?}|", data.len(), data.modified().ok(), inode(&data));
             hasher.write(text.as_bytes());
         }
-        let (regions, version) = (self.regions.options(self.raw.dims)?, env!("CARGO_PKG_VERSION"));
         let options = format!("{}|{:?}|{:?}|{regions:?}|{version}", self.brick, self.range, self.raw);
         hasher.write(options.as_bytes());
         Ok(hasher.finish())
     }
 }
 
-/// The files that an input consists of: a detached NRRD header names its data.
-fn files_of(input: &Path) -> Vec<PathBuf> {
-    let mut files = vec![input.to_path_buf()];
-    if input.extension().is_some_and(|e| e.eq_ignore_ascii_case("nhdr"))
-        && let Ok(header) = std::fs::read_to_string(input)
-    {
-        let names = header.lines().filter_map(|l| l.strip_prefix("data file:").or(l.strip_prefix("datafile:")));
-        let folder = input.parent().unwrap_or(Path::new(""));
-        files.extend(names.map(|name| folder.join(name.trim())).filter(|f| f.is_file()));
+/// Which file it is and when anything of it changed last, in seconds and nanoseconds: tells apart what was put in its place or given
+/// the old time.
+#[cfg(unix)]
+fn inode(data: &std::fs::Metadata) -> (u64, i64, i64) {
+    use std::os::unix::fs::MetadataExt as _;
+    (data.ino(), data.ctime(), data.ctime_nsec())
+}
+
+#[cfg(not(unix))]
+fn inode(_: &std::fs::Metadata) {}
+
+/// Tells what is known of how a volume became a store, once a run, however often it is opened. The notes are harmless: see
+/// [`Manifest::notes`].
+pub fn tell(path: &Path, manifest: &Manifest) {
+    static TOLD: Mutex<Vec<String>> = Mutex::new(Vec::new());
+    let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);
+    for note in &manifest.notes {
+        let text = format!("{}: {note}", path.display());
+        if !told.contains(&text) {
+            tracing::warn!("{text}");
+            told.push(text);
+        }
     }
-    files
 }
 
 impl CacheArgs {
@@ -182,9 +205,7 @@ pub fn prepare_input(
         bar.at(p.done, p.total);
     })?;
     bar.finish();
-    for note in &summary.notes {
-        tracing::warn!("{}: {note}", input.display());
-    }
+    tell(input, &summary.manifest);
     Ok(summary)
 }
 

@@ -21,6 +21,12 @@ static ALLOCATOR: Cap<System> = Cap::new(System, usize::MAX);
 const MEMORY_BOUND: usize = 24 << 20;
 const CASES: u32 = 12_000;
 
+fn bzip2(data: &[u8]) -> Vec<u8> {
+    let mut encoder = bzip2::write::BzEncoder::new(Vec::new(), bzip2::Compression::fast());
+    encoder.write_all(data).unwrap();
+    encoder.finish().unwrap()
+}
+
 fn gzip(data: &[u8]) -> Vec<u8> {
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
     encoder.write_all(data).unwrap();
@@ -41,6 +47,11 @@ fn seeds() -> Vec<Vec<u8>> {
         ("NRRD0003\ntype: float\ndimension: 3\nsizes: 2 2 3\naxis mins: 0 1 2\ncenters: cell cell node\nendian: big\nbyte skip: -1\nencoding: raw\nkey:=value\n\n", voxels.clone()),
         ("NRRD0001\ntype: short\ndimension: 3\nsizes: 2 3 4\nline skip: 1\nbyte skip: 2\nendian: big\nencoding: gz\n\n", [b"line\n".as_slice(), &gzip(&[b"ab", voxels.as_slice()].concat())].concat()),
         ("NRRD0004\ntype: int32\ndimension: 3\nsizes: 12 1 1\nspacings: nan 1 1\nendian: little\nencoding: raw\ndata file: voxels.bin\n", Vec::new()),
+        ("NRRD0004\ntype: uint16\ndimension: 3\nsizes: 3 2 4\nendian: big\nencoding: bzip2\n\n", bzip2(&voxels)),
+        ("NRRD0004\ntype: double\ndimension: 3\nsizes: 2 1 3\nencoding: ascii\n\n", b"1 -2.5e300\nnan 4,5\t6".to_vec()),
+        ("NRRD0004\ntype: int64\ndimension: 4\nsizes: 1 2 1 3\nkinds: list domain domain domain\nendian: big\nencoding: hex\nbyte skip: 1\n\n", [b"#".as_slice(), &b"00 7f\n".repeat(24)].concat()),
+        ("NRRD0004\ntype: uint8\ndimension: 4\nsizes: 4 4 3 1\nspace directions: (1,0,0) (0,1,0) (0,0,1) none\nencoding: raw\ndata file: LIST 2\nvoxels.0\nvoxels.1\nvoxels.2\n", Vec::new()),
+        ("NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 2 6\nencoding: raw\nbyte skip: -1\ndata file: voxels.%d 0 2 1 3\n", Vec::new()),
     ]
     .into_iter()
     .map(|(header, data)| [header.as_bytes(), &data].concat())
@@ -67,7 +78,7 @@ const NUMBERS: [&str; 18] = [
     "nan",
     "-inf",
 ];
-const LINES: [&str; 12] = [
+const LINES: [&str; 18] = [
     "type: double",
     "type: uint8",
     "dimension: 4",
@@ -80,6 +91,12 @@ const LINES: [&str; 12] = [
     "space directions: none (0,0,1) (0,1,0)",
     "byte skip: 9223372036854775807",
     "line skip: 18446744073709551615",
+    "encoding: ascii",
+    "encoding: bz2",
+    "voxels.0",
+    "data file: voxels.%01d -9223372036854775808 9223372036854775807 1 3",
+    "data file: voxels.%d 0 1048575 1",
+    "sizes: 1 1 1048576",
 ];
 
 #[derive(Debug, Clone)]
@@ -167,6 +184,9 @@ fn read(path: &Path) -> Result<u64, FormatError> {
 fn mutated_headers_give_a_volume_or_a_clear_error() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("voxels.bin"), [7; 48]).unwrap();
+    for i in 0..3 {
+        std::fs::write(folder.path().join(format!("voxels.{i}")), [i; 16]).unwrap();
+    }
     let path = folder.path().join("x.nrrd");
     let seeds = seeds();
     for seed in &seeds {

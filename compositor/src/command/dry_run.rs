@@ -10,7 +10,7 @@ use crate::discovery::NodeList;
 use crate::failure::Failure;
 use crate::plan::{Assignment, Shown, StoreFacts};
 use crate::session::{Session, SessionError};
-use crate::source::Source;
+use crate::source::{Source, tell};
 
 /// # Errors
 /// As a render up to the plan.
@@ -27,6 +27,7 @@ pub async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -> Resul
         Source::Name(_) => {
             let session =
                 Session::open_through(access(&args.nodes.access)?, &args.nodes.nodes, source.choice()).await?;
+            tell(&args.path, &session.store().manifest);
             let (names, budgets) = session.members().map(|(address, d)| (address.to_owned(), d.memory_budget)).unzip();
             (session.store().clone(), names, budgets)
         }

@@ -13,8 +13,8 @@ use crate::source::{Surveyed, surveyed};
 /// # Errors
 /// Neither an input nor a store; what the reader finds wrong.
 pub fn run(args: &InfoArgs) -> Result<(), Failure> {
-    let Surveyed { manifest, store, notes } = surveyed(&args.path, &args.raw)?;
-    let value = describe(&manifest, store.as_ref(), &notes);
+    let Surveyed { manifest, store } = surveyed(&args.path, &args.raw)?;
+    let value = describe(&manifest, store.as_ref());
     if args.json {
         print(&format!("{value:#}\n"))
     } else {
@@ -22,7 +22,7 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     }
 }
 
-fn describe(m: &Manifest, store: Option<&Store>, notes: &[String]) -> Value {
+fn describe(m: &Manifest, store: Option<&Store>) -> Value {
     let g = &m.geometry;
     let quantiles: serde_json::Map<String, Value> =
         QUANTILES.iter().zip(m.quantiles).map(|(share, value)| (share.to_string(), json!(value))).collect();
@@ -43,7 +43,7 @@ fn describe(m: &Manifest, store: Option<&Store>, notes: &[String]) -> Value {
         "quantiles": quantiles,
         "histogram": m.histogram,
         "not_finite": { "nan": m.not_finite.nan, "negative_infinity": m.not_finite.negative_infinity, "positive_infinity": m.not_finite.positive_infinity },
-        "notes": notes,
+        "notes": m.notes,
     });
     if let Some(store) = store {
         let tree = MergeTree::of(m.grid);

@@ -86,7 +86,9 @@ pub(crate) async fn open_session(
     quiet: bool,
 ) -> Result<(Session, Option<EmbeddedNodes>), Failure> {
     if !args.nodes.is_empty() {
-        return Ok((Session::open_through(access(&args.access)?, &args.nodes, source.choice()).await?, None));
+        let session = Session::open_through(access(&args.access)?, &args.nodes, source.choice()).await?;
+        crate::source::tell(path, &session.store().manifest);
+        return Ok((session, None));
     }
     let Source::Store(store) = source else { return Err(anyhow!("{}: no such store", path.display()).into()) };
     let kernel = Kernel::open(args.backend)?;
@@ -265,6 +267,7 @@ pub(crate) fn manifest(session: &Session, choice: &SceneChoice, frame: &Frame) -
             "address": n.address, "node_id": n.node_id, "version": n.version, "backend": n.backend, "adapter": n.adapter,
         })).collect::<Vec<_>>(),
         "store_short": short(store.hash),
+        "notes": store.manifest.notes,
     })
 }
 

@@ -33,6 +33,8 @@ pub enum FormatError {
         "{header} names the data file {data_file}, which cannot be opened: {reason}. Put it there or correct `data file`"
     )]
     DataFile { header: PathBuf, data_file: PathBuf, reason: io::Error },
+    #[error("data file {number} of the {count} that {header} names: {reason}")]
+    Part { header: PathBuf, number: usize, count: usize, reason: Box<FormatError> },
     #[error(
         "{path}: too short: {present} bytes of voxels from byte {start} on, but {dims:?} voxels of {voxel_type} are {expected} \
          bytes; {} are missing. Copy the file again or correct dims, type or skip",
@@ -46,22 +48,37 @@ pub enum FormatError {
     )]
     TooLong { path: PathBuf, start: u64, present: u64, expected: u64, dims: [u32; 3], voxel_type: VoxelType },
     #[error(
-        "{path}: the gzip data ends after {present} bytes of voxels, but {dims:?} voxels of {voxel_type} are {expected} bytes. \
+        "{path}: the {coding} data ends after {present} bytes of voxels, but {dims:?} voxels of {voxel_type} are {expected} bytes. \
          The file is truncated (copy it again) or its sizes are wrong"
     )]
-    GzipTooShort { path: PathBuf, present: u64, expected: u64, dims: [u32; 3], voxel_type: VoxelType },
+    CodedTooShort {
+        path: PathBuf,
+        coding: &'static str,
+        present: u64,
+        expected: u64,
+        dims: [u32; 3],
+        voxel_type: VoxelType,
+    },
     #[error(
-        "{path}: {compressed} bytes of gzip data cannot hold the {expected} bytes that {dims:?} voxels of {voxel_type} are \
-         (gzip shrinks at most 1032 times). The file is truncated or its sizes are wrong"
+        "{path}: {present} bytes of {coding} data cannot hold the {expected} bytes that {dims:?} voxels of {voxel_type} are \
+         ({why}). The file is truncated or its sizes are wrong"
     )]
-    GzipImpossible { path: PathBuf, compressed: u64, expected: u64, dims: [u32; 3], voxel_type: VoxelType },
+    CodedImpossible {
+        path: PathBuf,
+        coding: &'static str,
+        present: u64,
+        expected: u64,
+        dims: [u32; 3],
+        voxel_type: VoxelType,
+        why: &'static str,
+    },
     #[error(
-        "{path}: the gzip data goes on after the {expected} bytes that {dims:?} voxels of {voxel_type} are. Its sizes or type \
+        "{path}: the {coding} data goes on after the {expected} bytes that {dims:?} voxels of {voxel_type} are. Its sizes or type \
          are wrong, or it was appended to"
     )]
-    GzipTooLong { path: PathBuf, expected: u64, dims: [u32; 3], voxel_type: VoxelType },
-    #[error("{path}: broken gzip data after {position} bytes of voxels: {reason}. Copy or export the file again")]
-    GzipBroken { path: PathBuf, position: u64, reason: io::Error },
+    CodedTooLong { path: PathBuf, coding: &'static str, expected: u64, dims: [u32; 3], voxel_type: VoxelType },
+    #[error("{path}: broken {coding} data after {position} bytes of voxels: {reason}. Copy or export the file again")]
+    CodedBroken { path: PathBuf, coding: &'static str, position: u64, reason: io::Error },
     #[error("{path}: it shrank or was replaced while it was read: {got} bytes now, {was} before. Run it again")]
     Changed { path: PathBuf, was: u64, got: u64 },
     #[error(

@@ -2,17 +2,20 @@
 //!
 //! A new format is a line in [`FORMATS`] and a module that ends in a [`VolumeSource`].
 
+mod coded;
 mod error;
 pub mod nrrd;
 mod planes;
 pub mod raw;
 mod raw_name;
+mod series;
+mod text_voxels;
 mod voxel_type;
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{Read as _, Seek as _};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::space::Geometry;
 
@@ -36,6 +39,12 @@ pub struct SourceHeader {
 /// An input volume, read in order; a second pass starts with [`VolumeSource::rewind`].
 pub trait VolumeSource: Send + std::fmt::Debug {
     fn header(&self) -> &SourceHeader;
+
+    /// Every file that the volume is read from, its header first: while none of them changes, nor does the volume. None where it is
+    /// in memory.
+    fn files(&self) -> &[PathBuf] {
+        &[]
+    }
 
     /// Starts over at plane 0.
     ///
@@ -70,7 +79,7 @@ static FORMATS: [Format; 2] = [
     Format {
         name: "NRRD",
         extensions: &["nrrd", "nhdr"],
-        reads: "raw or gzip encoding, attached or with one data file",
+        reads: "raw, gzip, bzip2, ascii or hex encoding, attached or with one data file or many",
         recognises: Some(nrrd::has_magic),
         open: nrrd::open,
     },

@@ -1,48 +1,39 @@
-//! The one reader behind all formats that end in voxels in file order, raw or gzip: whole z-planes, little endian.
+//! The one reader behind all formats that end in voxels in file order, raw or coded: whole z-planes, little endian.
 
 use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::PathBuf;
 
-use flate2::bufread::MultiGzDecoder;
-
+pub(super) use super::coded::Coding;
+use super::coded::Decoder;
 use super::{Endian, FormatError, SourceHeader, VolumeSource, open_regular};
 
 /// Where a file keeps its voxels.
 #[derive(Debug, Clone)]
 pub(super) struct DataLocation {
     pub(super) path: PathBuf,
-    /// First byte of the voxels, or of the gzip stream, in the file.
+    /// First byte of the voxels, or of the coded stream, in the file.
     pub(super) start: u64,
     pub(super) coding: Coding,
     /// Without meaning for voxels of one byte.
     pub(super) endian: Endian,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Coding {
-    Raw,
-    /// `skip` bytes of the decompressed stream come before the voxels.
-    Gzip {
-        skip: u64,
-    },
-}
-
-/// The largest expansion of deflate (RFC 1951: 258 bytes from two bits).
-const DEFLATE_RATIO: u64 = 1032;
 /// How far the slab's memory runs ahead of bytes really read.
 const READ_STEP: u64 = 4 << 20;
 
 #[derive(Debug)]
 enum Stream {
     Raw(File),
-    Gzip(Box<MultiGzDecoder<BufReader<File>>>),
+    Coded(Box<dyn Decoder>),
 }
 
 #[derive(Debug)]
 pub(super) struct PlaneSource {
     header: SourceHeader,
     location: DataLocation,
+    /// See [`VolumeSource::files`].
+    files: Vec<PathBuf>,
     /// Length of the file when it was opened first.
     file_bytes: u64,
     plane_bytes: u64,
@@ -52,15 +43,15 @@ pub(super) struct PlaneSource {
 }
 
 impl PlaneSource {
-    /// Checks the file's length against dims x type before anything is allocated.
-    pub(super) fn new(header: SourceHeader, location: DataLocation) -> Result<Self, FormatError> {
+    /// Checks the file's length against dims x type before anything is allocated. `files` are all that the volume is read from.
+    pub(super) fn new(header: SourceHeader, location: DataLocation, files: Vec<PathBuf>) -> Result<Self, FormatError> {
         let file = open_regular(&location.path)?;
         let file_bytes = file.metadata().map_err(|reason| FormatError::io(&location.path, "read", reason))?.len();
         let dims = header.geometry.dims();
         let voxel_bytes = header.voxel_type.bytes() as u64;
-        // At most 2^44 voxels (Geometry) of 4 bytes: no overflow.
+        // At most 2^44 voxels (Geometry) of 8 bytes: no overflow.
         let plane_bytes = u64::from(dims.x) * u64::from(dims.y) * voxel_bytes;
-        let source = Self { header, location, file_bytes, plane_bytes, stream: None, next_plane: 0 };
+        let source = Self { header, location, files, file_bytes, plane_bytes, stream: None, next_plane: 0 };
         source.check_length()?;
         Ok(source)
     }
@@ -81,10 +72,13 @@ impl PlaneSource {
             Coding::Raw if present > expected => {
                 Err(FormatError::TooLong { path, start, present, expected, dims, voxel_type })
             }
-            Coding::Gzip { skip } if expected.saturating_add(skip) / DEFLATE_RATIO > present => {
-                Err(FormatError::GzipImpossible { path, compressed: present, expected, dims, voxel_type })
-            }
-            _ => Ok(()),
+            coding => match coding.impossible(present, expected, voxel_type.bytes() as u64) {
+                Some(why) => {
+                    let coding = coding.name();
+                    Err(FormatError::CodedImpossible { path, coding, present, expected, dims, voxel_type, why })
+                }
+                None => Ok(()),
+            },
         }
     }
 
@@ -97,23 +91,20 @@ impl PlaneSource {
             return Err(FormatError::Changed { path: path.clone(), was: self.file_bytes, got });
         }
         file.seek(SeekFrom::Start(self.location.start)).map_err(failed)?;
-        Ok(match self.location.coding {
-            Coding::Raw => Stream::Raw(file),
-            Coding::Gzip { skip } => {
-                let mut gzip = Box::new(MultiGzDecoder::new(BufReader::with_capacity(1 << 17, file)));
-                let skipped = io::copy(&mut gzip.by_ref().take(skip), &mut io::sink());
-                match skipped {
-                    Ok(n) if n == skip => Stream::Gzip(gzip),
-                    Ok(_) => return Err(self.gzip_too_short(0)),
-                    Err(reason) => return Err(self.gzip_failed(0, reason)),
-                }
-            }
-        })
+        if self.location.coding == Coding::Raw {
+            return Ok(Stream::Raw(file));
+        }
+        match self.location.coding.decoder(file, self.header.voxel_type) {
+            Ok(Some(decoder)) => Ok(Stream::Coded(decoder)),
+            Ok(None) => Err(failed(io::ErrorKind::Unsupported.into())),
+            Err(reason) => Err(self.coded_failed(0, reason)),
+        }
     }
 
-    fn gzip_too_short(&self, present: u64) -> FormatError {
-        FormatError::GzipTooShort {
+    fn coded_too_short(&self, present: u64) -> FormatError {
+        FormatError::CodedTooShort {
             path: self.location.path.clone(),
+            coding: self.location.coding.name(),
             present,
             expected: self.expected_bytes(),
             dims: self.header.geometry.dims().to_array(),
@@ -121,19 +112,19 @@ impl PlaneSource {
         }
     }
 
-    fn gzip_failed(&self, position: u64, reason: io::Error) -> FormatError {
+    fn coded_failed(&self, position: u64, reason: io::Error) -> FormatError {
         if reason.kind() == io::ErrorKind::UnexpectedEof {
-            self.gzip_too_short(position)
-        } else {
-            FormatError::GzipBroken { path: self.location.path.clone(), position, reason }
+            return self.coded_too_short(position);
         }
+        let (path, coding) = (self.location.path.clone(), self.location.coding.name());
+        FormatError::CodedBroken { path, coding, position, reason }
     }
 
     /// An error of the stream at `position` bytes of voxels.
     fn failed(&self, position: u64, reason: io::Error) -> FormatError {
         match self.location.coding {
             Coding::Raw => FormatError::io(&self.location.path, "read", reason),
-            Coding::Gzip { .. } => self.gzip_failed(position, reason),
+            _ => self.coded_failed(position, reason),
         }
     }
 
@@ -141,7 +132,7 @@ impl PlaneSource {
     fn fill(&self, stream: &mut Stream, want: u64, done: u64, planes: &mut Vec<u8>) -> Result<(), FormatError> {
         let reader: &mut dyn Read = match stream {
             Stream::Raw(file) => file,
-            Stream::Gzip(gzip) => gzip,
+            Stream::Coded(decoder) => decoder,
         };
         let memory = |_| FormatError::Memory {
             path: self.location.path.clone(),
@@ -166,7 +157,7 @@ impl PlaneSource {
                         was: self.file_bytes,
                         got: self.location.start + present,
                     },
-                    Coding::Gzip { .. } => self.gzip_too_short(present),
+                    _ => self.coded_too_short(present),
                 });
             }
         }
@@ -175,17 +166,19 @@ impl PlaneSource {
 
     /// One read past the end: reports data that goes on, and makes the decoder check the checksum in the trailer.
     fn check_end(&self, stream: &mut Stream) -> Result<(), FormatError> {
-        let Stream::Gzip(gzip) = stream else { return Ok(()) };
-        match gzip.read(&mut [0]) {
-            Ok(0) => Ok(()),
-            Ok(_) => Err(FormatError::GzipTooLong {
+        let Stream::Coded(decoder) = stream else { return Ok(()) };
+        match decoder.goes_on() {
+            Ok(false) => Ok(()),
+            Ok(true) => Err(FormatError::CodedTooLong {
                 path: self.location.path.clone(),
+                coding: self.location.coding.name(),
                 expected: self.expected_bytes(),
                 dims: self.header.geometry.dims().to_array(),
                 voxel_type: self.header.voxel_type,
             }),
-            Err(reason) => Err(FormatError::GzipBroken {
+            Err(reason) => Err(FormatError::CodedBroken {
                 path: self.location.path.clone(),
+                coding: self.location.coding.name(),
                 position: self.expected_bytes(),
                 reason,
             }),
@@ -196,6 +189,10 @@ impl PlaneSource {
 impl VolumeSource for PlaneSource {
     fn header(&self) -> &SourceHeader {
         &self.header
+    }
+
+    fn files(&self) -> &[PathBuf] {
+        &self.files
     }
 
     fn rewind(&mut self) -> Result<(), FormatError> {
@@ -235,6 +232,7 @@ impl VolumeSource for PlaneSource {
 fn swap_bytes(data: &mut [u8], voxel_bytes: usize) {
     match voxel_bytes {
         2 => data.as_chunks_mut::<2>().0.iter_mut().for_each(|v| v.reverse()),
+        8 => data.as_chunks_mut::<8>().0.iter_mut().for_each(|v| v.reverse()),
         4 => data.as_chunks_mut::<4>().0.iter_mut().for_each(|v| v.reverse()),
         _ => {}
     }

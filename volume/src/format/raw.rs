@@ -81,7 +81,7 @@ pub(super) fn open(file: File, path: &Path, hints: &RawHints) -> Result<Box<dyn 
         .map_err(|reason| FormatError::Geometry { path: path.into(), reason })?;
     let header = SourceHeader { geometry, voxel_type, format: "raw", space_unit: None, notes };
     let location = DataLocation { path: path.into(), start: hints.skip, coding: Coding::Raw, endian };
-    Ok(Box::new(PlaneSource::new(header, location)?))
+    Ok(Box::new(PlaneSource::new(header, location, vec![path.into()])?))
 }
 
 /// What the file's length says where only half is known; empty where it says nothing.

@@ -67,7 +67,10 @@ fn take_dims(stem: &str) -> (Option<[u32; 3]>, String) {
 /// A word's voxel type, with or without a byte order behind it. `32bit` alone may be an integer or a float: nothing.
 fn type_of(word: &str, signed: bool) -> Option<VoxelType> {
     // Words of everyday names, not only of raw files: `byte_order_test.raw`.
-    let word = word.strip_suffix("le").or_else(|| word.strip_suffix("be")).unwrap_or(word);
+    let word = match word.strip_suffix("le").or_else(|| word.strip_suffix("be")) {
+        Some(kind) if word != "double" => kind,
+        _ => word,
+    };
     match (word, signed) {
         ("8bit" | "8bits", false) => Some(VoxelType::U8),
         ("8bit" | "8bits", true) => Some(VoxelType::I8),
@@ -104,6 +107,10 @@ mod tests {
             ("dir_9x9x9/a.b.1x2x3.ushort.raw", Some([1, 2, 3]), Some(U16), None),
             ("vol64x32x16float32.raw", Some([64, 32, 16]), Some(F32), None),
             ("v_8x8x8_u16be.raw", Some([8, 8, 8]), Some(U16), Some(Endian::Big)),
+            ("v_8x8x8_float64.raw", Some([8, 8, 8]), Some(F64), None),
+            ("v_8x8x8_double_big.raw", Some([8, 8, 8]), Some(F64), Some(Endian::Big)),
+            ("v_8x8x8_doublele.raw", Some([8, 8, 8]), Some(F64), Some(Endian::Little)),
+            ("v_8x8x8_int64le.raw", Some([8, 8, 8]), Some(I64), Some(Endian::Little)),
             ("v_8x8x8_16bit_signed.raw", Some([8, 8, 8]), Some(I16), None),
             ("v_8x8x8_int32_bigendian", Some([8, 8, 8]), Some(I32), Some(Endian::Big)),
         ] {

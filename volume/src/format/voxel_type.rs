@@ -13,6 +13,9 @@ pub enum VoxelType {
     U32,
     I32,
     F32,
+    U64,
+    I64,
+    F64,
 }
 
 /// Byte order of voxels of more than one byte.
@@ -33,7 +36,7 @@ pub struct ParseNameError {
 
 impl VoxelType {
     /// The names that [`VoxelType`] prints itself as, for people.
-    pub const NAMES: &str = "uint8, int8, uint16, int16, uint32, int32, float32";
+    pub const NAMES: &str = "uint8, int8, uint16, int16, uint32, int32, float32, uint64, int64, float64";
 
     /// Bytes per voxel.
     #[must_use]
@@ -42,6 +45,7 @@ impl VoxelType {
             Self::U8 | Self::I8 => 1,
             Self::U16 | Self::I16 => 2,
             Self::U32 | Self::I32 | Self::F32 => 4,
+            Self::U64 | Self::I64 | Self::F64 => 8,
         }
     }
 
@@ -61,6 +65,9 @@ impl VoxelType {
             Self::U32 => "uint32",
             Self::I32 => "int32",
             Self::F32 => "float32",
+            Self::U64 => "uint64",
+            Self::I64 => "int64",
+            Self::F64 => "float64",
         }
     }
 }
@@ -84,6 +91,9 @@ impl FromStr for VoxelType {
             "uint32" | "u32" | "uint" | "uint32_t" => Self::U32,
             "int32" | "i32" | "s32" | "int" | "sint" | "int32_t" => Self::I32,
             "float32" | "f32" | "float" | "real32" => Self::F32,
+            "uint64" | "u64" | "ulonglong" | "uint64_t" => Self::U64,
+            "int64" | "i64" | "s64" | "longlong" | "slonglong" | "int64_t" => Self::I64,
+            "float64" | "f64" | "double" | "real64" => Self::F64,
             _ => return Err(ParseNameError::new(text, "voxel type", Self::NAMES)),
         })
     }
@@ -132,8 +142,8 @@ mod tests {
 
     #[test]
     fn an_unknown_name_is_answered_with_the_choices() {
-        let error = "float64".parse::<VoxelType>().unwrap_err().to_string();
-        assert!(error.contains("`float64`") && error.contains("float32"), "{error}");
+        let error = "float16".parse::<VoxelType>().unwrap_err().to_string();
+        assert!(error.contains("`float16`") && error.contains("float32"), "{error}");
         assert!("middle".parse::<Endian>().unwrap_err().to_string().contains("little, big"));
     }
 }

@@ -23,7 +23,7 @@ impl LabelPlanes {
             return Err(RegionsError::LabelDims { got, want }.into());
         }
         match header.voxel_type {
-            VoxelType::F32 => Err(RegionsError::LabelType { got: header.voxel_type.name() }.into()),
+            VoxelType::F32 | VoxelType::F64 => Err(RegionsError::LabelType { got: header.voxel_type.name() }.into()),
             _ => Ok(Self::File(source)),
         }
     }
@@ -64,6 +64,7 @@ impl LabelPlanes {
                 return Err(StoreError::SourceLength { plane: z, got: bytes.len(), want });
             }
             match voxel_type.bytes() {
+                8 => labels_of_8(voxel_type, &bytes, labels)?,
                 1 => labels.extend(bytes.iter().map(|b| u32::from(*b))),
                 2 => labels.extend(bytes.as_chunks::<2>().0.iter().map(|b| u32::from(u16::from_le_bytes(*b)))),
                 _ => labels.extend(bytes.as_chunks::<4>().0.iter().map(|b| u32::from_le_bytes(*b))),
@@ -71,6 +72,22 @@ impl LabelPlanes {
         }
         Ok(())
     }
+}
+
+/// 64-bit labels that 32 bits hold: numpy's default type for them is int64.
+fn labels_of_8(voxel_type: VoxelType, bytes: &[u8], labels: &mut Vec<u32>) -> Result<(), RegionsError> {
+    for b in bytes.as_chunks::<8>().0 {
+        let label = match voxel_type {
+            VoxelType::U64 => u32::try_from(u64::from_le_bytes(*b)).ok(),
+            _ => i32::try_from(i64::from_le_bytes(*b)).ok().map(|label| label as u32),
+        };
+        let got = || match voxel_type {
+            VoxelType::U64 => i128::from(u64::from_le_bytes(*b)),
+            _ => i128::from(i64::from_le_bytes(*b)),
+        };
+        labels.push(label.ok_or_else(|| RegionsError::LabelValue { got: got() })?);
+    }
+    Ok(())
 }
 
 #[cfg(test)]

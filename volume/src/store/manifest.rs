@@ -57,6 +57,9 @@ pub struct Manifest {
     pub halo: Option<HaloEntry>,
     /// Nothing where the store was made without regions.
     pub regions: Option<RegionsEntry>,
+    /// What was guessed, mapped, counted or left aside on the way from the input, for people: harmless for a terminal, at most
+    /// [`super::MAX_NOTES`] of [`super::MAX_NOTE_BYTES`].
+    pub notes: Vec<String>,
 }
 
 /// The input that a store was made from.

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::error::{ManifestError, StoreError};
 use super::halo_manifest::{self, HaloFile};
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
+use super::notes;
 use super::region_manifest::RegionsFile;
 use super::value_map::check_range;
 use super::voxel::{SOURCE_TYPES, StoredType};
@@ -13,7 +14,9 @@ use crate::format::VoxelType;
 use crate::space::Geometry;
 
 pub(super) const FORMAT: &str = "brickcast-store";
-pub(super) const VERSION: u64 = 4;
+pub(super) const VERSION: u64 = 5;
+/// Read as well: it lacks keys that may be left out.
+const OLDEST: u64 = 4;
 /// The longest text in a manifest, in bytes.
 pub(super) const MAX_TEXT: usize = 255;
 
@@ -51,6 +54,9 @@ pub(super) struct ManifestFile {
     /// Left out where there are none: the bytes are those of a store that knows no regions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     regions: Option<RegionsFile>,
+    /// Left out where there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    notes: Vec<String>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -93,7 +99,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<ManifestFile, ManifestError> {
     if marker.format != FORMAT {
         return Err(ManifestError::Format(short(&marker.format)));
     }
-    if marker.version != VERSION {
+    if !(OLDEST..=VERSION).contains(&marker.version) {
         return Err(ManifestError::Version { got: marker.version, known: VERSION });
     }
     serde_json::from_slice(bytes).map_err(json)
@@ -197,6 +203,7 @@ impl TryFrom<ManifestFile> for Manifest {
             },
             halo: halo_manifest::parse(file.halo, file.brick_size, file.regions.is_some())?,
             regions: file.regions.map(|regions| regions.parse(&geometry)).transpose()?,
+            notes: notes::checked(file.notes)?,
         })
     }
 }
@@ -259,6 +266,7 @@ impl From<&Manifest> for ManifestFile {
             },
             halo: m.halo.as_ref().map(HaloFile::from),
             regions: m.regions.as_ref().map(RegionsFile::from),
+            notes: m.notes.clone(),
         }
     }
 }

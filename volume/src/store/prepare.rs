@@ -1,4 +1,4 @@
-//! From an input volume to a store, in one pass (two for 32-bit voxels), holding a layer of inner chunks at a time.
+//! From an input volume to a store, in one pass (two for voxels of 32 and 64 bits), holding a layer of inner chunks at a time.
 
 use std::fs::{self, File};
 use std::io::Write;
@@ -14,6 +14,7 @@ use super::hash::ContentHash;
 use super::histogram::Histogram;
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
 use super::manifest_file::MAX_TEXT;
+use super::notes;
 use super::plane_read::CodePlanes;
 use super::prepare_options::{Phase, PrepareOptions, PrepareSummary, Progress};
 use super::profile::{
@@ -105,7 +106,9 @@ pub fn survey(source: &mut dyn VolumeSource, progress: &mut dyn FnMut(Progress))
             Some((_, q)) => job.count(&mut pass, |bytes, out| q.map(header.voxel_type, bytes, out))?,
         },
     };
-    job.manifest(&histogram)
+    let mut manifest = job.manifest(&histogram)?;
+    manifest.notes = notes::kept(job.notes(&manifest));
+    Ok(manifest)
 }
 
 /// The input, plane by plane.
@@ -132,7 +135,7 @@ impl Pass<'_> {
         Ok(&self.plane)
     }
 
-    /// How 32-bit voxels are mapped to 16 bits, after a pass of their own; `None` for types that are stored as they are.
+    /// How voxels of more than 16 bits are mapped to 16 bits, after a pass of their own; `None` for types that are stored as they are.
     fn mapping(&mut self, range: Option<(f64, f64)>) -> Result<Option<(Scan, Quantiser)>, StoreError> {
         if self.header.voxel_type.is_lossless() {
             return Ok(None);
@@ -262,17 +265,17 @@ impl Job<'_> {
             entry.voxels = halos.hashes();
             entry.regions = region_halos.as_ref().map(WrittenHalos::hashes);
         }
+        manifest.notes =
+            notes::kept(self.notes(&manifest).into_iter().chain(regions.as_mut().and_then(|r| r.note.take())));
         let bytes = manifest.to_bytes()?;
         // What was just written must be readable: the same checks that every reader makes.
         let manifest = Manifest::from_bytes(&bytes)?;
         let mut store_bytes: u64 = shards.iter().map(|s| s.bytes).sum();
         let hash = StoreHash::of(&bytes);
-        let mut notes = self.notes(&manifest);
         let mut files = vec![(GROUP_FILE, group), (ARRAY_FILE, array), (RANGES_FILE, ranges), (SHARDS_FILE, table)];
         if let Some(regions) = regions {
             files.extend(regions.files);
             store_bytes += regions.shard_bytes;
-            notes.extend(regions.note);
         }
         for (name, halos) in [(HALO_INDEX_FILE, halos), (REGION_HALO_INDEX_FILE, region_halos)] {
             let Some(halos) = halos else { continue };
@@ -284,7 +287,7 @@ impl Job<'_> {
             write_synced(&root.join(name), &content)?;
             store_bytes += content.len() as u64;
         }
-        Ok(PrepareSummary { hash, manifest, store_bytes, region_seconds: 0.0, notes })
+        Ok(PrepareSummary { hash, manifest, store_bytes, region_seconds: 0.0 })
     }
 
     /// The manifest without the hashes of the files.
@@ -330,17 +333,26 @@ impl Job<'_> {
             files: FileHashes { group: unknown, array: unknown, ranges: unknown, shards: unknown },
             halo: HaloEntry::unwritten(self.grid.brick_size()),
             regions: None,
+            notes: Vec::new(),
         })
     }
 
     fn notes(&self, m: &Manifest) -> Vec<String> {
         let mut notes = self.header.notes.clone();
-        let Some((_, q)) = self.mapping else { return notes };
+        let Some((scan, q)) = self.mapping else { return notes };
         let how = if q.lossless { "exactly".to_owned() } else { format!("within {:e} of each value", q.scale * 0.5) };
         notes.push(format!(
-            "mapped from 32 to 16 bits in two passes, {how}: value = {} * stored + {}",
-            m.scale, m.offset
+            "mapped from {} to 16 bits in two passes, {how}: value = {} * stored + {}",
+            8 * self.header.voxel_type.bytes(),
+            m.scale,
+            m.offset
         ));
+        if scan.rounded > 0 {
+            notes.push(format!(
+                "{} voxels are whole numbers beyond 2^53 (9007199254740992), which were rounded to 53 bits",
+                scan.rounded
+            ));
+        }
         let NotFinite { nan, negative_infinity, positive_infinity } = m.not_finite;
         if m.not_finite.total() > 0 {
             notes.push(format!(

@@ -52,7 +52,7 @@ impl Default for PrepareOptions {
 /// What [`super::prepare`] or [`super::Store::verify`] is at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
-    /// First pass over a 32-bit input: its bounds.
+    /// First pass over an input of 32 or 64 bits: its bounds.
     Scan,
     /// Voxels are read, compressed and written.
     Write,
@@ -87,6 +87,4 @@ pub struct PrepareSummary {
     pub store_bytes: u64,
     /// Seconds that regions took.
     pub region_seconds: f64,
-    /// What was guessed, mapped or left aside, for people.
-    pub notes: Vec<String>,
 }

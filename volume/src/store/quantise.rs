@@ -1,4 +1,4 @@
-//! From 32-bit sources to 16-bit stored numbers: a first pass finds the finite values' bounds, the second maps them.
+//! From 32- and 64-bit sources to 16-bit stored numbers: a first pass finds the finite values' bounds, the second maps them.
 
 use rayon::prelude::*;
 
@@ -7,7 +7,7 @@ use super::manifest::NotFinite;
 use super::value_map::check_range;
 use crate::format::VoxelType;
 
-/// What the first pass over a 32-bit source finds.
+/// What the first pass over a source of 32 or 64 bits finds.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Scan {
     /// Smallest and largest finite value; `min > max` where there is none.
@@ -15,6 +15,8 @@ pub(super) struct Scan {
     max: f64,
     /// True while every finite value was a whole number.
     whole: bool,
+    /// 64-bit integers that f64 does not hold: beyond 2^53 not every whole number is one.
+    pub(super) rounded: u64,
     pub(super) not_finite: NotFinite,
 }
 
@@ -23,6 +25,7 @@ impl Scan {
         min: f64::INFINITY,
         max: f64::NEG_INFINITY,
         whole: true,
+        rounded: 0,
         not_finite: NotFinite { nan: 0, negative_infinity: 0, positive_infinity: 0 },
     };
 
@@ -52,6 +55,7 @@ impl Scan {
             min: self.min.min(other.min),
             max: self.max.max(other.max),
             whole: self.whole && other.whole,
+            rounded: self.rounded + other.rounded,
             not_finite: NotFinite {
                 nan: a.nan + b.nan,
                 negative_infinity: a.negative_infinity + b.negative_infinity,
@@ -60,14 +64,28 @@ impl Scan {
         }
     }
 
-    /// Takes in a plane of 32-bit little-endian voxels.
+    /// Takes in a plane of little-endian voxels of 32 or 64 bits.
     pub(super) fn add(self, voxel_type: VoxelType, plane: &[u8]) -> Self {
-        let value = value_of(voxel_type);
         plane
-            .par_chunks(PIECE * 4)
-            .map(|piece| piece.as_chunks::<4>().0.iter().fold(Self::EMPTY, |scan, b| scan.with(value(*b))))
+            .par_chunks(PIECE * voxel_type.bytes())
+            .map(|piece| match voxel_type.bytes() {
+                8 => {
+                    let (value, exact) = (value_of_8(voxel_type), exact_of_8(voxel_type));
+                    let eights = piece.as_chunks::<8>().0.iter();
+                    eights.fold(Self::EMPTY, |scan, b| scan.rounding(!exact(*b)).with(value(*b)))
+                }
+                _ => {
+                    let value = value_of(voxel_type);
+                    piece.as_chunks::<4>().0.iter().fold(Self::EMPTY, |scan, b| scan.with(value(*b)))
+                }
+            })
             .reduce(|| Self::EMPTY, Self::joined)
             .joined(self)
+    }
+
+    fn rounding(mut self, rounded: bool) -> Self {
+        self.rounded += u64::from(rounded);
+        self
     }
 }
 
@@ -80,6 +98,24 @@ fn value_of(voxel_type: VoxelType) -> fn([u8; 4]) -> f64 {
         VoxelType::U32 => |b| f64::from(u32::from_le_bytes(b)),
         VoxelType::I32 => |b| f64::from(i32::from_le_bytes(b)),
         _ => |b| f64::from(f32::from_le_bytes(b)),
+    }
+}
+
+/// A 64-bit voxel's value, whole numbers beyond 2^53 rounded to even.
+fn value_of_8(voxel_type: VoxelType) -> fn([u8; 8]) -> f64 {
+    match voxel_type {
+        VoxelType::U64 => |b| u64::from_le_bytes(b) as f64,
+        VoxelType::I64 => |b| i64::from_le_bytes(b) as f64,
+        _ => f64::from_le_bytes,
+    }
+}
+
+/// Says of a 64-bit voxel whether [`value_of_8`] is its very value.
+fn exact_of_8(voxel_type: VoxelType) -> fn([u8; 8]) -> bool {
+    match voxel_type {
+        VoxelType::U64 => |b| u64::from_le_bytes(b) as f64 as u128 == u128::from(u64::from_le_bytes(b)),
+        VoxelType::I64 => |b| i64::from_le_bytes(b) as f64 as i128 == i128::from(i64::from_le_bytes(b)),
+        _ => |_| true,
     }
 }
 
@@ -104,19 +140,32 @@ impl Quantiser {
         };
         let whole = scan.whole && lo.fract() == 0.0 && hi.fract() == 0.0 && hi - lo <= 65535.0;
         if whole || lo == hi {
-            let lossless = (lo, hi) == (min, max) && scan.not_finite.total() == 0;
+            let lossless = (lo, hi) == (min, max) && scan.not_finite.total() == 0 && scan.rounded == 0;
             return Ok(Self { scale: 1.0, offset: lo, top: (hi - lo) as u16, lossless });
         }
         check_range(lo, hi)?;
         Ok(Self { scale: (hi - lo) / 65535.0, offset: lo, top: u16::MAX, lossless: false })
     }
 
-    /// Maps 32-bit little-endian voxels; `out` has one entry for every four bytes. NaN and -Inf become 0, +Inf `top`.
+    /// Maps little-endian voxels of 32 or 64 bits; `out` has one entry for each. NaN and -Inf become 0, +Inf `top`.
     pub(super) fn map(&self, voxel_type: VoxelType, bytes: &[u8], out: &mut [u16]) {
         let (offset, inverse, top) = (self.offset, 1.0 / self.scale, self.top);
         // `as` saturates, and takes NaN to 0.
         let stored = |value: f64| (((value - offset) * inverse + 0.5) as u16).min(top);
-        out.par_chunks_mut(PIECE).zip(bytes.par_chunks(PIECE * 4)).for_each(|(out, bytes)| {
+        out.par_chunks_mut(PIECE).zip(bytes.par_chunks(PIECE * voxel_type.bytes())).for_each(|(out, bytes)| {
+            let eights = bytes.as_chunks::<8>().0;
+            match voxel_type {
+                VoxelType::U64 => {
+                    return out.iter_mut().zip(eights).for_each(|(o, b)| *o = stored(u64::from_le_bytes(*b) as f64));
+                }
+                VoxelType::I64 => {
+                    return out.iter_mut().zip(eights).for_each(|(o, b)| *o = stored(i64::from_le_bytes(*b) as f64));
+                }
+                VoxelType::F64 => {
+                    return out.iter_mut().zip(eights).for_each(|(o, b)| *o = stored(f64::from_le_bytes(*b)));
+                }
+                _ => {}
+            }
             let pairs = out.iter_mut().zip(bytes.as_chunks::<4>().0);
             match voxel_type {
                 VoxelType::U32 => pairs.for_each(|(o, b)| *o = stored(f64::from(u32::from_le_bytes(*b)))),
@@ -179,5 +228,37 @@ mod tests {
         assert_eq!(stored, [0, 32768, 65535, 65535]);
         // A range that misses the data leaves the data's own bounds.
         assert_eq!(mapped(&[0.0, 0.5, 1.0], Some((5.0, 6.0))).1, [0, 32768, 65535]);
+    }
+
+    fn scanned(voxel_type: VoxelType, bytes: &[[u8; 8]]) -> (Scan, Result<Vec<u16>, StoreError>) {
+        let scan = Scan::EMPTY.add(voxel_type, &bytes.concat());
+        let stored = Quantiser::new(&scan, None).map(|q| {
+            let mut out = vec![0; bytes.len()];
+            q.map(voxel_type, &bytes.concat(), &mut out);
+            out
+        });
+        (scan, stored)
+    }
+
+    #[test]
+    fn extremes_of_64_bits_neither_overflow_nor_pass_for_exact() {
+        let whole = [i64::MIN, -1, 0, i64::MAX].map(i64::to_le_bytes);
+        let (scan, stored) = scanned(VoxelType::I64, &whole);
+        assert_eq!((scan.bounds(), scan.rounded), ((-(2f64.powi(63)), 2f64.powi(63)), 1));
+        assert_eq!(stored.unwrap(), [0, 32768, 32768, 65535]);
+        let (scan, stored) = scanned(VoxelType::U64, &[0, u64::MAX].map(u64::to_le_bytes));
+        assert_eq!((scan.rounded, stored.unwrap()), (1, vec![0, 65535]));
+        // Neighbours beyond 2^53 fall together, and that is counted.
+        let (scan, _) = scanned(VoxelType::I64, &[(1 << 53) + 1, 1 << 53].map(i64::to_le_bytes));
+        assert_eq!(scan.rounded, 1);
+        assert!(!Quantiser::new(&scan, None).unwrap().lossless);
+        let (scan, stored) = scanned(VoxelType::I64, &[-70_000, -4_465].map(i64::to_le_bytes));
+        assert_eq!((Quantiser::new(&scan, None).unwrap().lossless, stored.unwrap()), (true, vec![0, 65535]));
+        // Too far apart, or too near: an error that names both ends.
+        for ends in [[f64::MIN, f64::MAX], [0.0, 5e-324]] {
+            assert!(matches!(scanned(VoxelType::F64, &ends.map(f64::to_le_bytes)).1, Err(StoreError::Range { .. })));
+        }
+        let (scan, stored) = scanned(VoxelType::F64, &[f64::NAN, 1e300, -1e300, 0.0].map(f64::to_le_bytes));
+        assert_eq!((scan.not_finite.nan, stored.unwrap()), (1, vec![0, 65535, 0, 32768]));
     }
 }

@@ -10,8 +10,12 @@ pub enum RegionsError {
     SegmentationRange(f64),
     #[error("the label volume has {got:?} voxels, the volume {want:?}; labels must lie on the volume's own grid")]
     LabelDims { got: [u32; 3], want: [u32; 3] },
-    #[error("the label volume holds {got}; labels must be whole numbers: uint8, int8, uint16, int16, uint32 or int32")]
+    #[error(
+        "the label volume holds {got}; labels must be whole numbers: uint8, int8, uint16, int16, uint32, int32, uint64 or int64"
+    )]
     LabelType { got: &'static str },
+    #[error("the label volume holds the label {got}; labels must fit into 32 bits: number them anew")]
+    LabelValue { got: i128 },
     #[error("the label volume has more than {max} labels; leave those of few voxels out (0 is no region)")]
     TooManyLabels { max: usize },
     #[error(

@@ -22,6 +22,7 @@ impl StoredType {
             VoxelType::I8 => Self::I8,
             VoxelType::I16 => Self::I16,
             VoxelType::U16 | VoxelType::U32 | VoxelType::I32 | VoxelType::F32 => Self::U16,
+            VoxelType::U64 | VoxelType::I64 | VoxelType::F64 => Self::U16,
         }
     }
 
@@ -76,7 +77,7 @@ impl StoredType {
 }
 
 /// Names of the source's types, as in the manifest.
-pub(super) const SOURCE_TYPES: [(VoxelType, &str); 7] = [
+pub(super) const SOURCE_TYPES: [(VoxelType, &str); 10] = [
     (VoxelType::U8, "uint8"),
     (VoxelType::I8, "int8"),
     (VoxelType::U16, "uint16"),
@@ -84,6 +85,9 @@ pub(super) const SOURCE_TYPES: [(VoxelType, &str); 7] = [
     (VoxelType::U32, "uint32"),
     (VoxelType::I32, "int32"),
     (VoxelType::F32, "float32"),
+    (VoxelType::U64, "uint64"),
+    (VoxelType::I64, "int64"),
+    (VoxelType::F64, "float64"),
 ];
 
 /// An element of one of a store's arrays, in memory.

@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::Path;
 
-use brickcast_volume::format::VoxelType;
+use brickcast_volume::format::{VolumeSource as _, VoxelType};
 use brickcast_volume::ids::StoreHash;
-use brickcast_volume::store::{NotFinite, Phase, PrepareOptions, Store, StoreError, prepare};
+use brickcast_volume::store::{NotFinite, Phase, PrepareOptions, Store, StoreError, prepare, survey};
 
 use crate::support::{Volume, files_of, noisy};
 
@@ -73,8 +73,8 @@ fn nan_and_infinite_voxels_are_counted_mapped_and_reported() {
     assert_eq!(m.not_finite, NotFinite { nan: 3, negative_infinity: 1, positive_infinity: 1 });
     assert!(!m.lossless);
     assert_eq!((m.min, m.max), (f64::from(1.0f32 / 7.0), f64::from(15.0f32 / 7.0)));
-    assert!(summary.notes.iter().any(|n| n.contains("3 NaN and 1 -Inf")), "{:?}", summary.notes);
-    assert!(summary.notes.iter().any(|n| n.contains("two passes")), "{:?}", summary.notes);
+    assert!(summary.manifest.notes.iter().any(|n| n.contains("3 NaN and 1 -Inf")), "{:?}", summary.manifest.notes);
+    assert!(summary.manifest.notes.iter().any(|n| n.contains("two passes")), "{:?}", summary.manifest.notes);
     let nothing = Volume::new([3, 3, 3], VoxelType::F32, |_| f64::NAN);
     let m = nothing.prepare(&dir.path().join("nan"), &PrepareOptions::default()).unwrap().manifest;
     assert_eq!((m.not_finite.nan, m.range), (27, (0.0, 1.0)));
@@ -130,4 +130,40 @@ fn progress_runs_through_the_planes_of_each_pass() {
     let count = |phase| seen.iter().filter(|p| p.phase == phase).count();
     assert_eq!((count(Phase::Scan), count(Phase::Write), count(Phase::Finish)), (40, 40, 2));
     assert!(seen.iter().all(|p| p.done <= p.total && p.total == 40));
+}
+
+/// What a foreign header says reaches terminals and other machines: harmless, and in the store itself.
+#[test]
+fn notes_are_kept_in_the_store_and_read_back() {
+    let dir = tempfile::tempdir().unwrap();
+    let volume = noisy([9, 9, 9], VoxelType::F32);
+    let mut source = volume.source();
+    source.header.notes = vec!["byte order not said".into(), "foreign \x1b[31m text".into()];
+    let path = dir.path().join("s");
+    let made = prepare(&mut source, &path, &PrepareOptions::default(), &mut |_| {}).unwrap();
+    let notes = Store::open(&path).unwrap().manifest().notes.clone();
+    assert_eq!(made.manifest.notes, notes);
+    assert_eq!(notes[..2], ["byte order not said", "foreign \\u{1b}[31m text"]);
+    assert!(notes[2].contains("mapped from 32 to 16 bits"), "{notes:?}");
+    source.rewind().unwrap();
+    assert_eq!(survey(&mut source, &mut |_| {}).unwrap().notes, notes);
+}
+
+/// A store that an older release made: it has no notes, and no other key of version 5.
+#[test]
+fn a_manifest_of_version_4_is_read_and_others_are_not() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("s");
+    noisy([9, 9, 9], VoxelType::U8).prepare(&path, &PrepareOptions::default()).unwrap();
+    let text = std::fs::read_to_string(path.join("brickcast.json")).unwrap();
+    assert!(text.contains("\"version\": 5") && !text.contains("notes"), "{text}");
+    let of = |version: &str| text.replacen("\"version\": 5", &format!("\"version\": {version}"), 1);
+    std::fs::write(path.join("brickcast.json"), of("4")).unwrap();
+    let store = Store::open(&path).unwrap();
+    assert_eq!(store.manifest().notes, [""; 0]);
+    store.verify(&mut |_| {}).unwrap();
+    for version in ["3", "6"] {
+        std::fs::write(path.join("brickcast.json"), of(version)).unwrap();
+        assert!(Store::open(&path).unwrap_err().to_string().contains(&format!("version {version}")));
+    }
 }

@@ -291,7 +291,7 @@ fn where_a_brick_has_too_many_regions_small_ones_go_everywhere() {
     let summary = volume.prepare(&path, &windows(64, 0.03)).unwrap();
     let entry = summary.manifest.regions.clone().unwrap();
     assert!(entry.min_region > entry.min_region_asked);
-    let note = summary.notes.join("\n");
+    let note = summary.manifest.notes.join("\n");
     assert!(note.contains(&entry.min_region.to_string()) && note.contains("0 was asked for"), "{note}");
     check(&volume, &windows(64, 0.03), 0.03);
     let leaping = |store: &Store| -> usize {

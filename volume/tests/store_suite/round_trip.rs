@@ -6,8 +6,18 @@ use brickcast_volume::store::{ChunkCache, PrepareOptions, Store};
 
 use crate::support::{Volume, noisy};
 
-const ALL_TYPES: [VoxelType; 7] =
-    [VoxelType::U8, VoxelType::I8, VoxelType::U16, VoxelType::I16, VoxelType::U32, VoxelType::I32, VoxelType::F32];
+const ALL_TYPES: [VoxelType; 10] = [
+    VoxelType::U8,
+    VoxelType::I8,
+    VoxelType::U16,
+    VoxelType::I16,
+    VoxelType::U32,
+    VoxelType::I32,
+    VoxelType::F32,
+    VoxelType::U64,
+    VoxelType::I64,
+    VoxelType::F64,
+];
 
 /// Reads every brick of the volume's store and compares each code with the definition. `slack` codes may differ: 0 where
 /// voxels are kept as they are; where they are mapped to 16 bits, half a step there and half a code here.
@@ -97,7 +107,7 @@ fn constant_volumes() {
 
 #[test]
 fn whole_numbers_in_wide_types_survive_exactly() {
-    for voxel_type in [VoxelType::I32, VoxelType::F32] {
+    for voxel_type in [VoxelType::I32, VoxelType::F32, VoxelType::I64, VoxelType::F64] {
         let volume = Volume::new([40, 40, 3], voxel_type, |[x, y, _]| f64::from(x * 40 + y) - 1024.0);
         let dir = tempfile::tempdir().unwrap();
         let manifest = volume.prepare(&dir.path().join("s"), &bricks(8)).unwrap().manifest;

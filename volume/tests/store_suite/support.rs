@@ -8,7 +8,7 @@ use brickcast_volume::store::{PrepareOptions, PrepareSummary, StoreError, prepar
 
 #[derive(Debug)]
 pub(crate) struct MemorySource {
-    header: SourceHeader,
+    pub(crate) header: SourceHeader,
     bytes: Vec<u8>,
     next: usize,
     /// Planes of more come short: a reader at fault.
@@ -96,6 +96,9 @@ fn cast(voxel_type: VoxelType, v: f64) -> (f64, Vec<u8>) {
         VoxelType::U32 => as_type!(u32),
         VoxelType::I32 => as_type!(i32),
         VoxelType::F32 => as_type!(f32),
+        VoxelType::U64 => as_type!(u64),
+        VoxelType::I64 => as_type!(i64),
+        VoxelType::F64 => as_type!(f64),
     }
 }
 
@@ -122,6 +125,9 @@ pub(crate) fn noisy(dims: [u32; 3], voxel_type: VoxelType) -> Volume {
             VoxelType::U32 => n * 65_537.0,
             VoxelType::I32 => (n - 32768.0) * 65_536.0,
             VoxelType::F32 => n * 1.7e-3 - 20.0,
+            VoxelType::U64 => n * 281_479_271_743_489.0,
+            VoxelType::I64 => (n - 32768.0) * 281_474_976_710_656.0,
+            VoxelType::F64 => n * 1.7e300 - 20.0,
         }
     })
 }

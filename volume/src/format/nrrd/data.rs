@@ -2,18 +2,61 @@
 
 use std::fs;
 use std::io::{BufRead as _, BufReader, Seek as _, SeekFrom};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use super::{ByteSkip, Encoding, NrrdError, NrrdHeader};
-use crate::format::planes::{Coding, DataLocation};
-use crate::format::{FormatError, open_regular};
+use super::{ByteSkip, DataFiles, Encoding, NrrdError, NrrdHeader};
+use crate::format::planes::{Coding, DataLocation, PlaneSource};
+use crate::format::series::SeriesSource;
+use crate::format::{FormatError, SourceHeader, VolumeSource, open_regular};
 
-pub(super) fn locate(header: &NrrdHeader, path: &Path) -> Result<DataLocation, FormatError> {
-    let (data_path, attached_at) = match &header.data_file {
-        // A relative name counts from the header's folder; `join` keeps absolute ones.
-        Some(name) => (path.parent().unwrap_or(Path::new("")).join(name), 0),
-        None => (path.to_path_buf(), header.length as u64),
+/// The voxels that `header`, read from `path`, speaks of.
+pub(super) fn source(
+    header: &NrrdHeader,
+    path: &Path,
+    about: SourceHeader,
+) -> Result<Box<dyn VolumeSource>, FormatError> {
+    let voxels = header.geometry.voxel_count() * header.voxel_type.bytes() as u64;
+    let (location, files) = match &header.data_files {
+        DataFiles::Attached => (locate(header, path, (path.into(), header.length as u64), voxels)?, vec![path.into()]),
+        DataFiles::One(name) => {
+            let file = beside(path, name);
+            (locate(header, path, (file.clone(), 0), voxels)?, vec![path.into(), file])
+        }
+        DataFiles::Several(names) => {
+            let share = voxels / names.len() as u64;
+            let parts = names.iter().map(|name| {
+                let file = beside(path, name);
+                move || locate(header, path, (file, 0), share)
+            });
+            return Ok(Box::new(SeriesSource::new(about, path, parts)?));
+        }
     };
+    Ok(Box::new(PlaneSource::new(about, location, files)?))
+}
+
+/// A relative name counts from the header's folder; `join` keeps absolute ones. A name in Latin-1 may be on the disk as it stands.
+fn beside(path: &Path, name: &str) -> PathBuf {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let file = folder.join(name);
+    #[cfg(unix)]
+    if !name.is_ascii() && !file.exists() {
+        use std::os::unix::ffi::OsStrExt as _;
+        let bytes: Option<Vec<u8>> = name.chars().map(|c| u8::try_from(u32::from(c)).ok()).collect();
+        let latin_1 = bytes.map(|bytes| folder.join(std::ffi::OsStr::from_bytes(&bytes)));
+        if let Some(found) = latin_1.filter(|found| found.exists()) {
+            return found;
+        }
+    }
+    file
+}
+
+/// Where the `voxels` bytes of voxels of one file are, which begin at or behind a position in it.
+fn locate(
+    header: &NrrdHeader,
+    path: &Path,
+    (data_path, attached_at): (PathBuf, u64),
+    voxels: u64,
+) -> Result<DataLocation, FormatError> {
     let file_bytes = match fs::metadata(&data_path) {
         Ok(metadata) => metadata.len(),
         Err(reason) => return Err(FormatError::DataFile { header: path.into(), data_file: data_path, reason }),
@@ -24,12 +67,14 @@ pub(super) fn locate(header: &NrrdHeader, path: &Path) -> Result<DataLocation, F
     let (start, coding) = match (header.encoding, header.byte_skip) {
         // Line skip counts in the file, byte skip in the decompressed stream.
         (Encoding::Gzip, ByteSkip::Bytes(skip)) => (after_lines, Coding::Gzip { skip }),
+        (Encoding::Bzip2, ByteSkip::Bytes(skip)) => (after_lines, Coding::Bzip2 { skip }),
+        (Encoding::Ascii, ByteSkip::Bytes(skip)) => (after_lines, Coding::Ascii { skip }),
+        (Encoding::Hex, ByteSkip::Bytes(skip)) => (after_lines, Coding::Hex { skip }),
         (Encoding::Raw, ByteSkip::Bytes(byte_skip)) => match after_lines.checked_add(byte_skip) {
             Some(start) if start <= file_bytes => (start, Coding::Raw),
             _ => return Err(wrong(NrrdError::ByteSkip { byte_skip, file_bytes })),
         },
         (_, ByteSkip::FromEnd) => {
-            let voxels = header.geometry.voxel_count() * header.voxel_type.bytes() as u64;
             // Where the file is too short the start stays in front, and the length check reports what is missing.
             (file_bytes.saturating_sub(voxels).max(after_lines), Coding::Raw)
         }

@@ -33,7 +33,7 @@ pub enum NrrdError {
     )]
     Type { line: usize, value: String },
     #[error(
-        "line {line} of the NRRD header: encoding `{value}` is not supported; supported are raw and gzip. Convert the file, \
+        "line {line} of the NRRD header: encoding `{value}` is not supported; supported are raw, gzip, bzip2, ascii and hex. Convert the file, \
          e.g. with `unu save -f nrrd -e gzip`"
     )]
     Encoding { line: usize, value: String },
@@ -43,10 +43,21 @@ pub enum NrrdError {
     )]
     Dimension { line: usize, value: u64 },
     #[error(
-        "line {line} of the NRRD header: `data file: {value}` names several files ({what}), which is not supported; join \
-         them into one file"
+        "the NRRD header's list of data files has not ended after {} KiB; join files, or name a numbered series \
+         (slice%04d.raw 1 9999 1)",
+        MAX_HEADER_BYTES / 1024
     )]
-    SeveralFiles { line: usize, value: String, what: &'static str },
+    ListTooLong,
+    #[error(
+        "line {line} of the NRRD header names {count} data files, but files of dimension {subdim} must be {want} for these \
+         sizes. Name each file once, or say the dimension of each file behind LIST or the step of a series"
+    )]
+    FileCount { line: usize, count: u64, want: u64, subdim: u64 },
+    #[error(
+        "line {line} of the NRRD header names {count} data files for {planes} planes; each must hold whole planes, as many as \
+         the others. Join them into one file"
+    )]
+    FilePlanes { line: usize, count: u64, planes: u32 },
     #[error("the NRRD header's sizes or spacing: {0}")]
     Geometry(GeometryError),
     #[error("the data file ends within the {line_skip} lines that the NRRD field `line skip` leaves out")]

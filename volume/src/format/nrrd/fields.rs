@@ -1,6 +1,8 @@
 //! The lines of an NRRD header, before anything is made of their values.
 
-use super::{MAX_HEADER_BYTES, NrrdError};
+use std::borrow::Cow;
+
+use super::{MAX_HEADER_BYTES, NrrdError, files};
 use crate::format::error::excerpt;
 
 /// Every field of NRRD0001 to NRRD0005 under its first spelling. Others come without the space, or as listed in [`ALIASES`].
@@ -52,6 +54,8 @@ pub(super) struct Fields {
     found: Vec<Field>,
     /// Fields that NRRD does not know, shortened, at most [`MOST_UNKNOWN`].
     pub(super) unknown: Vec<String>,
+    /// Names of data files on the lines behind `data file: LIST`.
+    pub(super) list: Vec<String>,
     /// Bytes of the header, the blank line included.
     pub(super) length: usize,
     /// A blank line ended the header; otherwise the file did.
@@ -69,13 +73,15 @@ impl Fields {
         while !rest.is_empty() && !fields.ended {
             let end = rest.iter().position(|&b| b == b'\n');
             let bytes = &rest[..end.unwrap_or(rest.len())];
-            let text = String::from_utf8_lossy(bytes.strip_suffix(b"\r").unwrap_or(bytes));
+            let text = text_of(bytes.strip_suffix(b"\r").unwrap_or(bytes));
             let taken = end.map_or(rest.len(), |end| end + 1);
             rest = &rest[taken..];
             fields.length += taken;
             line += 1;
             if line == 1 {
                 check_magic(&text)?;
+            } else if fields.is_in_list() {
+                fields.list.extend(Some(text.trim()).filter(|name| !name.is_empty()).map(str::to_owned));
             } else if text.is_empty() {
                 fields.ended = true;
             } else {
@@ -86,7 +92,7 @@ impl Fields {
             check_magic("")?;
         }
         if !fields.ended && start.len() >= MAX_HEADER_BYTES {
-            return Err(NrrdError::TooLong);
+            return Err(if fields.is_in_list() { NrrdError::ListTooLong } else { NrrdError::TooLong });
         }
         Ok(fields)
     }
@@ -116,6 +122,14 @@ impl Fields {
                 Ok(())
             }
         }
+    }
+
+    fn is_in_list(&self) -> bool {
+        self.found.last().is_some_and(|field| field.name == "data file" && files::is_list(&field.value))
+    }
+
+    pub(super) fn get_mut(&mut self, name: &str) -> Option<&mut Field> {
+        self.found.iter_mut().find(|field| field.name == name)
     }
 
     pub(super) fn get(&self, name: &str) -> Option<&Field> {
@@ -152,6 +166,14 @@ impl Field {
         } else {
             self.value.split_whitespace().map(str::to_owned).collect()
         }
+    }
+}
+
+/// Headers are written in UTF-8 or, as older tools do, in Latin-1.
+fn text_of(line: &[u8]) -> Cow<'_, str> {
+    match std::str::from_utf8(line) {
+        Ok(text) => text.into(),
+        Err(_) => line.iter().map(|b| char::from(*b)).collect::<String>().into(),
     }
 }
 

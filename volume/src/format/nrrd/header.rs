@@ -2,7 +2,8 @@
 
 use super::NrrdError;
 use super::fields::{Field, Fields};
-use super::space;
+use super::files::{self, DataFiles};
+use super::{axes, space};
 use crate::format::error::excerpt;
 use crate::format::{Endian, VoxelType};
 use crate::space::Geometry;
@@ -11,9 +12,12 @@ use crate::space::Geometry;
 pub enum Encoding {
     Raw,
     Gzip,
+    Bzip2,
+    Ascii,
+    Hex,
 }
 
-/// Bytes between the skipped lines and the first voxel; of the decompressed stream for gzip.
+/// Bytes between the skipped lines and the first voxel; of the decompressed stream for gzip and bzip2.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ByteSkip {
     Bytes(u64),
@@ -26,10 +30,9 @@ pub struct NrrdHeader {
     pub geometry: Geometry,
     pub voxel_type: VoxelType,
     pub encoding: Encoding,
-    /// Little where the voxels are of one byte.
+    /// Little where the voxels are of one byte or written as numbers.
     pub endian: Endian,
-    /// As the header names it; `None` where the data follow the header.
-    pub data_file: Option<String>,
+    pub data_files: DataFiles,
     /// Lines to leave out at the beginning of the data, before `byte_skip`.
     pub line_skip: u64,
     pub byte_skip: ByteSkip,
@@ -47,33 +50,40 @@ impl NrrdHeader {
     /// # Errors
     /// Anything that is not a header of a volume that can be read, with its line.
     pub fn parse(start: &[u8]) -> Result<Self, NrrdError> {
-        let fields = Fields::parse(start)?;
+        let mut fields = Fields::parse(start)?;
         let voxel_type = voxel_type(fields.require("type", "uint16")?)?;
         let dimension = fields.require("dimension", "3")?;
-        match dimension.integer::<u64>()? {
-            3 => {}
-            value => return Err(NrrdError::Dimension { line: dimension.line, value }),
-        }
+        let mut notes = Vec::new();
+        let all_sizes = match dimension.integer::<u64>()? {
+            3 => sizes(fields.require("sizes", "512 512 400")?)?.to_vec(),
+            value @ ..4 => return Err(NrrdError::Dimension { line: dimension.line, value }),
+            value => {
+                let all = all_sizes(fields.require("sizes", "512 512 400 1")?, value)?;
+                axes::leave_out(&mut fields, &all, &mut notes)?;
+                all
+            }
+        };
         let sizes = sizes(fields.require("sizes", "512 512 400")?)?;
         if let Some(kinds) = fields.get("kinds") {
             check_kinds(kinds)?;
         }
         let encoding = encoding(fields.require("encoding", "raw")?)?;
-        let endian = if voxel_type.bytes() > 1 { endian(fields.require("endian", "little")?)? } else { Endian::Little };
-        let data_file = fields.get("data file").map(data_file).transpose()?;
-        if data_file.is_none() && !fields.ended {
-            return Err(NrrdError::NoEnd { bytes: start.len() });
-        }
+        let has_order = voxel_type.bytes() > 1 && encoding != Encoding::Ascii;
+        let endian = if has_order { endian(fields.require("endian", "little")?)? } else { Endian::Little };
+        let data_files = match (files::named(&fields)?, fields.get("data file")) {
+            (Some(named), Some(field)) => files::shared(field, named, &all_sizes, sizes[2])?,
+            _ if fields.ended => DataFiles::Attached,
+            _ => return Err(NrrdError::NoEnd { bytes: start.len() }),
+        };
         let line_skip = fields.get("line skip").map_or(Ok(0), Field::integer)?;
         let byte_skip = fields.get("byte skip").map_or(Ok(ByteSkip::Bytes(0)), |field| byte_skip(field, encoding))?;
 
-        let mut notes: Vec<String> =
-            fields.unknown.iter().map(|name| format!("NRRD field `{name}` is unknown and was left aside")).collect();
+        notes.extend(fields.unknown.iter().map(|name| format!("NRRD field `{name}` is unknown and was left aside")));
         let (spacing, origin) = space::spacing_and_origin(&fields, &mut notes)?;
         let geometry = Geometry::new(sizes, spacing, origin).map_err(NrrdError::Geometry)?;
         let space_unit = space::unit(&fields, &mut notes);
         let length = fields.length;
-        Ok(Self { geometry, voxel_type, encoding, endian, data_file, line_skip, byte_skip, space_unit, notes, length })
+        Ok(Self { geometry, voxel_type, encoding, endian, data_files, line_skip, byte_skip, space_unit, notes, length })
     }
 }
 
@@ -88,8 +98,26 @@ fn voxel_type(field: &Field) -> Result<VoxelType, NrrdError> {
         "int" | "signed int" | "int32" | "int32_t" => VoxelType::I32,
         "uint" | "unsigned int" | "uint32" | "uint32_t" => VoxelType::U32,
         "float" | "float32" => VoxelType::F32,
+        "double" | "float64" => VoxelType::F64,
+        "longlong"
+        | "long long"
+        | "long long int"
+        | "signed long long"
+        | "signed long long int"
+        | "int64"
+        | "int64_t" => VoxelType::I64,
+        "ulonglong" | "unsigned long long" | "unsigned long long int" | "uint64" | "uint64_t" => VoxelType::U64,
         _ => return Err(NrrdError::Type { line: field.line, value: excerpt(&field.value) }),
     })
+}
+
+/// Of a header of `dimension` axes, of which at most three may be longer than 1.
+fn all_sizes(field: &Field, dimension: u64) -> Result<Vec<u32>, NrrdError> {
+    let most = usize::try_from(dimension).unwrap_or(usize::MAX).min(17);
+    let sizes: Option<Vec<u32>> = field.value.split_whitespace().take(most + 1).map(|word| word.parse().ok()).collect();
+    sizes
+        .filter(|sizes| sizes.len() == most)
+        .ok_or_else(|| field.wrong(format!("this must be {dimension} whole numbers, one an axis")))
 }
 
 fn sizes(field: &Field) -> Result<[u32; 3], NrrdError> {
@@ -116,6 +144,9 @@ fn encoding(field: &Field) -> Result<Encoding, NrrdError> {
     match field.value.to_ascii_lowercase().as_str() {
         "raw" => Ok(Encoding::Raw),
         "gzip" | "gz" => Ok(Encoding::Gzip),
+        "bzip2" | "bz2" => Ok(Encoding::Bzip2),
+        "ascii" | "text" | "txt" => Ok(Encoding::Ascii),
+        "hex" => Ok(Encoding::Hex),
         _ => Err(NrrdError::Encoding { line: field.line, value: excerpt(&field.value) }),
     }
 }
@@ -136,24 +167,5 @@ fn byte_skip(field: &Field, encoding: Encoding) -> Result<ByteSkip, NrrdError> {
             Ok(n) => Ok(ByteSkip::Bytes(n)),
             Err(_) => Err(field.wrong("this must be -1, 0 or more")),
         },
-    }
-}
-
-fn data_file(field: &Field) -> Result<String, NrrdError> {
-    let several = |what| Err(NrrdError::SeveralFiles { line: field.line, value: excerpt(&field.value), what });
-    let words: Vec<&str> = field.value.split_whitespace().take(6).collect();
-    match words.as_slice() {
-        [] => Err(field.wrong("the name of the data file is missing")),
-        ["LIST"] | ["LIST", _] => several("LIST"),
-        // `slice%03d.raw 1 100 1 [2]`
-        [first, numbers @ ..]
-            if first.contains('%') && numbers.len() >= 3 && numbers.iter().all(|n| n.parse::<i64>().is_ok()) =>
-        {
-            several("a numbered series")
-        }
-        // Such a name is broken, and would reach the terminal.
-        _ if field.value.chars().any(char::is_control) => Err(field.wrong("a file's name has no control characters")),
-        _ if field.value.len() > 4096 => Err(field.wrong("a file's name is at most 4096 bytes long")),
-        _ => Ok(field.value.clone()),
     }
 }

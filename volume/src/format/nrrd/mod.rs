@@ -1,8 +1,11 @@
-//! NRRD and NHDR: <https://teem.sourceforge.net/nrrd/format.html>. Attached or with one data file, raw or gzip.
+//! NRRD and NHDR: <https://teem.sourceforge.net/nrrd/format.html>. Attached or with data files,
+//! raw, compressed or as text.
 
+mod axes;
 mod data;
 mod error;
 mod fields;
+mod files;
 mod header;
 mod space;
 mod write;
@@ -11,10 +14,10 @@ use std::fs::File;
 use std::io::Read as _;
 use std::path::Path;
 
-use super::planes::PlaneSource;
 use super::{FormatError, RawHints, SourceHeader, VolumeSource};
 
 pub use error::NrrdError;
+pub use files::DataFiles;
 pub use header::{ByteSkip, Encoding, NrrdHeader};
 pub use write::write_header;
 
@@ -31,8 +34,7 @@ pub(super) fn open(file: File, path: &Path, hints: &RawHints) -> Result<Box<dyn 
         .read_to_end(&mut start)
         .map_err(|reason| FormatError::io(path, "read", reason))?;
     let parsed = NrrdHeader::parse(&start).map_err(|reason| FormatError::Nrrd { path: path.into(), reason })?;
-    let location = data::locate(&parsed, path)?;
-    let mut notes = parsed.notes;
+    let mut notes = parsed.notes.clone();
     if !hints.is_empty() {
         notes.push(
             "--dims, --type, --endian, --skip, --spacing are for raw files; the NRRD header's own were used".into(),
@@ -41,9 +43,9 @@ pub(super) fn open(file: File, path: &Path, hints: &RawHints) -> Result<Box<dyn 
     let header = SourceHeader {
         geometry: parsed.geometry,
         voxel_type: parsed.voxel_type,
-        format: if parsed.data_file.is_some() { "NRRD, detached" } else { "NRRD" },
-        space_unit: parsed.space_unit,
+        format: if parsed.data_files == DataFiles::Attached { "NRRD" } else { "NRRD, detached" },
+        space_unit: parsed.space_unit.clone(),
         notes,
     };
-    Ok(Box::new(PlaneSource::new(header, location)?))
+    data::source(&parsed, path, header)
 }

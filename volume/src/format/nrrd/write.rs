@@ -23,7 +23,12 @@ pub fn write_header(
     for comment in comments {
         writeln!(out, "# {}", one_line(comment))?;
     }
-    writeln!(out, "type: {}", if voxel_type == VoxelType::F32 { "float" } else { voxel_type.name() })?;
+    let type_name = match voxel_type {
+        VoxelType::F32 => "float",
+        VoxelType::F64 => "double",
+        other => other.name(),
+    };
+    writeln!(out, "type: {type_name}")?;
     writeln!(out, "dimension: 3\nspace dimension: 3\nsizes: {} {} {}", d.x, d.y, d.z)?;
     writeln!(out, "space directions: ({},0,0) (0,{},0) (0,0,{})", s.x, s.y, s.z)?;
     writeln!(out, "space origin: ({},{},{})", o.x, o.y, o.z)?;
