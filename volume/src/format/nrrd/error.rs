@@ -47,7 +47,7 @@ pub enum NrrdError {
          them into one file"
     )]
     SeveralFiles { line: usize, value: String, what: &'static str },
-    #[error("the NRRD header's sizes or spacing: {0}")]
+    #[error("the NRRD header's sizes, spacing or origin: {0}")]
     Geometry(GeometryError),
     #[error("the data file ends within the {line_skip} lines that the NRRD field `line skip` leaves out")]
     LineSkip { line_skip: u64 },
