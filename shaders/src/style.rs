@@ -11,7 +11,7 @@ pub struct StyleUniform {
     /// The volume's upper corner; its lower one is zero. Index space.
     pub volume_hi: [i32; 3],
     pub surface_count: u32,
-    /// World direction towards the light, of length one; zero: from where the ray comes.
+    /// Direction towards the light by its parts along the index axes, of length one; zero: from where the ray comes.
     pub light: [f32; 3],
     pub ambient: f32,
     pub diffuse: f32,
@@ -43,7 +43,7 @@ impl StyleUniform {
             uniform.plane_count += 1;
         }
         if let Some(phong) = style.shading {
-            uniform.light = phong.light.map_or([0.0; 3], |l| l.normalize().as_vec3().into());
+            uniform.light = phong.light.map_or([0.0; 3], |l| geometry.along_axes(l.normalize()).as_vec3().into());
             (uniform.ambient, uniform.diffuse) = (phong.ambient, phong.diffuse);
             (uniform.specular, uniform.shininess) = (phong.specular, phong.shininess);
         }

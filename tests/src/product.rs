@@ -128,6 +128,7 @@ pub fn load_cut<'a>(
     let volume = &scene.truth.volume;
     let dims = volume.dims.map(|n| u32::try_from(n).unwrap());
     let geometry = Geometry::new(dims, volume.spacing.into(), volume.origin.into()).unwrap();
+    let geometry = geometry.with_directions(volume.directions).unwrap();
     let grid = BrickGrid::new(geometry.dims(), brick_size).unwrap();
     let upload = |brick: BrickIndex| {
         let owned = grid.owned_box(brick);

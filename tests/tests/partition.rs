@@ -188,6 +188,44 @@ fn the_same_bits_from_any_number_of_nodes() {
     });
 }
 
+/// A mirrored, rotated volume is the same from any number of nodes, too: each node takes the directions from its store.
+#[test]
+fn a_mirrored_and_rotated_volume_has_the_same_bits_from_any_number_of_nodes() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = volume_file(folder.path());
+    let mut data = std::fs::read(&input).unwrap();
+    let old = b"spacings: 1 1.25 0.8\n";
+    let at = data.windows(old.len()).position(|w| w == old).unwrap();
+    let new = "space: RAS\nspace directions: (0.6,0.8,0) (1,-0.75,0) (0,0,0.8)\nspace origin: (3,-5,70)\n";
+    data.splice(at..at + old.len(), new.bytes());
+    std::fs::write(&input, data).unwrap();
+    let store = store(folder.path(), &input, 32);
+    assert!(store.manifest().geometry.is_mirrored());
+    runtime().block_on(async {
+        for kernel in kernels() {
+            let mut expected: Vec<Vec<[u32; 4]>> = Vec::new();
+            for count in [1, 2, 3, 8] {
+                let nodes = EmbeddedNodes::start(&kernel, count, &store.path(), 1 << 30).await.unwrap();
+                let choice = StoreChoice::Hash(store.hash());
+                let mut session = Session::open_through(nodes.dial(), &nodes.addresses(), choice).await.unwrap();
+                let mut seen = 0;
+                for (camera_name, camera) in cameras(&store) {
+                    for (name, style) in styles(&store).into_iter().take(2).chain([("plain", Style::default())]) {
+                        let scene = Scene { style, step: 1.0, ..scene(&store, camera, (67, 53), true) };
+                        let frame = render(&mut session, &scene, Transport::F32).await;
+                        assert!(frame.picture.pixels().iter().any(|p| p.a > 0.01), "{camera_name}, {name}: nothing");
+                        match expected.get(seen) {
+                            None => expected.push(bits(&frame)),
+                            Some(one) => assert!(*one == bits(&frame), "{camera_name}, {name}: {count} nodes"),
+                        }
+                        seen += 1;
+                    }
+                }
+            }
+        }
+    });
+}
+
 /// Slabs, light, isosurfaces, clips and projections, whoever renders what.
 fn styles(store: &Store) -> Vec<(&'static str, Style)> {
     let (lo, hi) = store.manifest().range;

@@ -1,6 +1,6 @@
-//! Space: dims, spacing and origin, and the map between world and index space (conventions.md, "Space").
+//! Space: dims, spacing, origin and directions, and the map between world and index space (conventions.md, "Space").
 
-use glam::{DVec3, UVec3};
+use glam::{DMat3, DVec3, UVec3};
 
 /// The longest axis that a volume may have, in voxels. Keeps every product of two axes inside 64 bits and every global
 /// voxel index exactly representable in the kernels' f32.
@@ -8,13 +8,18 @@ pub const MAX_DIM: u32 = 1 << 20;
 /// The largest number of voxels of a volume (16 Ti).
 pub const MAX_VOXELS: u64 = 1 << 44;
 
+/// How far directions may be from orthonormal: readers make them so, files only round them.
+const ORTHONORMAL: f64 = 1e-6;
+
 /// A volume's shape in the world. Index space: voxel i covers `[i, i + 1)`, its centre is `i + 0.5`;
-/// `index = (world - origin) / spacing + 0.5`. `origin` is the world position of the centre of voxel (0, 0, 0).
+/// `world = origin + R diag(spacing) (index - 0.5)`. `origin` is the world position of the centre of voxel (0, 0, 0); the columns of R,
+/// the directions, are the index axes in the world: of length one and at right angles, in any order and sign.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Geometry {
     dims: UVec3,
     spacing: DVec3,
     origin: DVec3,
+    directions: DMat3,
 }
 
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -29,6 +34,8 @@ pub enum GeometryError {
     Anisotropy([f64; 3]),
     #[error("origin {0:?}: every axis must be finite and below 1e15 in magnitude")]
     Origin([f64; 3]),
+    #[error("directions {0:?}: the axes must be of length one and at right angles, within {ORTHONORMAL}")]
+    Directions([[f64; 3]; 3]),
 }
 
 impl Geometry {
@@ -52,7 +59,27 @@ impl Geometry {
         if origin.iter().any(|o| !o.is_finite() || o.abs() > 1e15) {
             return Err(GeometryError::Origin(origin));
         }
-        Ok(Self { dims: dims.into(), spacing: spacing.into(), origin: origin.into() })
+        let directions = DMat3::IDENTITY;
+        Ok(Self { dims: dims.into(), spacing: spacing.into(), origin: origin.into(), directions })
+    }
+
+    /// The same volume with other directions; [`Geometry::new`] has axes x, y, z.
+    ///
+    /// # Errors
+    /// Columns that are not of length one and at right angles.
+    pub fn with_directions(self, directions: DMat3) -> Result<Self, GeometryError> {
+        let product = directions.transpose() * directions;
+        // A NaN is above nothing, so it is asked whether all is below.
+        let near = |a: DVec3, b: DVec3| (a - b).abs().cmplt(DVec3::splat(ORTHONORMAL)).all();
+        let unit = DMat3::IDENTITY;
+        if !(near(product.x_axis, unit.x_axis)
+            && near(product.y_axis, unit.y_axis)
+            && near(product.z_axis, unit.z_axis))
+        {
+            return Err(GeometryError::Directions(directions.to_cols_array_2d()));
+        }
+        // -0 is 0: equal geometries are written alike.
+        Ok(Self { directions: DMat3::from_cols_array(&directions.to_cols_array().map(|c| c + 0.0)), ..self })
     }
 
     /// Voxels per axis, x fastest.
@@ -84,16 +111,58 @@ impl Geometry {
         self.spacing.min_element()
     }
 
+    /// The index axes in the world, one a column.
+    #[must_use]
+    pub fn directions(&self) -> DMat3 {
+        self.directions
+    }
+
+    /// True where the index axes are x, y, z.
+    #[must_use]
+    pub fn is_straight(&self) -> bool {
+        self.directions == DMat3::IDENTITY
+    }
+
+    /// True where the index axes are a left-handed system in the world: voxels are stored as a mirror image.
+    #[must_use]
+    pub fn is_mirrored(&self) -> bool {
+        self.directions.determinant() < 0.0
+    }
+
+    /// A world direction by its parts along the index axes, still in world units.
+    #[must_use]
+    pub fn along_axes(&self, v_world: DVec3) -> DVec3 {
+        // Straight volumes are left alone, so that they have the same bits as ever.
+        if self.is_straight() { v_world } else { self.directions.transpose() * v_world }
+    }
+
     /// World to index space.
     #[must_use]
     pub fn voxel_from_world(&self, p_world: DVec3) -> DVec3 {
-        (p_world - self.origin) / self.spacing + 0.5
+        self.along_axes(p_world - self.origin) / self.spacing + 0.5
     }
 
     /// Index space to world.
     #[must_use]
     pub fn world_from_voxel(&self, p_voxel: DVec3) -> DVec3 {
-        (p_voxel - 0.5) * self.spacing + self.origin
+        let along = (p_voxel - 0.5) * self.spacing;
+        (if self.is_straight() { along } else { self.directions * along }) + self.origin
+    }
+
+    /// The volume's eight corners in the world; bit a of a corner's number says whether it is high on axis a.
+    #[must_use]
+    pub fn corners_world(&self) -> [DVec3; 8] {
+        std::array::from_fn(|corner| {
+            let high = UVec3::new(corner as u32 & 1, corner as u32 >> 1 & 1, corner as u32 >> 2);
+            self.world_from_voxel((self.dims * high).as_dvec3())
+        })
+    }
+
+    /// The smallest box along x, y, z around the volume, world.
+    #[must_use]
+    pub fn bounds_world(&self) -> (DVec3, DVec3) {
+        let corners = self.corners_world();
+        corners.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(lo, hi), &p| (lo.min(p), hi.max(p)))
     }
 
     /// World position of the centre of the volume's box.
@@ -119,6 +188,42 @@ mod tests {
         assert_eq!(g.voxel_from_world(DVec3::new(10.0, 20.0, 30.0)), DVec3::splat(0.5));
         assert_eq!(g.world_from_voxel(DVec3::new(1.5, 1.5, 1.5)), DVec3::new(11.0, 22.0, 33.0));
         assert_eq!(g.center_world(), DVec3::new(11.0, 24.0, 39.0));
+    }
+
+    /// Both ways, for a mirror, a permutation and a rotation; by hand for one of them.
+    #[test]
+    fn directions_turn_both_ways() {
+        let straight = Geometry::new([3, 5, 7], [1.0, 2.0, 3.0], [10.0, 20.0, 30.0]).unwrap();
+        let turned = DMat3::from_cols(DVec3::Y, DVec3::NEG_X, DVec3::NEG_Z);
+        let g = straight.with_directions(turned).unwrap();
+        assert_eq!(g.world_from_voxel(DVec3::new(1.5, 2.5, 3.5)), DVec3::new(10.0 - 4.0, 20.0 + 1.0, 30.0 - 9.0));
+        assert_eq!(g.along_axes(DVec3::new(1.0, 2.0, 3.0)), DVec3::new(2.0, -1.0, -3.0));
+        assert!(!g.is_straight() && g.is_mirrored() && !straight.is_mirrored());
+        assert_eq!(g.bounds_world(), (DVec3::new(1.0, 19.5, 10.5), DVec3::new(11.0, 22.5, 31.5)));
+        for directions in [turned, DMat3::from_diagonal(DVec3::new(1.0, 1.0, -1.0)), DMat3::from_rotation_y(0.7)] {
+            let g = straight.with_directions(directions).unwrap();
+            for p in [DVec3::ZERO, DVec3::new(0.3, 4.1, 6.6), DVec3::new(-9.0, 80.0, 3.0)] {
+                assert!((g.voxel_from_world(g.world_from_voxel(p)) - p).length() < 1e-12, "{directions} {p}");
+            }
+            let middle = g.corners_world().iter().sum::<DVec3>() / 8.0;
+            assert!((middle - g.center_world()).length() < 1e-12);
+            assert!((g.corners_world()[5] - g.center_world()).length() - g.radius_world() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn directions_that_shear_stretch_or_are_no_numbers_are_refused() {
+        let g = Geometry::new([4; 3], [1.0; 3], [0.0; 3]).unwrap();
+        for bad in [
+            DMat3::from_cols(DVec3::X, DVec3::new(1e-4, 1.0, 0.0), DVec3::Z),
+            DMat3::from_diagonal(DVec3::new(1.0, 1.0, 1.001)),
+            DMat3::from_cols(DVec3::X, DVec3::X, DVec3::Z),
+            DMat3::ZERO,
+            DMat3::from_diagonal(DVec3::new(f64::NAN, 1.0, 1.0)),
+            DMat3::from_diagonal(DVec3::new(1.0, f64::INFINITY, 1.0)),
+        ] {
+            assert!(matches!(g.with_directions(bad), Err(GeometryError::Directions(_))), "{bad}");
+        }
     }
 
     #[test]

@@ -114,7 +114,8 @@ impl PixelRect {
 /// A camera on a volume with a picture size and a step: all that a ray needs.
 ///
 /// Lengths along rays (t) are in units of the smallest spacing, so that `Delta = step` exactly and directions have length
-/// one in world space. With `q = ray_right u + ray_up v`, `u = (x + 0.5) 2 / width - 1`, `v = 1 - (y + 0.5) 2 / height`:
+/// one in world space. Vectors are by their parts along the index axes ([`Geometry::along_axes`]): made in the world, right of a camera
+/// there is right of the picture, however the volume's axes are mirrored. With `q = ray_right u + ray_up v`, `u = (x + 0.5) 2 / width - 1`, `v = 1 - (y + 0.5) 2 / height`:
 /// - perspective: origin `eye`, direction `normalize(ray_forward + q)`
 /// - parallel: origin `eye + q voxels_per_unit`, direction `ray_forward`
 ///
@@ -170,6 +171,7 @@ impl View {
             return Err(ViewError::Step(step));
         }
         let (right, up, forward) = camera.basis();
+        let [right, up, forward] = [right, up, forward].map(|v| geometry.along_axes(v));
         let aspect = f64::from(size.width) / f64::from(size.height);
         let unit = geometry.min_spacing();
         let (half_height, parallel) = match camera.projection() {

@@ -1,8 +1,8 @@
 //! `brickcast info`: what an input or a store holds, in the file's own units.
 
-use brickcast_volume::MergeTree;
 use brickcast_volume::regions::code::MAX_DENSITY;
 use brickcast_volume::store::{Manifest, QUANTILES, Store};
+use brickcast_volume::{Geometry, MergeTree};
 use serde_json::{Value, json};
 
 use super::{print, region_words};
@@ -32,6 +32,9 @@ fn describe(m: &Manifest, store: Option<&Store>) -> Value {
         "dims": g.dims().to_array(),
         "spacing": g.spacing().to_array(),
         "origin": g.origin().to_array(),
+        "directions": g.directions().to_cols_array_2d(),
+        "mirrored": g.is_mirrored(),
+        "bounds": bounds(g),
         "unit": m.space_unit,
         "type": m.source.voxel_type.name(),
         "voxels": g.voxel_count(),
@@ -78,6 +81,12 @@ fn describe(m: &Manifest, store: Option<&Store>) -> Value {
     out
 }
 
+/// The box along x, y, z around the volume, in the order of `--clip`.
+fn bounds(g: &Geometry) -> [f64; 6] {
+    let (lo, hi) = g.bounds_world();
+    [lo.x, hi.x, lo.y, hi.y, lo.z, hi.z]
+}
+
 fn text(path: &str, m: &Manifest, value: &Value) -> String {
     let g = &m.geometry;
     let (d, s, o) = (g.dims(), g.spacing(), g.origin());
@@ -95,10 +104,18 @@ fn text(path: &str, m: &Manifest, value: &Value) -> String {
             m.source.voxel_type.name()
         ),
         format!("  spacing    {} x {} x {} {unit}, origin {}, {}, {}", s.x, s.y, s.z, o.x, o.y, o.z),
+    ];
+    if !g.is_straight() {
+        let axes = g.directions().to_cols_array_2d().map(|[x, y, z]| format!("({x},{y},{z})"));
+        lines.push(format!("  directions {}{}", axes.join(" "), if g.is_mirrored() { ", mirrored" } else { "" }));
+        let [x0, x1, y0, y1, z0, z1] = bounds(g);
+        lines.push(format!("  bounds     {x0} to {x1}, {y0} to {y1}, {z0} to {z1}"));
+    }
+    lines.extend([
         format!("  values     {} to {}, mean {:.6}", m.min, m.max, m.mean),
         format!("  range      {} to {} (codes 0 and 65535)", m.range.0, m.range.1),
         format!("  Otsu       {}", m.otsu),
-    ];
+    ]);
     let quantiles: Vec<String> =
         QUANTILES.iter().zip(m.quantiles).map(|(share, v)| format!("{} %: {v}", share * 100.0)).collect();
     lines.push(format!("  quantiles  {}", quantiles.join(", ")));

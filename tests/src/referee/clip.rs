@@ -35,7 +35,7 @@ pub(super) fn clip(scene: &Scene, ray: &Ray, low: [usize; 3], high: [usize; 3]) 
 /// As [`clip`], behind the eye too.
 pub(super) fn clip_unbounded(scene: &Scene, ray: &Ray, low: [usize; 3], high: [usize; 3]) -> Option<Segment> {
     let origin = scene.volume.index_from_world(ray.origin);
-    let direction = ray.direction / scene.volume.spacing;
+    let direction = scene.volume.parts_along_axes(ray.direction) / scene.volume.spacing;
     let mut segment = Segment { enter: f64::NEG_INFINITY, exit: f64::INFINITY };
     for axis in 0..3 {
         let (lo, hi) = (low[axis] as f64, high[axis] as f64);
@@ -76,7 +76,7 @@ pub(super) fn clip_brick_local_f32(scene: &Scene, ray: &Ray, low: [usize; 3], hi
 /// True where f32 cannot tell on which side of the volume's faces a sample lies.
 pub(super) fn is_doubtful(scene: &Scene, ray: &Ray) -> bool {
     let origin = scene.volume.index_from_world(ray.origin);
-    let direction = ray.direction / scene.volume.spacing;
+    let direction = scene.volume.parts_along_axes(ray.direction) / scene.volume.spacing;
     let delta = scene.delta();
     let (mut enter, mut exit) = ((f64::NEG_INFINITY, 0.0), (f64::INFINITY, 0.0));
     for axis in 0..3 {

@@ -129,7 +129,7 @@ impl March<'_> {
         let (volume, ray) = (&self.scene.volume, self.ray);
         let (lo, hi) = volume.world_box();
         let mut faces = self.style.planes.clone();
-        for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
+        for axis in [0, 1, 2].map(|a| volume.directions.col(a)) {
             faces.extend([(axis, axis.dot(lo)), (-axis, -axis.dot(hi))]);
         }
         let (mut nearest, mut normal) = (0.0, -ray.direction);
@@ -160,7 +160,8 @@ impl March<'_> {
         if strength == 0.0 {
             return (1.0, 0.0);
         }
-        self.lit(light, gradient.normalize(), strength)
+        // By parts along the grid's axes; light comes from somewhere in the world.
+        self.lit(light, volume.directions * gradient.normalize(), strength)
     }
 
     fn lit(&self, light: &Light, mut normal: DVec3, strength: f64) -> Lit {

@@ -1,6 +1,6 @@
 //! Values in space.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 /// Values on a grid, x fastest, in data units. Index space: voxel i covers `[i, i + 1)`, its centre is `i + 0.5`.
 #[derive(Debug, Clone)]
@@ -10,6 +10,8 @@ pub struct Volume {
     pub spacing: DVec3,
     /// World position of the centre of voxel (0, 0, 0).
     pub origin: DVec3,
+    /// The grid's axes in the world, one a column; of length one and at right angles.
+    pub directions: DMat3,
     pub values: Vec<f64>,
 }
 
@@ -18,7 +20,7 @@ impl Volume {
     #[must_use]
     pub fn filled(dims: [usize; 3], spacing: [f64; 3], origin: [f64; 3], value: f64) -> Self {
         let values = vec![value; dims.iter().product()];
-        Self { dims, spacing: spacing.into(), origin: origin.into(), values }
+        Self { dims, spacing: spacing.into(), origin: origin.into(), directions: DMat3::IDENTITY, values }
     }
 
     #[must_use]
@@ -28,15 +30,24 @@ impl Volume {
 
     #[must_use]
     pub fn index_from_world(&self, world: DVec3) -> DVec3 {
-        (world - self.origin) / self.spacing + 0.5
+        self.parts_along_axes(world - self.origin) / self.spacing + 0.5
+    }
+
+    /// How far a world vector goes along each of the grid's axes, world units.
+    #[must_use]
+    pub fn parts_along_axes(&self, v: DVec3) -> DVec3 {
+        let axes = self.directions;
+        DVec3::new(v.dot(axes.x_axis), v.dot(axes.y_axis), v.dot(axes.z_axis))
     }
 
     #[must_use]
     pub fn world_from_index(&self, index: DVec3) -> DVec3 {
-        (index - 0.5) * self.spacing + self.origin
+        let along = (index - 0.5) * self.spacing;
+        let axes = self.directions;
+        axes.x_axis * along.x + axes.y_axis * along.y + axes.z_axis * along.z + self.origin
     }
 
-    /// The low and the high corner of the volume's box.
+    /// The low and the high corner of the volume's box, low and high along the grid's axes.
     #[must_use]
     pub fn world_box(&self) -> (DVec3, DVec3) {
         let high = DVec3::new(self.dims[0] as f64, self.dims[1] as f64, self.dims[2] as f64);

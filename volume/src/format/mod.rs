@@ -3,6 +3,7 @@
 //! A new format is a line in [`FORMATS`] and a module that ends in a [`VolumeSource`].
 
 mod coded;
+mod directions;
 mod error;
 pub mod nrrd;
 mod planes;
@@ -23,16 +24,26 @@ pub use error::FormatError;
 pub use raw::RawHints;
 pub use voxel_type::{Endian, ParseNameError, VoxelType};
 
+/// What of a geometry a file, or the user, says; the rest was assumed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Placement {
+    pub spacing: bool,
+    pub origin: bool,
+    pub directions: bool,
+}
+
 /// What a file says of its volume.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SourceHeader {
     pub geometry: Geometry,
+    /// What of the geometry the file says.
+    pub placement: Placement,
     pub voxel_type: VoxelType,
     /// Name of the format, for people.
     pub format: &'static str,
     /// Unit of spacing and origin where the file names one, e.g. `mm`.
     pub space_unit: Option<String>,
-    /// What was guessed or left aside (a raw file's name read as dims, a rotation that was dropped), for people.
+    /// What was guessed or left aside (a raw file's name read as dims, axes of another space), for people.
     pub notes: Vec<String>,
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::planes::{Coding, DataLocation, PlaneSource};
 use super::raw_name::RawName;
-use super::{Endian, FormatError, SourceHeader, VolumeSource, VoxelType};
+use super::{Endian, FormatError, Placement, SourceHeader, VolumeSource, VoxelType};
 use crate::space::Geometry;
 
 /// What the user says of a raw file; the file's name fills in what is missing.
@@ -79,7 +79,8 @@ pub(super) fn open(file: File, path: &Path, hints: &RawHints) -> Result<Box<dyn 
     }
     let geometry = Geometry::new(dims, hints.spacing.unwrap_or([1.0; 3]), hints.origin.unwrap_or([0.0; 3]))
         .map_err(|reason| FormatError::Geometry { path: path.into(), reason })?;
-    let header = SourceHeader { geometry, voxel_type, format: "raw", space_unit: None, notes };
+    let placement = Placement { spacing: hints.spacing.is_some(), origin: hints.origin.is_some(), directions: false };
+    let header = SourceHeader { geometry, placement, voxel_type, format: "raw", space_unit: None, notes };
     let location = DataLocation { path: path.into(), start: hints.skip, coding: Coding::Raw, endian };
     Ok(Box::new(PlaneSource::new(header, location, vec![path.into()])?))
 }

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use super::error::StoreError;
+use super::label_place::{self, Placed};
 use super::region_error::RegionsError;
 use crate::format::{self, FormatError, RawHints, VolumeSource, VoxelType};
-use crate::space::Geometry;
 
 /// Labels in file order; a pass starts at plane 0.
 #[derive(Debug)]
@@ -15,13 +15,15 @@ pub(super) enum LabelPlanes {
 }
 
 impl LabelPlanes {
-    pub(super) fn open(path: &Path, hints: &RawHints, geometry: &Geometry) -> Result<Self, StoreError> {
+    /// `volume` is where they must lie.
+    pub(super) fn open(path: &Path, hints: &RawHints, volume: Placed<'_>) -> Result<Self, StoreError> {
         let source = format::open(path, hints)?;
         let header = source.header();
-        let (got, want) = (header.geometry.dims().to_array(), geometry.dims().to_array());
+        let (got, want) = (header.geometry.dims().to_array(), volume.0.dims().to_array());
         if got != want {
             return Err(RegionsError::LabelDims { got, want }.into());
         }
+        label_place::check(volume, (&header.geometry, header.placement))?;
         match header.voxel_type {
             VoxelType::F32 | VoxelType::F64 => Err(RegionsError::LabelType { got: header.voxel_type.name() }.into()),
             _ => Ok(Self::File(source)),

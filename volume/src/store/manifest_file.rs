@@ -1,5 +1,6 @@
 //! The manifest as JSON: keys in a fixed order, and the door where they are checked.
 
+use glam::DMat3;
 use serde::{Deserialize, Serialize};
 
 use super::error::{ManifestError, StoreError};
@@ -30,6 +31,9 @@ pub(super) struct ManifestFile {
     dims: [u32; 3],
     spacing: [f64; 3],
     origin: [f64; 3],
+    /// The index axes in the world, x first; left out where they are x, y, z.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    directions: Option<[[f64; 3]; 3]>,
     space_unit: Option<String>,
     stored_type: String,
     scale: f64,
@@ -140,6 +144,12 @@ impl TryFrom<ManifestFile> for Manifest {
     fn try_from(file: ManifestFile) -> Result<Self, StoreError> {
         let geometry = Geometry::new(file.dims, file.spacing, file.origin)
             .map_err(|e| field("dims, spacing, origin", e.to_string()))?;
+        let geometry = match &file.directions {
+            Some(axes) => geometry
+                .with_directions(DMat3::from_cols_array_2d(axes))
+                .map_err(|e| field("directions", e.to_string()))?,
+            None => geometry,
+        };
         let grid = BrickGrid::new(geometry.dims(), file.brick_size)?;
         let stored_type = StoredType::from_name(&file.stored_type)
             .ok_or_else(|| field("stored_type", format!("`{}` is no type of a store", short(&file.stored_type))))?;
@@ -241,6 +251,7 @@ impl From<&Manifest> for ManifestFile {
             dims: m.geometry.dims().to_array(),
             spacing: m.geometry.spacing().to_array(),
             origin: m.geometry.origin().to_array(),
+            directions: (!m.geometry.is_straight()).then(|| m.geometry.directions().to_cols_array_2d()),
             space_unit: m.space_unit.clone(),
             stored_type: m.stored_type.name().to_owned(),
             scale: m.scale,

@@ -19,6 +19,7 @@ mod halo_write;
 mod hash;
 mod histogram;
 mod jail;
+mod label_place;
 mod label_planes;
 mod manifest;
 mod manifest_file;

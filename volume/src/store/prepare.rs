@@ -236,7 +236,9 @@ impl Job<'_> {
         let code_of_bits = map.code_of_bits_table();
         let voxels = CodePlanes { shards: &shards, volume_dims: manifest.geometry.dims(), code_of_bits: &code_of_bits };
         let scratch = work.scratch();
-        let mut segmenter = Segmenter { options, geometry: manifest.geometry, scratch: &scratch, voxels, progress };
+        let placement = self.header.placement;
+        let mut segmenter =
+            Segmenter { options, geometry: manifest.geometry, placement, scratch: &scratch, voxels, progress };
         let found = segmenter.find(&histogram)?;
         write_regions(&mut segmenter, found, segment::checked(options)?, manifest, &root).map(Some)
     }

@@ -11,6 +11,11 @@ pub enum RegionsError {
     #[error("the label volume has {got:?} voxels, the volume {want:?}; labels must lie on the volume's own grid")]
     LabelDims { got: [u32; 3], want: [u32; 3] },
     #[error(
+        "the label volume lies elsewhere than the volume: it has {got}, the volume {want}. Labels must lie on the volume's own grid, in \
+         its order: resample them to it, or correct the header that is wrong"
+    )]
+    LabelPlace { got: String, want: String },
+    #[error(
         "the label volume holds {got}; labels must be whole numbers: uint8, int8, uint16, int16, uint32, int32, uint64 or int64"
     )]
     LabelType { got: &'static str },

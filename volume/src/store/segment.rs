@@ -14,6 +14,7 @@ use super::prepare_options::{Phase, Progress, RegionOptions, Segmentation};
 use super::region_error::RegionsError;
 use super::region_manifest::SegmentationMethod;
 use super::scratch::Scratch;
+use crate::format::Placement;
 use crate::regions::block::{CodeTables, Part, Slab};
 use crate::regions::components::{Components, RecordLayout, SLAB_PLANES, resolve};
 use crate::regions::distance::{BackwardSweep, ForwardSweep};
@@ -28,6 +29,8 @@ const MAX_GIVEN_LABELS: usize = 1 << 24;
 pub(super) struct Segmenter<'a> {
     pub(super) options: &'a RegionOptions,
     pub(super) geometry: Geometry,
+    /// What of the geometry the volume's file says.
+    pub(super) placement: Placement,
     /// Where scratch files go.
     pub(super) scratch: &'a Path,
     pub(super) voxels: CodePlanes<'a>,
@@ -117,7 +120,7 @@ impl Segmenter<'_> {
                 return Ok(Found { kept, tables, distances, finder });
             }
             Segmentation::Flood { range } => LabelPlanes::Memory(self.flood(*range, &density)?),
-            Segmentation::Labels { path, hints } => LabelPlanes::open(path, hints, &self.geometry)?,
+            Segmentation::Labels { path, hints } => LabelPlanes::open(path, hints, (&self.geometry, self.placement))?,
         };
         let tables = CodeTables { window: Vec::new(), density };
         let mut distances = self.given_distances(&mut planes)?;

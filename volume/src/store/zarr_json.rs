@@ -67,10 +67,24 @@ pub(super) fn label_image(m: &Manifest) -> Vec<u8> {
     image(m, "regions", source)
 }
 
+/// An attribute of ours: OME-Zarr 0.5 knows scale and translation only, which are true of straight volumes. Columns as in the manifest.
+fn directions(m: &Manifest) -> String {
+    if m.geometry.is_straight() {
+        return String::new();
+    }
+    let axes = m.geometry.directions().to_cols_array_2d().map(|axis| format!("[{}]", axis.map(number).join(", ")));
+    format!(
+        r#",
+    "brickcast": {{ "directions": [{}] }}"#,
+        axes.join(", ")
+    )
+}
+
 /// An image of one resolution, in the array `0` below it; `more` goes on with the attributes of `ome`.
 fn image(m: &Manifest, name: &str, more: &str) -> Vec<u8> {
     let unit = m.space_unit.as_deref().and_then(ome_unit);
     let unit = unit.map_or(String::new(), |u| format!(r#", "unit": "{u}""#));
+    let directions = directions(m);
     let axes = ["z", "y", "x"].map(|axis| format!(r#"            {{ "name": "{axis}", "type": "space"{unit} }}"#));
     format!(
         r#"{{
@@ -96,7 +110,7 @@ fn image(m: &Manifest, name: &str, more: &str) -> Vec<u8> {
           ]
         }}
       ]{more}
-    }}
+    }}{directions}
   }}
 }}
 "#,

@@ -50,10 +50,10 @@ impl Clip {
     #[must_use]
     pub fn index_planes(&self, geometry: &Geometry) -> Vec<DVec4> {
         let (spacing, origin) = (geometry.spacing(), geometry.origin());
+        // world = origin + R diag(spacing) (index - 1/2)
         let mut planes = Vec::new();
         let mut push = |normal: DVec3, offset: f64| {
-            // world = origin + (index - 1/2) spacing
-            let n = normal * spacing;
+            let n = geometry.along_axes(normal) * spacing;
             let w = offset - normal.dot(origin) + 0.5 * n.element_sum();
             let length = n.length();
             planes.push((n / length).extend(w / length));

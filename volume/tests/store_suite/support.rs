@@ -67,6 +67,7 @@ impl Volume {
         let geometry = Geometry::new(self.dims, [0.5, 1.0, 2.0], [-3.0, 4.0, 5.5]).unwrap();
         let header = SourceHeader {
             geometry,
+            placement: Default::default(),
             voxel_type: self.voxel_type,
             format: "memory",
             space_unit: Some("mm".to_owned()),

@@ -58,7 +58,7 @@ pub enum NrrdError {
          the others. Join them into one file"
     )]
     FilePlanes { line: usize, count: u64, planes: u32 },
-    #[error("the NRRD header's sizes or spacing: {0}")]
+    #[error("the NRRD header's sizes, spacing or origin: {0}")]
     Geometry(GeometryError),
     #[error("the data file ends within the {line_skip} lines that the NRRD field `line skip` leaves out")]
     LineSkip { line_skip: u64 },

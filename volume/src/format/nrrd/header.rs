@@ -5,7 +5,7 @@ use super::fields::{Field, Fields};
 use super::files::{self, DataFiles};
 use super::{axes, space};
 use crate::format::error::excerpt;
-use crate::format::{Endian, VoxelType};
+use crate::format::{Endian, Placement, VoxelType};
 use crate::space::Geometry;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -28,6 +28,8 @@ pub enum ByteSkip {
 #[derive(Debug, Clone, PartialEq)]
 pub struct NrrdHeader {
     pub geometry: Geometry,
+    /// What of the geometry the header says.
+    pub placement: Placement,
     pub voxel_type: VoxelType,
     pub encoding: Encoding,
     /// Little where the voxels are of one byte or written as numbers.
@@ -79,11 +81,22 @@ impl NrrdHeader {
         let byte_skip = fields.get("byte skip").map_or(Ok(ByteSkip::Bytes(0)), |field| byte_skip(field, encoding))?;
 
         notes.extend(fields.unknown.iter().map(|name| format!("NRRD field `{name}` is unknown and was left aside")));
-        let (spacing, origin) = space::spacing_and_origin(&fields, &mut notes)?;
-        let geometry = Geometry::new(sizes, spacing, origin).map_err(NrrdError::Geometry)?;
+        let (geometry, placement) = space::geometry(&fields, sizes, &mut notes)?;
         let space_unit = space::unit(&fields, &mut notes);
         let length = fields.length;
-        Ok(Self { geometry, voxel_type, encoding, endian, data_files, line_skip, byte_skip, space_unit, notes, length })
+        Ok(Self {
+            geometry,
+            placement,
+            voxel_type,
+            encoding,
+            endian,
+            data_files,
+            line_skip,
+            byte_skip,
+            space_unit,
+            notes,
+            length,
+        })
     }
 }
 

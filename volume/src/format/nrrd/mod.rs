@@ -42,6 +42,7 @@ pub(super) fn open(file: File, path: &Path, hints: &RawHints) -> Result<Box<dyn 
     }
     let header = SourceHeader {
         geometry: parsed.geometry,
+        placement: parsed.placement,
         voxel_type: parsed.voxel_type,
         format: if parsed.data_files == DataFiles::Attached { "NRRD" } else { "NRRD, detached" },
         space_unit: parsed.space_unit.clone(),

@@ -1,39 +1,78 @@
-//! Spacing, origin and unit of an NRRD header. Axes are kept, rotations and mirrors are dropped with a note.
+//! Spacing, origin, directions and unit of an NRRD header, in the world: LPS where the header names an anatomical space.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use super::NrrdError;
 use super::fields::{Field, Fields};
+use crate::format::Placement;
+use crate::format::directions::{Axes, TOLD};
 use crate::format::error::excerpt;
+use crate::space::Geometry;
 
-/// World units per voxel, and the world position of the centre of voxel (0, 0, 0).
-pub(super) fn spacing_and_origin(fields: &Fields, notes: &mut Vec<String>) -> Result<([f64; 3], [f64; 3]), NrrdError> {
-    let spacing = match (fields.get("space directions"), fields.get("spacings")) {
+/// Where the volume lies, and what of that the header says.
+pub(super) fn geometry(
+    fields: &Fields,
+    sizes: [u32; 3],
+    notes: &mut Vec<String>,
+) -> Result<(Geometry, Placement), NrrdError> {
+    let to_world = to_world(fields.get("space"), notes);
+    let ((spacing, directions), said) = match (fields.get("space directions"), fields.get("spacings")) {
         (Some(directions), spacings) => {
             if spacings.is_some() {
                 notes.push(
                     "NRRD fields `space directions` and `spacings` are both given; the directions were used".into(),
                 );
             }
-            spacing_of_directions(directions, notes)?
+            (axes_of_directions(directions, notes)?, true)
         }
-        (None, Some(spacings)) => spacing_without_nan(spacings, notes)?,
+        (None, Some(spacings)) => ((spacing_without_nan(spacings, notes)?, DMat3::IDENTITY), false),
         (None, None) => {
             let aside = if fields.get("axis maxs").is_some() { " (`axis maxs` was left aside)" } else { "" };
             notes.push(format!("spacing not said: 1, 1, 1 assumed{aside}"));
-            [1.0; 3]
+            (([1.0; 3], DMat3::IDENTITY), false)
         }
     };
-    let origin = match (fields.get("space origin"), fields.get("axis mins")) {
+    let given = match (fields.get("space origin"), fields.get("axis mins")) {
         (Some(origin), _) => match vectors(origin)?.as_slice() {
-            [Some(origin)] => origin.to_array(),
-            [None] => [0.0; 3],
+            [Some(origin)] => Some(origin.to_array()),
+            [None] => None,
             _ => return Err(origin.wrong("this must be one vector, e.g. (0,0,0)")),
         },
-        (None, Some(mins)) => origin_of_mins(mins, spacing, fields.get("centers"))?,
-        (None, None) => [0.0; 3],
+        (None, Some(mins)) => Some(origin_of_mins(mins, spacing, fields.get("centers"))?),
+        (None, None) => None,
     };
-    Ok((spacing, origin))
+    // -0 is 0.
+    let origin = to_world * DVec3::from(given.unwrap_or([0.0; 3])) + 0.0;
+    let geometry = Geometry::new(sizes, spacing, origin.to_array())
+        .and_then(|geometry| geometry.with_directions(DMat3::from_diagonal(to_world) * directions))
+        .map_err(NrrdError::Geometry)?;
+    if geometry.is_mirrored() {
+        notes.push("stored mirrored: its axes are a left-handed system in space; drawn as it lies in space".into());
+    }
+    let has_spacing = said || fields.get("spacings").is_some_and(|s| !s.value.to_ascii_lowercase().contains("nan"));
+    Ok((geometry, Placement { spacing: has_spacing, origin: given.is_some(), directions: said }))
+}
+
+/// By what the header's axes are multiplied to become the world's: 1 or -1 each.
+fn to_world(space: Option<&Field>, notes: &mut Vec<String>) -> DVec3 {
+    let Some(field) = space else { return DVec3::ONE };
+    let name =
+        field.value.to_ascii_lowercase().split([' ', '-']).filter(|w| !w.is_empty()).collect::<Vec<_>>().join("-");
+    let (signs, negated) = match name.strip_suffix("-time").unwrap_or(&name) {
+        "right-anterior-superior" | "ras" | "rast" => (DVec3::new(-1.0, -1.0, 1.0), "x and y"),
+        "left-anterior-superior" | "las" | "last" => (DVec3::new(1.0, -1.0, 1.0), "y"),
+        "left-posterior-superior" | "lps" | "lpst" => return DVec3::ONE,
+        "scanner-xyz" | "3d-right-handed" | "3d-left-handed" => return DVec3::ONE,
+        _ => {
+            notes.push(format!("NRRD space `{}` is unknown: its axes were taken as x, y, z", excerpt(&field.value)));
+            return DVec3::ONE;
+        }
+    };
+    notes.push(format!(
+        "space `{}`: {negated} negated, since the world is LPS (left, posterior, superior)",
+        excerpt(&field.value)
+    ));
+    signs
 }
 
 fn spacing_without_nan(field: &Field, notes: &mut Vec<String>) -> Result<[f64; 3], NrrdError> {
@@ -58,12 +97,10 @@ fn origin_of_mins(field: &Field, spacing: [f64; 3], centers: Option<&Field>) -> 
     }))
 }
 
-/// The norms of the direction vectors.
-fn spacing_of_directions(field: &Field, notes: &mut Vec<String>) -> Result<[f64; 3], NrrdError> {
-    /// Larger shares of a vector off its axis are a rotation that someone meant.
-    const STRAIGHT: f64 = 1e-6;
+/// Spacing and directions of the axes' vectors.
+fn axes_of_directions(field: &Field, notes: &mut Vec<String>) -> Result<([f64; 3], DMat3), NrrdError> {
     let vectors = vectors(field)?;
-    let [Some(x), Some(y), Some(z)] = vectors.as_slice() else {
+    let &[Some(x), Some(y), Some(z)] = vectors.as_slice() else {
         let problem = if vectors.contains(&None) {
             "an axis without direction (`none`) holds components, not space; only one value a voxel is supported"
         } else {
@@ -71,17 +108,15 @@ fn spacing_of_directions(field: &Field, notes: &mut Vec<String>) -> Result<[f64;
         };
         return Err(field.wrong(problem));
     };
-    let straight = [x, y, z].iter().enumerate().all(|(axis, v)| v[axis] >= (1.0 - STRAIGHT * STRAIGHT) * v.length());
-    let spacing = [x.length(), y.length(), z.length()];
-    if !straight {
-        let [a, b, c] = spacing;
+    let axes = Axes::of([x, y, z]).map_err(|e| field.wrong(e.to_string()))?;
+    if axes.moved > TOLD {
         notes.push(format!(
-            "space directions `{}` turn or mirror the volume, which is left aside: its axes are shown as x, y, z with spacing \
-             {a}, {b}, {c}",
-            field.value.chars().take(200).flat_map(char::escape_debug).collect::<String>()
+            "space directions `{}` were not quite at right angles or on their axes: moved by up to {:.1e} of a voxel",
+            field.value.chars().take(200).flat_map(char::escape_debug).collect::<String>(),
+            axes.moved
         ));
     }
-    Ok(spacing)
+    Ok((axes.spacing, axes.directions))
 }
 
 /// `(a,b,c)` or `none`, several of them; spaces count only between vectors. At most four are looked at.

@@ -30,7 +30,13 @@ pub fn write_header(
     };
     writeln!(out, "type: {type_name}")?;
     writeln!(out, "dimension: 3\nspace dimension: 3\nsizes: {} {} {}", d.x, d.y, d.z)?;
-    writeln!(out, "space directions: ({},0,0) (0,{},0) (0,0,{})", s.x, s.y, s.z)?;
+    if geometry.is_straight() {
+        writeln!(out, "space directions: ({},0,0) (0,{},0) (0,0,{})", s.x, s.y, s.z)?;
+    } else {
+        let r = geometry.directions();
+        let axes = [r.x_axis * s.x, r.y_axis * s.y, r.z_axis * s.z].map(|v| format!("({},{},{})", v.x, v.y, v.z));
+        writeln!(out, "space directions: {}", axes.join(" "))?;
+    }
     writeln!(out, "space origin: ({},{},{})", o.x, o.y, o.z)?;
     if let Some(unit) = unit {
         let unit = one_line(unit).replace('"', "'");
