@@ -90,7 +90,7 @@ pub fn cut(codes: &[u16], dims: [usize; 3], owned: OwnedBox, ghost: u32) -> Bric
             }
         }
     }
-    BrickVoxels { stored, codes: cut }
+    BrickVoxels { stored, codes: cut, has_holes: false }
 }
 
 /// Cuts the scene's volume into bricks of `brick_size` and uploads them all.

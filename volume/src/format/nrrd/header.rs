@@ -35,6 +35,8 @@ pub struct NrrdHeader {
     pub byte_skip: ByteSkip,
     /// Unit of spacing and origin.
     pub space_unit: Option<String>,
+    /// Fill values that the header's keys declare.
+    pub no_data: Vec<f64>,
     /// What was left aside, for people.
     pub notes: Vec<String>,
     /// Bytes of the header, the blank line included.
@@ -72,8 +74,21 @@ impl NrrdHeader {
         let (spacing, origin) = space::spacing_and_origin(&fields, &mut notes)?;
         let geometry = Geometry::new(sizes, spacing, origin).map_err(NrrdError::Geometry)?;
         let space_unit = space::unit(&fields, &mut notes);
+        let no_data = super::no_data::declared(&fields.keys, &mut notes);
         let length = fields.length;
-        Ok(Self { geometry, voxel_type, encoding, endian, data_file, line_skip, byte_skip, space_unit, notes, length })
+        Ok(Self {
+            geometry,
+            voxel_type,
+            encoding,
+            endian,
+            data_file,
+            line_skip,
+            byte_skip,
+            space_unit,
+            no_data,
+            notes,
+            length,
+        })
     }
 }
 

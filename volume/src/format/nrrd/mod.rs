@@ -4,6 +4,7 @@ mod data;
 mod error;
 mod fields;
 mod header;
+mod no_data;
 mod space;
 mod write;
 
@@ -43,6 +44,7 @@ pub(super) fn open(file: File, path: &Path, hints: &RawHints) -> Result<Box<dyn 
         voxel_type: parsed.voxel_type,
         format: if parsed.data_file.is_some() { "NRRD, detached" } else { "NRRD" },
         space_unit: parsed.space_unit,
+        no_data: hints.no_data.into_iter().chain(parsed.no_data).collect(),
         notes,
     };
     Ok(Box::new(PlaneSource::new(header, location)?))
