@@ -26,7 +26,7 @@ fn is_hole([x, y, z]: [u32; 3]) -> bool {
     ball([30.0, 26.0, 22.0], 7.0) || (x >= 46 && y < 22) || x == 16 && z % 7 == 3 || (x * 3 + y * 7 + z * 13) % 211 == 0
 }
 
-/// A large ball of one value in air of another, with a little noise: much to leap through; NaN in the holes.
+/// A large ball of one value, with a little noise, in air of another: much to leap through; NaN in the holes.
 fn field(folder: &Path) -> PathBuf {
     let path = folder.join("field.nrrd");
     let [nx, ny, nz] = DIMS;
@@ -40,7 +40,8 @@ fn field(folder: &Path) -> PathBuf {
                 let d = [(x, 30), (y, 26), (z, 22)].map(|(a, b)| (f64::from(a) - f64::from(b)).powi(2));
                 let ball = ((21.0 - d.iter().sum::<f64>().sqrt()) * 0.5 + 0.5).clamp(0.0, 1.0);
                 let noise = f64::from((x * 7919 + y * 104_729 + z * 1_299_709) % 97) / 97.0;
-                let value = -1.0 + 1.8 * ball + 0.02 * noise;
+                // Air is the lowest value of all: its region's mean must not become the code of no data.
+                let value = -1.0 + 1.8 * ball + 0.02 * noise * ball;
                 let value = if is_hole([x, y, z]) { f32::NAN } else { value as f32 };
                 data.extend(value.to_le_bytes());
             }
