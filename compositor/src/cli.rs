@@ -128,6 +128,9 @@ pub struct RawArgs {
     /// World units per voxel of a raw file
     #[arg(long, value_name = "X,Y,Z", value_parser = triple::<f64>, allow_hyphen_values = true)]
     pub spacing: Option<[f64; 3]>,
+    /// A voxel of this value holds no data and shows nothing, in files of any format; NaN never does
+    #[arg(long, value_name = "VALUE", allow_hyphen_values = true)]
+    pub no_data: Option<f64>,
 }
 
 #[derive(Debug, Args)]

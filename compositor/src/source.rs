@@ -55,7 +55,8 @@ impl RawArgs {
     pub fn hints(&self) -> Result<RawHints, Failure> {
         let voxel_type = self.voxel_type.as_deref().map(str::parse).transpose().map_err(Failure::usage)?;
         let endian = self.endian.as_deref().map(str::parse).transpose().map_err(Failure::usage)?;
-        Ok(RawHints { dims: self.dims, voxel_type, endian, skip: self.skip, spacing: self.spacing, origin: None })
+        let (skip, spacing, no_data) = (self.skip, self.spacing, self.no_data);
+        Ok(RawHints { dims: self.dims, voxel_type, endian, skip, spacing, origin: None, no_data })
     }
 }
 

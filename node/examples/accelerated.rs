@@ -82,7 +82,7 @@ impl Casting {
     }
 
     fn voxels(&self, stored: StoredBox) -> BrickVoxels {
-        BrickVoxels { stored, codes: cut(&stored, |p| self.codes[at(p)]) }
+        BrickVoxels { stored, codes: cut(&stored, |p| self.codes[at(p)]), has_holes: false }
     }
 
     fn regions(&self, stored: StoredBox) -> BrickRegions {

@@ -33,7 +33,7 @@ fn measure(what: &str, raycaster: &dyn Raycaster) -> Result<()> {
         let stored = owned.stored(1);
         // Blobs of some voxels: cells of many ranges.
         let wave = |i: u64| ((i as f64 * 0.37).sin() * (i as f64 * 0.0021).cos() * 30_000.0 + 32_000.0) as u16;
-        let voxels = BrickVoxels { stored, codes: (0..stored.voxel_count()).map(wave).collect() };
+        let voxels = BrickVoxels { stored, codes: (0..stored.voxel_count()).map(wave).collect(), has_holes: false };
         raycaster.upload(owned, &BrickInput { voxels: &voxels, regions: None, recipe })
     };
     let bricks = grid.bricks().map(upload).collect::<Result<Vec<_>, _>>()?;

@@ -31,7 +31,7 @@ fn cut(stored: StoredBox) -> BrickVoxels {
     let codes = (lo.z..hi.z)
         .flat_map(|z| (lo.y..hi.y).flat_map(move |y| (lo.x..hi.x).map(move |x| code(IVec3::new(x, y, z)))))
         .collect();
-    BrickVoxels { stored, codes }
+    BrickVoxels { stored, codes, has_holes: false }
 }
 
 /// Processor seconds of this process, user and system.

@@ -136,6 +136,8 @@ struct PlacedBrick<'a> {
 impl<'a> PlacedBrick<'a> {
     fn new(brick: &'a CpuBrick, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> Self {
         let mut uniform = brick.uniform;
+        let has_holes = uniform.holes != 0;
+        let emptiness = emptiness.filter(|_| scene.skips_in(has_holes));
         let mut skips = false;
         if let Some((emptiness, cells)) = emptiness.zip(brick.cells.as_ref()) {
             let occupied = brick.occupancy.ask(emptiness, &brick.owned, &cells.cells);
@@ -147,7 +149,7 @@ impl<'a> PlacedBrick<'a> {
         let map = brick.map(emptiness);
         uniform.map_mask = map_mask(emptiness.is_some(), brick.cells.as_ref());
         let simple = scene.style.is_none() && !scene.tells_regions_apart();
-        let is_plain = simple && brick.means.is_none() && map.is_none();
+        let is_plain = simple && !has_holes && brick.means.is_none() && map.is_none();
         Self { brick, projected: scene.view.project(&uniform.owned()), uniform, map, is_plain }
     }
 

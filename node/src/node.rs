@@ -303,7 +303,12 @@ impl Node {
         }
         let integral = choice.kinds();
         let with = move |features| Features { integral, ..features };
-        let features: HashSet<Features> = wanted.iter().map(|w| with(w.key.recipe.features())).collect();
+        let mut features: HashSet<Features> = wanted.iter().map(|w| with(w.key.recipe.features())).collect();
+        if store.store.manifest().no_data.is_some() {
+            // Some bricks may lack data, others not; those that do never leap.
+            let lacking = features.iter().map(|f| Features { holes: true, leap: false, ..*f });
+            features.extend(lacking.collect::<Vec<_>>());
+        }
         let mut load = LoadMeter::default();
         load.add(
             self.in_turn(&caller, move |node| {

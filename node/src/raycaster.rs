@@ -70,6 +70,12 @@ impl KernelScene {
         (OwnedBox { lo, hi: (bounds.hi + reach).min(owned.hi).max(lo) }, skips)
     }
 
+    /// May macrocells be skipped in a brick? In a projection what is skipped counts as a sample of no weight; a place that holds no
+    /// data is none at all.
+    pub(crate) fn skips_in(&self, has_holes: bool) -> bool {
+        !has_holes || self.style.as_ref().is_none_or(|style| style.kinds.mode == 0)
+    }
+
     /// True where it matters which samples are in regions.
     #[must_use]
     pub fn tells_regions_apart(&self) -> bool {

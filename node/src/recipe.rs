@@ -25,6 +25,8 @@ impl Recipe {
             leap: self.guard.is_some(),
             map: self.macrocell.is_some(),
             regions: self.region_flags,
+            // What a store lacks is no recipe's business.
+            holes: false,
             integral: None,
         }
     }

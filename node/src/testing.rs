@@ -66,6 +66,7 @@ pub(crate) fn make_store_of(brick_size: u32, path: &Path, value: fn(u32, u32, u3
         voxel_type: VoxelType::U8,
         format: "test",
         space_unit: None,
+        no_data: Vec::new(),
         notes: Vec::new(),
     };
     let options = PrepareOptions { brick_size, range: Some((0.0, 255.0)), ..PrepareOptions::default() };

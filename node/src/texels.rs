@@ -8,7 +8,7 @@ use brickcast_volume::brick::{GHOST_SAMPLED, OwnedBox};
 use brickcast_volume::macrocell::Macrocells;
 use brickcast_volume::regions::code::{INNER_BIT, LEAP_BIT, MAX_DENSITY, MAX_DISTANCE, code_of_density, leap_texel};
 use brickcast_volume::regions::{BrickRegions, Classified, ClassifyError, Density, NO_REGION, RegionTable, classify};
-use brickcast_volume::store::BrickVoxels;
+use brickcast_volume::store::{BrickVoxels, NO_DATA_CODE};
 use glam::IVec3;
 
 use crate::raycaster::{BrickInput, RaycastError, check_brick};
@@ -48,15 +48,22 @@ impl<'a> PreparedBrick<'a> {
             given => given,
         };
         let mut uniform = BrickUniform::of_boxes(owned, &voxels.stored);
+        uniform.holes = u32::from(voxels.has_holes);
         let mut means = None;
         let mut texels = Cow::Borrowed(voxels.codes.as_slice());
         if let (Some(guard), Some((regions, table))) = (recipe.guard, regions) {
-            // A guard as wide as distances go leaves no leap voxel: V' as plain texels.
-            let worth = leaps_enough(&voxels.stored, regions, u32::from(guard));
+            // A guard as wide as distances go leaves no leap voxel: V' as plain texels. Coded ones have no room for voxels without
+            // data.
+            let worth = !voxels.has_holes && leaps_enough(&voxels.stored, regions, u32::from(guard));
             let guard = if worth { u32::from(guard) } else { u32::from(MAX_DISTANCE) };
             match classify_all(voxels, regions, table, guard, recipe.radius)? {
                 Classified::Plain => {}
-                Classified::Flat { codes } => texels = Cow::Owned(codes),
+                Classified::Flat { mut codes } => {
+                    if voxels.has_holes {
+                        keep_holes(&voxels.codes, &mut codes);
+                    }
+                    texels = Cow::Owned(codes);
+                }
                 Classified::Uniform { mean, .. } => return Ok(Self::uniform(owned, mean)),
                 Classified::Coded { texels: coded, means: densities, .. } => {
                     texels = Cow::Owned(coded);
@@ -142,6 +149,12 @@ fn code_of_mean(mean: Density) -> f32 {
     f32::from(mean) / f32::from(MAX_DENSITY)
 }
 
+/// In V' the mean of a region may be the code of voxels without data, which are those of the volume and no others.
+fn keep_holes(codes: &[u16], flat: &mut [u16]) {
+    let data = codes.iter().zip(flat).filter(|(code, _)| **code != NO_DATA_CODE);
+    data.for_each(|(_, flat)| *flat = (*flat).max(NO_DATA_CODE + 1));
+}
+
 enum Flags {
     NoVoxel,
     EveryVoxel,
@@ -179,7 +192,10 @@ fn cells_of(
     }
     let (stored, edge) = (input.voxels.stored, u32::from(edge));
     let cells = match means {
-        None => Macrocells::of(owned, &stored, texels, edge),
+        None => {
+            let no_data = input.voxels.has_holes.then_some(NO_DATA_CODE);
+            Macrocells::over(owned, &stored, texels, edge, no_data)
+        }
         Some(means) => {
             let code_of = |&texel: &u16| {
                 if texel & LEAP_BIT == 0 {
@@ -192,6 +208,8 @@ fn cells_of(
             Macrocells::of(owned, &stored, &codes, edge).widened(CODED_SLACK.0, CODED_SLACK.1)
         }
     };
-    let homogeneous = input.recipe.homogeneous.map(|width| cells.homogeneous(width).into_iter().map(packed).collect());
+    // A cube that holds a voxel without data is not of one value.
+    let width = input.recipe.homogeneous.filter(|_| !input.voxels.has_holes);
+    let homogeneous = width.map(|width| cells.homogeneous(width).into_iter().map(packed).collect());
     Ok(PreparedCells { cells, homogeneous })
 }

@@ -101,7 +101,9 @@ pub struct BrickUniform {
     pub map_mask: u32,
     /// Code of a texel of 1: [`PLAIN_SCALE`] or [`CODED_SCALE`].
     pub code_scale: f32,
-    pub reserved: [u32; 2],
+    /// 1 where texels of code 0 hold no data.
+    pub holes: u32,
+    pub reserved: u32,
 }
 
 impl FrameUniform {

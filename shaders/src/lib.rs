@@ -31,13 +31,15 @@ pub struct Features {
     pub map: bool,
     /// Samples in regions are hidden, shown alone, or have a table of their own.
     pub regions: bool,
+    /// Some voxels hold no data.
+    pub holes: bool,
     /// The integral kernel, and what of it.
     pub integral: Option<Kinds>,
 }
 
 impl Features {
     /// Nothing but sampling.
-    pub const PLAIN: Self = Self { leap: false, map: false, regions: false, integral: None };
+    pub const PLAIN: Self = Self { leap: false, map: false, regions: false, holes: false, integral: None };
 }
 
 /// The kernel that only samples; entry point `raycast`.
@@ -46,8 +48,8 @@ pub fn raycast_wgsl(variant: RaycastVariant) -> String {
     with_shared(variant, &[include_str!("../wgsl/shared/frame.wgsl"), include_str!("../wgsl/raycast.wgsl")].concat())
 }
 
-/// The kernel that also leaps, skips and tells regions apart, as its overrides `LEAP`, `MAP` and `REGIONS` say; entry point
-/// `accelerated`.
+/// The kernel that also leaps, skips, tells regions apart and knows voxels without data, as its overrides `LEAP`, `MAP`, `REGIONS`
+/// and `HOLES` say; entry point `accelerated`.
 #[must_use]
 pub fn accelerated_wgsl(variant: RaycastVariant) -> String {
     with_shared(
@@ -82,8 +84,9 @@ fn with_shared(variant: RaycastVariant, kernel: &str) -> String {
         RaycastVariant::Hardware => include_str!("../wgsl/shared/read_hardware.wgsl"),
         RaycastVariant::Exact => include_str!("../wgsl/shared/read_exact.wgsl"),
     };
+    let holes = include_str!("../wgsl/shared/holes.wgsl");
     let (layout, ray) = (include_str!("../wgsl/shared/layout.wgsl"), include_str!("../wgsl/shared/ray.wgsl"));
-    [layout, ray, include_str!("../wgsl/shared/dispatch.wgsl"), read, kernel].concat()
+    [layout, ray, include_str!("../wgsl/shared/dispatch.wgsl"), holes, read, kernel].concat()
 }
 
 /// Which macrocells are empty; entry point `macrocell`.

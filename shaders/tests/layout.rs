@@ -36,7 +36,7 @@ fn frame() -> (Members, u32) {
 
 fn brick() -> (Members, u32) {
     rust_struct!(BrickUniform: owned_lo accumulator_base owned_hi accumulator_stride stored_lo counter stored_dims
-        region_flags rect_lo rect_size cell_lo cell_shift map_mask code_scale reserved)
+        region_flags rect_lo rect_size cell_lo cell_shift map_mask code_scale holes reserved)
 }
 
 fn style() -> (Members, u32) {

@@ -128,7 +128,10 @@ fn accelerated(
                 reads += 1.0;
             }
         }
-        let sample = shown(reader, code, in_region);
+        var sample = shown(reader, code, in_region);
+        if is_no_data(code) {
+            sample = vec4(0.0);
+        }
         let opacity = select(opacity_of(sample.a, n), sample.a, n == 1.0);
         let weight = select((1.0 - sum.a) * opacity, 0.0, is_empty);
         sum += vec4(sample.rgb * weight, weight);

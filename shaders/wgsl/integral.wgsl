@@ -198,6 +198,15 @@ fn integral(
         // Positions that the brick owns.
         let taken = max(min(n, k_out - k), 0.0);
         positions += taken;
+        if is_no_data(code) {
+            // No sample, and no slab ends or starts here.
+            k += n;
+            has_front = false;
+            front_is_empty = false;
+            reads_empty = false;
+            look = MAP && k >= k_look;
+            continue;
+        }
         var opacity = 0.0;
         let shows = !REGIONS || is_shown(in_region);
         if MODE != 0u {
@@ -231,8 +240,12 @@ fn integral(
                 for (var i = 0u; i < scene_data.style.surface_count; i++) {
                     let surface = select(scene_data.style.surface_count - 1u - i, i, rises);
                     let value = scene_data.style.codes[surface].x;
+                    var met = -1.0;
                     if (first >= value) != (end.code >= value) {
-                        var here = End(value, max(crossing(reader, ray, start, end, value), front.k), UNLIT, false);
+                        met = crossing(reader, ray, start, end, value);
+                    }
+                    if met >= 0.0 {
+                        var here = End(value, max(met, front.k), UNLIT, false);
                         if PREINTEGRATED {
                             let before =
                                 slab_between(reader, ray, front_in_region, &front, &here, here.k - front.k);

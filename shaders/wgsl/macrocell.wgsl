@@ -13,6 +13,8 @@ fn macrocell(@builtin(global_invocation_id) cell: vec3<u32>) {
         return;
     }
     let range = textureLoad(ranges, cell, 0).x;
-    let is_empty = counts_of(range >> 16u).y == counts_of(range & 0xffffu).x;
+    // The first above the second: nothing there holds data.
+    let lacks_data = (range & 0xffffu) > (range >> 16u);
+    let is_empty = lacks_data || counts_of(range >> 16u).y == counts_of(range & 0xffffu).x;
     textureStore(occupancy, cell, vec4(select(0u, MAX_CELL_DISTANCE, is_empty)));
 }

@@ -10,7 +10,7 @@ use brickcast_volume::brick::GHOST_SAMPLED;
 use brickcast_volume::merge::sort_front_to_back;
 use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::scene::Filter;
-use brickcast_volume::store::BrickVoxels;
+use brickcast_volume::store::{BrickVoxels, NO_DATA_CODE};
 use brickcast_volume::style::{Mode, Style};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction, TransferTable};
 use brickcast_volume::{
@@ -90,7 +90,7 @@ pub fn cut(codes: &[u16], dims: [usize; 3], owned: OwnedBox, ghost: u32) -> Bric
             }
         }
     }
-    BrickVoxels { stored, codes: cut }
+    BrickVoxels { stored, codes: cut, has_holes: false }
 }
 
 /// Cuts the scene's volume into bricks of `brick_size` and uploads them all.
@@ -100,7 +100,13 @@ pub fn cut(codes: &[u16], dims: [usize; 3], owned: OwnedBox, ghost: u32) -> Bric
 #[must_use]
 pub fn load<'a>(raycaster: &'a dyn Raycaster, scene: &Scene, brick_size: u32) -> Loaded<'a> {
     let dims = scene.truth.volume.dims;
-    load_cut(raycaster, scene, brick_size, |owned| cut(&scene.codes, dims, owned, GHOST_SAMPLED))
+    load_cut(raycaster, scene, brick_size, |owned| with_holes(scene, cut(&scene.codes, dims, owned, GHOST_SAMPLED)))
+}
+
+/// What a store says of a brick whose voxels may lack data.
+fn with_holes(scene: &Scene, voxels: BrickVoxels) -> BrickVoxels {
+    let has_holes = scene.has_holes && voxels.codes.contains(&NO_DATA_CODE);
+    BrickVoxels { has_holes, ..voxels }
 }
 
 /// As [`load`], to be rendered in a style, with the ghost layers that it needs.
@@ -110,7 +116,8 @@ pub fn load<'a>(raycaster: &'a dyn Raycaster, scene: &Scene, brick_size: u32) ->
 #[must_use]
 pub fn load_styled<'a>(raycaster: &'a dyn Raycaster, scene: &Scene, brick_size: u32, style: &Style) -> Loaded<'a> {
     let (dims, ghost) = (scene.truth.volume.dims, style.ghost(scene.truth.step));
-    let loaded = load_cut(raycaster, scene, brick_size, |owned| cut(&scene.codes, dims, owned, ghost));
+    let loaded =
+        load_cut(raycaster, scene, brick_size, |owned| with_holes(scene, cut(&scene.codes, dims, owned, ghost)));
     Loaded { style: style.clone(), ..loaded }
 }
 

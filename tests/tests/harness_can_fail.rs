@@ -233,7 +233,7 @@ fn the_product_fed_with_mistakes_turns_red() {
         let shifted = |owned: OwnedBox| {
             let next = OwnedBox { lo: owned.lo + glam::UVec3::X, hi: owned.hi + glam::UVec3::X };
             let codes = product::cut(&scene.codes, scene.truth.volume.dims, next, 1).codes;
-            BrickVoxels { stored: owned.stored(1), codes }
+            BrickVoxels { stored: owned.stored(1), codes, has_holes: false }
         };
         let wrong = [
             ("no ghosts", product::load_cut(raycaster, &scene, 8, without_ghosts).render(&scene).0),

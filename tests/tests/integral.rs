@@ -102,6 +102,8 @@ fn scenes_of(step: f64) -> Vec<Scene> {
         small(scenes::parallel_oblique(step)),
         small(scenes::eye_inside(step)),
         scenes::resized(scenes::eye_on_a_brick_corner(step), [32, 32]),
+        small(scenes::holed(scenes::oblique(step))),
+        small(scenes::holed(scenes::eye_inside(step))),
     ]
 }
 
@@ -155,7 +157,8 @@ fn gpu_styles_agree_at_a_whole_step() {
 /// The comparison would notice what is easily got wrong: each mistake is far outside the tolerance in some case.
 #[test]
 fn mistakes_are_noticed() {
-    let scenes = [scenes::oblique(1.0), scenes::steep(1.0)].map(|scene| scenes::resized(scene, [40, 32]));
+    let all = [scenes::oblique(1.0), scenes::steep(1.0), scenes::holed(scenes::oblique(1.0))];
+    let scenes = all.map(|scene| scenes::resized(scene, [40, 32]));
     for mistake in [
         Mistake::FrontOnly,
         Mistake::Swapped,
@@ -165,6 +168,7 @@ fn mistakes_are_noticed() {
         Mistake::SurfaceFirst,
         Mistake::RoughCuts,
         Mistake::CubicVoxels,
+        Mistake::FilledHoles,
     ] {
         let all = scenes.iter().flat_map(|scene| cases(scene).into_iter().map(move |case| (scene, case.truth)));
         let noticed = all.into_iter().any(|(scene, truth)| {

@@ -22,7 +22,8 @@ fn tolerance(backend: Backend) -> Tolerance {
 /// picture in the largest bricks.
 fn check_all(backend: Backend, step: f64) {
     let Some(raycaster) = product::raycaster(backend, "kernel against referee") else { return };
-    for scene in scenes::all(step) {
+    let holed = [scenes::oblique(step), scenes::parallel_oblique(step), scenes::eye_inside(step)].map(scenes::holed);
+    for scene in scenes::all(step).into_iter().chain(holed) {
         let truth = referee::render(&scene.truth);
         let excused = scene.excused(&truth);
         let mut whole: Option<(Picture, u64)> = None;

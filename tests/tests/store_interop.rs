@@ -63,6 +63,7 @@ fn make_store(path: &Path, voxel_type: VoxelType, bytes: Vec<u8>) {
         voxel_type,
         format: "memory",
         space_unit: Some("mm".into()),
+        no_data: Vec::new(),
         notes: Vec::new(),
     };
     let segmentation = Segmentation::Windows { range: 0.4 };

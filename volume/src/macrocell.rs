@@ -18,7 +18,8 @@ pub struct Macrocells {
     pub lo: IVec3,
     /// Cells per axis.
     pub dims: UVec3,
-    /// Smallest and largest code that a sample in the cell and the owned box can have; x fastest.
+    /// Smallest and largest code that a sample in the cell and the owned box can have; x fastest. The first above the second
+    /// where no sample has one: nothing there holds data.
     pub ranges: Vec<[u16; 2]>,
 }
 
@@ -36,10 +37,18 @@ impl Macrocells {
     /// is the apron: a sample at a cell's face reads it).
     #[must_use]
     pub fn of(owned: &OwnedBox, stored: &StoredBox, codes: &[u16], edge: u32) -> Self {
+        Self::over(owned, stored, codes, edge, None)
+    }
+
+    /// The same of a brick in which some voxels hold no data, by their code: ranges are over the others. Such cells must not be
+    /// taken for one value.
+    #[must_use]
+    pub fn over(owned: &OwnedBox, stored: &StoredBox, codes: &[u16], edge: u32, no_data: Option<u16>) -> Self {
         let (lo, hi) = (owned.lo / edge, (owned.hi + (edge - 1)) / edge);
         let dims = hi - lo;
         let slice = |z: u32| {
-            let cell = move |x: u32, y: u32| cell_range(owned, stored, codes, edge, lo + UVec3::new(x, y, z));
+            let cell =
+                move |x: u32, y: u32| cell_range(owned, stored, codes, (edge, no_data), lo + UVec3::new(x, y, z));
             (0..dims.y).flat_map(move |y| (0..dims.x).map(move |x| cell(x, y))).collect::<Vec<_>>()
         };
         let ranges = (0..dims.z).into_par_iter().flat_map_iter(slice).collect();
@@ -81,7 +90,13 @@ impl Macrocells {
     }
 }
 
-fn cell_range(owned: &OwnedBox, stored: &StoredBox, codes: &[u16], edge: u32, cell: UVec3) -> [u16; 2] {
+fn cell_range(
+    owned: &OwnedBox,
+    stored: &StoredBox,
+    codes: &[u16],
+    (edge, no_data): (u32, Option<u16>),
+    cell: UVec3,
+) -> [u16; 2] {
     let lo = (cell * edge).max(owned.lo).as_ivec3() - 1 - stored.lo;
     let hi = ((cell + 1) * edge).min(owned.hi).as_ivec3() + 1 - stored.lo;
     let dims = stored.dims().as_ivec3();
@@ -90,6 +105,9 @@ fn cell_range(owned: &OwnedBox, stored: &StoredBox, codes: &[u16], edge: u32, ce
         for y in lo.y..hi.y {
             let row = ((z * dims.y + y) * dims.x) as usize;
             for &code in codes.get(row + lo.x as usize..row + hi.x as usize).unwrap_or_default() {
+                if Some(code) == no_data {
+                    continue;
+                }
                 range = [range[0].min(code), range[1].max(code)];
             }
         }

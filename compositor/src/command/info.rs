@@ -38,7 +38,7 @@ fn describe(m: &Manifest, store: Option<&Store>) -> Value {
         "unit": m.space_unit,
         "type": m.source.voxel_type.name(),
         "voxels": g.voxel_count(),
-        "range": [m.range.0, m.range.1],
+        "range": [m.data_range.0, m.data_range.1],
         "min": m.min,
         "max": m.max,
         "mean": m.mean,
@@ -48,6 +48,9 @@ fn describe(m: &Manifest, store: Option<&Store>) -> Value {
         "not_finite": { "nan": m.not_finite.nan, "negative_infinity": m.not_finite.negative_infinity, "positive_infinity": m.not_finite.positive_infinity },
         "notes": m.notes,
     });
+    if let Some(no_data) = &m.no_data {
+        out["no_data"] = json!({ "voxels": no_data.voxels, "nan": m.not_finite.nan, "fill": no_data.fill });
+    }
     if let Some(store) = store {
         let tree = MergeTree::of(m.grid);
         out["store"] = json!({
@@ -113,12 +116,20 @@ fn text(path: &str, m: &Manifest, value: &Value) -> String {
     }
     lines.extend([
         format!("  values     {} to {}, mean {:.6}", m.min, m.max, m.mean),
-        format!("  range      {} to {} (codes 0 and 65535)", m.range.0, m.range.1),
+        format!(
+            "  range      {} to {} (codes {} and 65535)",
+            m.data_range.0,
+            m.data_range.1,
+            u32::from(m.no_data.is_some())
+        ),
         format!("  Otsu       {}", m.otsu),
     ]);
     let quantiles: Vec<String> =
         QUANTILES.iter().zip(m.quantiles).map(|(share, v)| format!("{} %: {v}", share * 100.0)).collect();
     lines.push(format!("  quantiles  {}", quantiles.join(", ")));
+    if let Some(no_data) = &m.no_data {
+        lines.push(format!("  no data    {}", no_data.words(m.not_finite.nan)));
+    }
     if m.not_finite.total() > 0 {
         let n = &m.not_finite;
         lines.push(format!("  not finite {} NaN, {} -Inf, {} +Inf", n.nan, n.negative_infinity, n.positive_infinity));
@@ -137,7 +148,7 @@ fn text(path: &str, m: &Manifest, value: &Value) -> String {
     for note in value["notes"].as_array().into_iter().flatten().filter_map(Value::as_str) {
         lines.push(format!("  note       {note}"));
     }
-    lines.push(format!("  histogram  {} to {}, logarithmic", m.range.0, m.range.1));
+    lines.push(format!("  histogram  {} to {}, logarithmic", m.data_range.0, m.data_range.1));
     lines.extend(chart(&m.histogram));
     lines.join("\n") + "\n"
 }

@@ -215,9 +215,9 @@ impl Kernel {
     }
 
     fn accelerated(&self, gpu: &Gpu, features: Features) -> wgpu::ComputePipeline {
-        let Features { leap, map, regions, integral } = features;
-        let mut overrides =
-            [("LEAP", leap), ("MAP", map), ("REGIONS", regions)].map(|(name, on)| (name, f64::from(on))).to_vec();
+        let Features { leap, map, regions, holes, integral } = features;
+        let switches = [("LEAP", leap), ("MAP", map), ("REGIONS", regions), ("HOLES", holes)];
+        let mut overrides = switches.map(|(name, on)| (name, f64::from(on))).to_vec();
         let layout = Some(&self.pipeline_layout);
         let Some(Kinds { preintegrated, light, surfaces, mode }) = integral else {
             return compute_pipeline(gpu, layout, "accelerated", accelerated_wgsl(self.variant), &overrides);

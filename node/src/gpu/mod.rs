@@ -175,7 +175,7 @@ impl Raycaster for GpuRaycaster {
         let (scene, owned) = smallest_scene(filter).map_err(broken)?;
         let stored = owned.stored(brickcast_volume::brick::GHOST_SAMPLED);
         let codes = vec![u16::MAX; stored.voxel_count() as usize];
-        let bricks = vec![self.upload(owned, &BrickInput::plain(&BrickVoxels { stored, codes }))?];
+        let bricks = vec![self.upload(owned, &BrickInput::plain(&BrickVoxels { stored, codes, has_holes: false }))?];
         self.render(&scene, &[Job { bricks, rect: scene.view.size().full_rect() }])?;
         if features.map {
             self.scratch.lock().unwrap_or_else(PoisonError::into_inner).warm_up_maps(&self.gpu)?;
@@ -237,7 +237,7 @@ mod tests {
         };
         let (scene, owned) = smallest_scene(Filter::Hardware).unwrap();
         let stored = owned.stored(1);
-        let voxels = BrickVoxels { stored, codes: vec![1; 27] };
+        let voxels = BrickVoxels { stored, codes: vec![1; 27], has_holes: false };
         let bricks = vec![gpu.upload(owned, &BrickInput::plain(&voxels)).unwrap()];
         let job = Job { bricks, rect: scene.view.size().full_rect() };
         assert!(gpu.render(&scene, std::slice::from_ref(&job)).is_ok());

@@ -41,6 +41,8 @@ impl GpuBrick {
     /// What the brick needs in this scene: its uniform and its kernel. The uniform's owned box is what may show something.
     pub(super) fn in_scene(&self, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> (BrickUniform, Features) {
         let leaps = self.cells.as_ref().is_some_and(CellTextures::has_homogeneous);
+        let has_holes = self.uniform.holes != 0;
+        let emptiness = emptiness.filter(|_| scene.skips_in(has_holes));
         let mut uniform = self.uniform;
         let mut skips = false;
         if let Some((emptiness, cells)) = emptiness.zip(self.cells.as_ref()) {
@@ -55,6 +57,7 @@ impl GpuBrick {
             leap: self.has_leaps,
             map,
             regions: scene.tells_regions_apart(),
+            holes: has_holes,
             integral: scene.style.as_ref().map(|style| style.kinds),
         };
         (uniform, features)

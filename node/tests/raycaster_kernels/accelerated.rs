@@ -288,7 +288,7 @@ fn maps_follow_the_transfer_function() {
 fn everything_warms_up() {
     let Some(gpu) = gpu("everything_warms_up") else { return };
     for filter in BOTH_FILTERS {
-        gpu.warm_up(filter, Features { leap: true, map: true, regions: true, integral: None }).unwrap();
-        gpu.warm_up(filter, Features { leap: true, map: true, regions: false, integral: None }).unwrap();
+        gpu.warm_up(filter, Features { leap: true, map: true, regions: true, holes: false, integral: None }).unwrap();
+        gpu.warm_up(filter, Features { leap: true, map: true, regions: false, holes: false, integral: None }).unwrap();
     }
 }

@@ -120,7 +120,7 @@ impl Labelled {
     }
 
     pub(crate) fn voxels(&self, stored: StoredBox) -> BrickVoxels {
-        BrickVoxels { stored, codes: cut(stored, |p| self.codes[self.at(p)]) }
+        BrickVoxels { stored, codes: cut(stored, |p| self.codes[self.at(p)]), has_holes: false }
     }
 
     /// V' in 16-bit codes.
@@ -129,7 +129,7 @@ impl Labelled {
             let at = self.at(p);
             self.table.get(self.labels[at]).map_or(self.codes[at], |region| code_of_density(region.mean()))
         };
-        BrickVoxels { stored, codes: cut(stored, code) }
+        BrickVoxels { stored, codes: cut(stored, code), has_holes: false }
     }
 
     pub(crate) fn regions(&self, stored: StoredBox) -> BrickRegions {

@@ -43,7 +43,7 @@ impl Volume {
                 );
             }
         }
-        BrickVoxels { stored, codes }
+        BrickVoxels { stored, codes, has_holes: false }
     }
 
     /// The whole volume in bricks of `brick_size`.

@@ -6,6 +6,7 @@
 use brickcast_volume::Premul;
 use brickcast_volume::regions::code::{INNER_BIT, LEAP_BIT, MAX_DENSITY};
 
+use super::holes::is_no_data;
 use super::raycast::{FAR, Ray, VolumeReader, between, cut_off, entry_at, owned_segment, rounded_up};
 use crate::layout::{BrickUniform, FrameUniform, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
 
@@ -216,9 +217,15 @@ pub fn accelerated_ray<W: Watch>(
             }
         }
         if n == 0.0 {
-            code = volume.read(p) * brick.code_scale;
+            code = volume.read_data(p) * brick.code_scale;
             n = 1.0;
             counts.samples += 1;
+            if is_no_data(code) {
+                counts.positions += 1;
+                k += 1.0;
+                look = k >= k_look && data.map.is_some();
+                continue;
+            }
             if has_flags {
                 in_region = data.flags[volume.nearest_index(p)] != 0;
                 counts.samples += 1;

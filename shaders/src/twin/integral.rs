@@ -13,6 +13,7 @@ use super::accelerated::{
     BrickData, Classifier, MARGIN, MARGIN_SHARE, NEARLY_EQUAL, RayCounts, Tables, Watch, first_outside, leaves,
     opacity_of, sample_at,
 };
+use super::holes::is_no_data;
 use super::light::{Probe, UNLIT};
 use super::raycast::{FAR, Ray, cut_off, first_sample, owned_segment};
 use super::slab::{End, SlabTable, add, add_flat, add_slab, lit_color};
@@ -212,10 +213,17 @@ pub fn integral_ray<W: Watch>(
         }
         last = code;
         in_region &= has_kinds;
-        watch.takes(k, n, code);
         // Positions that the brick owns.
         let taken = n.min(k_out - k).max(0.0);
         counts.positions += taken as u32;
+        if is_no_data(code) {
+            // No sample, and no slab ends or starts here.
+            k += n;
+            (front, is_empty) = (None, false);
+            look = data.map.is_some() && k >= k_look;
+            continue;
+        }
+        watch.takes(k, n, code);
         let mut opacity = 0.0;
         if kinds.mode != 0 {
             if shows(in_region) {
@@ -313,7 +321,8 @@ fn slab<W: Watch>(
             if (first.code >= value) == (back.code >= value) {
                 continue;
             }
-            let k = crossing(probe, (&first, back), value).max(from.k);
+            let Some(k) = crossing(probe, (&first, back), value) else { continue };
+            let k = k.max(from.k);
             let mut here = End { code: value, k, light: None };
             if let Some(table) = table {
                 let length = k - from.k;

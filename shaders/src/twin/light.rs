@@ -3,6 +3,7 @@
 use brickcast_volume::regions::code::{INNER_BIT, LEAP_BIT, MAX_DENSITY};
 
 use super::accelerated::BrickData;
+use super::holes::is_no_data;
 use super::raycast::{Ray, VolumeReader, clamped};
 use crate::layout::{BrickUniform, FrameUniform};
 use crate::style::StyleUniform;
@@ -69,10 +70,10 @@ impl<'a> Probe<'a> {
         self.inside(std::array::from_fn(|a| self.ray.origin[a] + t * self.ray.direction[a]))
     }
 
-    /// The trilinear code; the support must be free of leap voxels.
+    /// The trilinear code, negative where there is none; the support must be free of leap voxels.
     #[inline(always)]
     pub(super) fn trilinear(&self, p: [f32; 3]) -> f32 {
-        self.volume.read(p) * self.code_scale
+        self.volume.read_data(p) * self.code_scale
     }
 
     /// The mean of the region that a place is deep inside of, if it is: leap and inner guard voxels.
@@ -91,16 +92,20 @@ impl<'a> Probe<'a> {
         self.deep(p).unwrap_or_else(|| self.trilinear(p))
     }
 
-    /// By central differences over one voxel, interpolated; codes per smallest spacing.
+    /// By central differences over one voxel, interpolated; codes per smallest spacing. None where a place that it uses holds no
+    /// data.
     #[inline(always)]
-    pub(super) fn gradient(&self, p: [f32; 3]) -> [f32; 3] {
-        std::array::from_fn(|a| {
+    pub(super) fn gradient(&self, p: [f32; 3]) -> Option<[f32; 3]> {
+        let mut has_data = true;
+        let gradient = std::array::from_fn(|a| {
             let (mut ahead, mut behind) = (p, p);
             ahead[a] += 1.0;
             behind[a] -= 1.0;
-            let rise = self.trilinear(self.inside(ahead)) - self.trilinear(self.inside(behind));
-            rise * 0.5 * self.per_unit[a]
-        })
+            let [ahead, behind] = [ahead, behind].map(|p| self.trilinear(self.inside(p)));
+            has_data &= !is_no_data(ahead.min(behind));
+            (ahead - behind) * 0.5 * self.per_unit[a]
+        });
+        has_data.then_some(gradient)
     }
 
     /// Phong's factors at a place.
@@ -108,7 +113,7 @@ impl<'a> Probe<'a> {
         if self.deep(p).is_some() {
             return UNLIT;
         }
-        let gradient = self.gradient(p);
+        let Some(gradient) = self.gradient(p) else { return UNLIT };
         let steepness = dot(gradient, gradient).sqrt();
         let strength = clamped(steepness / LEAST_GRADIENT - 1.0, 1.0);
         if strength == 0.0 { UNLIT } else { self.lit(gradient, steepness, strength) }

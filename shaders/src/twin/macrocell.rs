@@ -4,9 +4,10 @@
 use brickcast_volume::macrocell::{HomogeneousCube, MAX_CELL_DISTANCE};
 
 /// Is a cell of this range empty? `counts` are [`brickcast_volume::transfer_function::TransferTable::opaque_counts`].
+/// Where `min` is above `max` nothing holds data.
 #[must_use]
 pub fn is_empty(counts: &[[u32; 2]], [min, max]: [u16; 2]) -> bool {
-    counts[usize::from(max)][1] == counts[usize::from(min)][0]
+    min > max || counts[usize::from(max)][1] == counts[usize::from(min)][0]
 }
 
 /// Cells from each cell to the nearest that is not empty (Chebyshev, 0 for itself), at most 255. Cells outside count as

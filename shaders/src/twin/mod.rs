@@ -1,6 +1,7 @@
 //! The kernels on the CPU: plain, in their WGSL's order of operations.
 
 pub mod accelerated;
+mod holes;
 pub mod integral;
 mod lanes;
 mod light;

@@ -116,7 +116,8 @@ pub fn owned_segment(frame: &FrameUniform, brick: &BrickUniform, ray: &Ray) -> O
     (k * frame.step < t_out).then_some(Segment { k, t_out })
 }
 
-/// Trilinear value code of the brick's texels at a global position.
+/// Trilinear value code of the brick's texels at a global position. The loops that never ask for holes are not for bricks that
+/// have some.
 pub(super) struct VolumeReader<'a> {
     pub(super) codes: &'a [u16],
     /// Subtract from a global position + 0.5, rounded down, for the texel of the support's low corner.
@@ -128,6 +129,8 @@ pub(super) struct VolumeReader<'a> {
     /// No texel is missing, and along each axis there are two and no more than f32 tells apart.
     #[cfg_attr(not(target_arch = "x86_64"), expect(dead_code, reason = "vectors are of x86-64"))]
     pub(super) is_whole: bool,
+    /// Texels of code 0 hold no data.
+    pub(super) has_holes: bool,
 }
 
 impl<'a> VolumeReader<'a> {
@@ -137,6 +140,7 @@ impl<'a> VolumeReader<'a> {
         Self {
             codes,
             is_whole: voxels.is_some_and(|n| codes.len() >= n) && dims.iter().all(|side| (2..=1 << 24).contains(side)),
+            has_holes: brick.holes != 0,
             first_texel: brick.stored_lo.map(|lo| lo + 1),
             last_corner: dims.map(|n| n as i32 - 2),
             row: dims[0] as usize,
@@ -225,7 +229,7 @@ pub(super) fn clamped(x: f32, last: f32) -> f32 {
 
 /// Takes the brick's samples along `ray` into `sum`; returns it and how many they were. `codes` are the stored box's, x
 /// fastest, at least one voxel wider than the owned box on every side; `table` has at least two entries (without them the
-/// brick is empty).
+/// brick is empty). Not for bricks in which voxels lack data.
 #[must_use]
 pub fn raycast_ray(
     frame: &FrameUniform,

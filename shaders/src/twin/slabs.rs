@@ -27,6 +27,7 @@ pub fn are_slabs_alone(brick: &BrickUniform, data: &BrickData<'_>, with: &Integr
         && data.means.is_none()
         && brick.region_flags != RegionFlags::Texture as u32
         && brick.map_mask <= MAP_EMPTY
+        && brick.holes == 0
 }
 
 /// The slabs of `brick` along `ray`, into `sum`; where [`are_slabs_alone`].

@@ -3,6 +3,7 @@
 use brickcast_volume::Premul;
 
 use super::accelerated::Watch;
+use super::holes::is_no_data;
 use super::integral::Integrals;
 use super::light::{Lit, Probe};
 use super::raycast::clamped;
@@ -12,14 +13,18 @@ use crate::style::Light;
 /// Halvings of a slab in which an isosurface lies: to 1/64 step, before the last interpolation.
 const BISECTIONS: u32 = 6;
 
-/// Where the ray has `value` between two samples on either side of it: bisection, then a line.
-pub(super) fn crossing(probe: &Probe<'_>, (front, back): (&End, &End), value: f32) -> f32 {
+/// Where the ray has `value` between two samples on either side of it: bisection, then a line. Nowhere where a place between
+/// holds no data.
+pub(super) fn crossing(probe: &Probe<'_>, (front, back): (&End, &End), value: f32) -> Option<f32> {
     let (mut lo, mut hi) = (0.0_f32, 1.0_f32);
     let (mut at_lo, mut at_hi) = (front.code, back.code);
     let is_above = at_lo >= value;
     for _ in 0..BISECTIONS {
         let middle = 0.5 * (lo + hi);
         let code = probe.value(probe.place(front.k + middle));
+        if is_no_data(code) {
+            return None;
+        }
         if (code >= value) == is_above {
             (lo, at_lo) = (middle, code);
         } else {
@@ -28,7 +33,7 @@ pub(super) fn crossing(probe: &Probe<'_>, (front, back): (&End, &End), value: f3
     }
     let rise = at_hi - at_lo;
     let part = if rise == 0.0 { 0.5 } else { clamped((value - at_lo) / rise, 1.0) };
-    front.k + lo + (hi - lo) * part
+    Some(front.k + lo + (hi - lo) * part)
 }
 
 /// Adds an isosurface that the ray meets at `k` steps.

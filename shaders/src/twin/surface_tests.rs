@@ -159,7 +159,7 @@ fn look(volume: &Volume, step: f64) -> Seen {
             seen.analytic = f64::INFINITY;
         }
         let probe = Probe::new(&frame, &style, &brick, &data, &ray);
-        let gradient = DVec3::from(probe.gradient(p.as_vec3().into()).map(f64::from)).normalize();
+        let gradient = DVec3::from(probe.gradient(p.as_vec3().into()).unwrap().map(f64::from)).normalize();
         seen.angle = seen.angle.max(gradient.dot(normal).clamp(-1.0, 1.0).acos().to_degrees());
     }
     seen

@@ -108,7 +108,7 @@ impl Field {
     }
 
     pub(crate) fn voxels(&self, stored: StoredBox) -> BrickVoxels {
-        BrickVoxels { stored, codes: cut(stored, |p| self.codes[self.at(p)]) }
+        BrickVoxels { stored, codes: cut(stored, |p| self.codes[self.at(p)]), has_holes: false }
     }
 
     pub(crate) fn regions(&self, stored: StoredBox) -> BrickRegions {

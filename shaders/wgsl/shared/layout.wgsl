@@ -36,5 +36,6 @@ struct BrickUniform {
     cell_shift: u32,
     map_mask: u32,
     code_scale: f32,
-    reserved: vec2<u32>,
+    holes: u32,
+    reserved: u32,
 }

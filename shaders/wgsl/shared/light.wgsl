@@ -44,19 +44,29 @@ fn value_at(reader: Reader, p: vec3<f32>) -> f32 {
     return read_volume(reader, p) * brick.code_scale;
 }
 
+// A place that the last gradient would use holds no data.
+var<private> lacks_gradient: bool;
+
 fn rise_along(reader: Reader, p: vec3<f32>, axis: vec3<f32>) -> f32 {
-    return read_volume(reader, min(p + axis, volume_hi)) - read_volume(reader, max(p - axis, vec3(0.0)));
+    let ahead = read_volume(reader, min(p + axis, volume_hi));
+    let behind = read_volume(reader, max(p - axis, vec3(0.0)));
+    lacks_gradient = lacks_gradient || is_no_data(min(ahead, behind));
+    return ahead - behind;
 }
 
 fn light_at(reader: Reader, ray: Ray, p: vec3<f32>) -> vec2<f32> {
     if deep_at(p).y != 0.0 {
         return UNLIT;
     }
+    lacks_gradient = false;
     let rise = vec3(
         rise_along(reader, p, vec3(1.0, 0.0, 0.0)),
         rise_along(reader, p, vec3(0.0, 1.0, 0.0)),
         rise_along(reader, p, vec3(0.0, 0.0, 1.0)),
     );
+    if HOLES && lacks_gradient {
+        return UNLIT;
+    }
     let gradient = rise * (0.5 * brick.code_scale) * frame.voxels_per_unit;
     let steepness = sqrt(dot(gradient, gradient));
     let strength = clamp(steepness / LEAST_GRADIENT - 1.0, 0.0, 1.0);

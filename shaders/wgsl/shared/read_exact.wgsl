@@ -28,8 +28,11 @@ fn between(a: f32, b: f32, t: f32) -> f32 {
     return a + (b - a) * t;
 }
 
-// The value code, 0..=1, at a global position.
+// The value code, 0..=1, at a global position; NO_DATA where it has none.
 fn read_volume(reader: Reader, p_voxel: vec3<f32>) -> f32 {
+    if HOLES {
+        return read_with_holes(p_voxel);
+    }
     // Half a voxel up in place of down: never negative, so that cutting off rounds down.
     let p = p_voxel + 0.5;
     let whole = vec3<i32>(p);

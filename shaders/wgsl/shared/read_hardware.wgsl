@@ -21,8 +21,11 @@ fn new_reader(brick: BrickUniform) -> Reader {
     );
 }
 
-// The value code, 0..=1, at a global position.
+// The value code, 0..=1, at a global position; NO_DATA where it has none.
 fn read_volume(reader: Reader, p_voxel: vec3<f32>) -> f32 {
+    if HOLES {
+        return read_with_holes(p_voxel);
+    }
     return textureSampleLevel(volume, linear_clamped, (p_voxel - reader.first_voxel) * reader.texels_inverse, 0.0).r;
 }
 

@@ -3,7 +3,8 @@
 // Halvings of a slab in which an isosurface lies: to 1/64 step, before the last interpolation.
 const BISECTIONS: i32 = 6;
 
-// Where the ray has `value` between two samples on either side of it, in steps: bisection, then a line.
+// Where the ray has `value` between two samples on either side of it, in steps: bisection, then a line. Negative where a place
+// between holds no data.
 fn crossing(reader: Reader, ray: Ray, front: End, back: End, value: f32) -> f32 {
     var lo = 0.0;
     var hi = 1.0;
@@ -13,6 +14,9 @@ fn crossing(reader: Reader, ray: Ray, front: End, back: End, value: f32) -> f32 
     for (var i = 0; i < BISECTIONS; i++) {
         let middle = 0.5 * (lo + hi);
         let code = value_at(reader, place_at(ray, front.k + middle));
+        if is_no_data(code) {
+            return -1.0;
+        }
         if (code >= value) == is_above {
             lo = middle;
             at_lo = code;

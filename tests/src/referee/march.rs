@@ -13,7 +13,8 @@ pub struct Rendering {
     /// Samples integrated.
     pub samples: u64,
     /// Pixels, row-major, whose ray has a sample so close to the face by which it enters or leaves the volume that f32 cannot
-    /// tell on which side it lies. Within the volume such doubt does no harm: whichever brick owns the sample, it counts.
+    /// tell on which side it lies. Within the volume such doubt does no harm: whichever brick owns the sample, it counts. And those
+    /// with a sample of which f32 cannot tell whether it has data.
     pub doubtful: Vec<bool>,
 }
 
@@ -158,14 +159,17 @@ fn march(
             return;
         }
         let t = phase + k as f64 * scene.delta();
+        gathered.samples += 1;
         let value = read(scene.volume.index_from_world(ray.origin + ray.direction * t));
+        if value.is_nan() {
+            continue;
+        }
         let [r, g, b] = scene.transfer.color(value);
         let alpha = 1.0 - (1.0 - scene.transfer.opacity(value)).powf(exponent);
         let through = 1.0 - gathered.rgba[3];
         for (sum, color) in gathered.rgba.iter_mut().zip([r, g, b, 1.0]) {
             *sum += through * alpha * color;
         }
-        gathered.samples += 1;
     }
 }
 
@@ -180,10 +184,19 @@ fn straight_over(front: Gathered, back: Gathered) -> Gathered {
     Gathered { rgba, samples: front.samples + back.samples }
 }
 
+/// Is there a sample on the ray of which f32 cannot tell whether it has data?
+fn meets_doubt(scene: &Scene, ray: &Ray) -> bool {
+    let Some(segment) = clip(scene, ray, [0; 3], scene.volume.dims) else { return false };
+    let (first, end) = owned_samples(scene, segment);
+    let place = |k: i64| scene.volume.index_from_world(ray.origin + ray.direction * (k as f64 * scene.delta()));
+    (first..=end).any(|k| scene.volume.is_doubtful(place(k)))
+}
+
 /// Every pixel of `scene`, rows shared among the processors.
 pub(super) fn by_rows(scene: &Scene, pixel: impl Fn(&Ray, [usize; 2]) -> Gathered + Sync) -> Rendering {
     let [width, height] = scene.size;
     let mut gathered = vec![(Gathered::default(), false); width * height];
+    let has_holes = scene.volume.values.iter().any(|v| v.is_nan());
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let rows_each = height.div_ceil(threads).max(1);
     std::thread::scope(|scope| {
@@ -193,7 +206,7 @@ pub(super) fn by_rows(scene: &Scene, pixel: impl Fn(&Ray, [usize; 2]) -> Gathere
                 for (i, out) in rows.iter_mut().enumerate() {
                     let (x, y) = (i % width, part * rows_each + i / width);
                     let ray = scene.camera.ray(x, y, scene.size);
-                    *out = (pixel(&ray, [x, y]), is_doubtful(scene, &ray));
+                    *out = (pixel(&ray, [x, y]), is_doubtful(scene, &ray) || (has_holes && meets_doubt(scene, &ray)));
                 }
             });
         }

@@ -72,6 +72,8 @@ pub enum Mistake {
     RoughCuts,
     /// Gradients in voxels, whatever their size.
     CubicVoxels,
+    /// Voxels without data have a value, below all others.
+    FilledHoles,
 }
 
 /// What a place's colour is multiplied by, and the white that is added.
@@ -86,6 +88,13 @@ struct March<'a> {
 /// The whole volume at once.
 #[must_use]
 pub fn render_styled(scene: &Scene, style: &Style) -> Rendering {
+    let filled = (style.mistake == Some(Mistake::FilledHoles)).then(|| {
+        let mut scene = scene.clone();
+        let lowest = scene.volume.values.iter().copied().fold(f64::INFINITY, f64::min);
+        scene.volume.values.iter_mut().filter(|v| v.is_nan()).for_each(|v| *v = lowest);
+        scene
+    });
+    let scene = filled.as_ref().unwrap_or(scene);
     by_rows(scene, |ray, _| {
         let mut gathered = Gathered::default();
         if let Some(segment) = clip(scene, ray, [0; 3], scene.volume.dims) {
@@ -156,6 +165,9 @@ impl March<'_> {
             (at(p + axis) - at(p - axis)) * 0.5 / (light.range.1 - light.range.0)
         };
         let gradient = DVec3::new(rise(DVec3::X), rise(DVec3::Y), rise(DVec3::Z)) / unit;
+        if gradient.is_nan() {
+            return (1.0, 0.0);
+        }
         let strength = (gradient.length() * 16383.0 - 1.0).clamp(0.0, 1.0);
         if strength == 0.0 {
             return (1.0, 0.0);
@@ -237,24 +249,37 @@ impl March<'_> {
         Self::add(gathered, [r, g, b, a]);
     }
 
-    /// Where the value is `value`, between `k` and the next sample on its other side.
-    fn crossing(&self, k: f64, value: f64) -> f64 {
+    /// Where the value is `value`, between `k` and the next sample on its other side; nowhere where one of the places that are looked
+    /// at first holds no data.
+    fn crossing(&self, k: f64, value: f64) -> Option<f64> {
         let is_above = self.value(k) >= value;
         let (mut lo, mut hi) = (0.0, 1.0);
-        for _ in 0..40 {
+        for halving in 0..40 {
             let middle = 0.5 * (lo + hi);
-            if (self.value(k + middle) >= value) == is_above { lo = middle } else { hi = middle }
+            let here = self.value(k + middle);
+            if here.is_nan() {
+                if halving < 6 {
+                    return None;
+                }
+                break;
+            }
+            if (here >= value) == is_above { lo = middle } else { hi = middle }
         }
-        k + 0.5 * (lo + hi)
+        Some(k + 0.5 * (lo + hi))
     }
 
     fn march(&self, first: i64, end: i64, gathered: &mut Gathered) {
         if let Some(projection) = self.style.projection {
-            let values = (first..end).map(|k| self.value(k as f64));
+            let values: Vec<f64> = (first..end).map(|k| self.value(k as f64)).filter(|v| !v.is_nan()).collect();
+            if values.is_empty() {
+                return;
+            }
+            let count = values.len() as f64;
+            let values = values.into_iter();
             let value = match projection {
                 Projection::Maximum => values.fold(f64::MIN, f64::max),
                 Projection::Minimum => values.fold(f64::MAX, f64::min),
-                Projection::Average => values.sum::<f64>() / (end - first) as f64,
+                Projection::Average => values.sum::<f64>() / count,
             };
             let ([r, g, b], a) = (self.scene.transfer.color(value), self.scene.transfer.opacity(value));
             gathered.rgba = [r * a, g * a, b * a, a];
@@ -277,8 +302,11 @@ impl March<'_> {
                     }
                 }
             }
-            if !self.style.preintegrated {
+            if !self.style.preintegrated && !v0.is_nan() {
                 self.sample(gathered, v0, at);
+            }
+            if v0.is_nan() || v1.is_nan() {
+                continue;
             }
             let mut crossed: Vec<_> =
                 self.style.surfaces.iter().filter(|(value, _)| (v0 >= *value) != (v1 >= *value)).collect();
@@ -287,7 +315,8 @@ impl March<'_> {
             }
             let (mut from, mut value) = (at, v0);
             for &&(level, color) in &crossed {
-                let here = self.crossing(at, level).max(from);
+                let Some(here) = self.crossing(at, level) else { continue };
+                let here = here.max(from);
                 if self.style.mistake == Some(Mistake::SurfaceFirst) {
                     self.surface(gathered, color, self.light(here));
                 }

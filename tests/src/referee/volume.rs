@@ -2,7 +2,8 @@
 
 use glam::{DMat3, DVec3};
 
-/// Values on a grid, x fastest, in data units. Index space: voxel i covers `[i, i + 1)`, its centre is `i + 0.5`.
+/// Values on a grid, x fastest, in data units; NaN where there is no data. Index space: voxel i covers `[i, i + 1)`, its centre is
+/// `i + 0.5`.
 #[derive(Debug, Clone)]
 pub struct Volume {
     pub dims: [usize; 3],
@@ -55,7 +56,7 @@ impl Volume {
     }
 
     /// The value at a position in index space: trilinear between the eight nearest centres, clamped to the edge beyond the
-    /// outermost ones.
+    /// outermost ones. NaN where a voxel without data has weight.
     #[must_use]
     pub fn sample(&self, index: DVec3) -> f64 {
         self.sample_within(index, [0; 3], self.dims, Self::offset)
@@ -81,11 +82,29 @@ impl Volume {
         for (x, wx) in [(x0, 1.0 - u), (x1, u)] {
             for (y, wy) in [(y0, 1.0 - v), (y1, v)] {
                 for (z, wz) in [(z0, 1.0 - w), (z1, w)] {
-                    sum += wx * wy * wz * self.values[offset(self, [x, y, z])];
+                    // Nothing times no data is no data.
+                    if wx * wy * wz > 0.0 {
+                        sum += wx * wy * wz * self.values[offset(self, [x, y, z])];
+                    }
                 }
             }
         }
         sum
+    }
+
+    /// True where f32 cannot tell whether a voxel without data has weight at a position.
+    pub(super) fn is_doubtful(&self, index: DVec3) -> bool {
+        const SLACK: f64 = 2e-5;
+        let near = |a: usize| (index[a] - 0.5 - (index[a] - 0.5).round()).abs() < SLACK;
+        let differs = |a: usize| {
+            let by = |d: f64| {
+                let mut at = index;
+                at[a] += d;
+                self.sample(at).is_nan()
+            };
+            by(-SLACK) != by(SLACK)
+        };
+        (0..3).any(|a| near(a) && differs(a))
     }
 
     /// Where a voxel stands in `values`.
@@ -119,6 +138,18 @@ mod tests {
         assert_eq!(volume.sample(DVec3::new(1.0, 0.75, 0.5)), 0.5 + 2.5);
         assert_eq!(volume.sample(DVec3::new(0.1, 0.0, 0.3)), 0.0);
         assert_eq!(volume.sample(DVec3::new(2.0, 1.9, 9.0)), 111.0);
+    }
+
+    #[test]
+    fn a_hole_has_weight_up_to_its_neighbours_centres() {
+        let mut volume = cube();
+        volume.values[1] = f64::NAN;
+        assert_eq!(volume.sample(DVec3::new(0.5, 0.75, 0.5)), 2.5);
+        assert!(volume.sample(DVec3::new(0.500_001, 0.75, 0.5)).is_nan());
+        assert!(volume.sample(DVec3::new(1.5, 0.5, 0.5)).is_nan());
+        assert_eq!(volume.sample(DVec3::new(1.0, 1.5, 0.5)), 10.5);
+        assert!(volume.is_doubtful(DVec3::new(0.500_001, 0.75, 0.5)));
+        assert!(!volume.is_doubtful(DVec3::new(0.51, 0.75, 0.5)) && !volume.is_doubtful(DVec3::new(1.0, 1.0, 1.0)));
     }
 
     #[test]

@@ -43,6 +43,8 @@ pub struct SourceHeader {
     pub format: &'static str,
     /// Unit of spacing and origin where the file names one, e.g. `mm`.
     pub space_unit: Option<String>,
+    /// Values that stand for no data (fill values), as the file or the user declares them; NaN always does.
+    pub no_data: Vec<f64>,
     /// What was guessed or left aside (a raw file's name read as dims, axes of another space), for people.
     pub notes: Vec<String>,
 }

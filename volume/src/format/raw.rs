@@ -21,13 +21,15 @@ pub struct RawHints {
     pub spacing: Option<[f64; 3]>,
     /// World position of the centre of voxel (0, 0, 0).
     pub origin: Option<[f64; 3]>,
+    /// A value that stands for no data, in files of any format.
+    pub no_data: Option<f64>,
 }
 
 impl RawHints {
-    /// True where the user said nothing.
+    /// True where the user said nothing that is for raw files alone.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        *self == Self::default()
+        Self { no_data: None, ..self.clone() } == Self::default()
     }
 }
 
@@ -80,7 +82,8 @@ pub(super) fn open(file: File, path: &Path, hints: &RawHints) -> Result<Box<dyn 
     let geometry = Geometry::new(dims, hints.spacing.unwrap_or([1.0; 3]), hints.origin.unwrap_or([0.0; 3]))
         .map_err(|reason| FormatError::Geometry { path: path.into(), reason })?;
     let placement = Placement { spacing: hints.spacing.is_some(), origin: hints.origin.is_some(), directions: false };
-    let header = SourceHeader { geometry, placement, voxel_type, format: "raw", space_unit: None, notes };
+    let no_data = hints.no_data.into_iter().collect();
+    let header = SourceHeader { geometry, placement, voxel_type, format: "raw", space_unit: None, no_data, notes };
     let location = DataLocation { path: path.into(), start: hints.skip, coding: Coding::Raw, endian };
     Ok(Box::new(PlaneSource::new(header, location, vec![path.into()])?))
 }

@@ -86,8 +86,8 @@ fn surface_in(tables: &SceneTables<'_>, [min, max]: [u16; 2]) -> bool {
     tables.surfaces.iter().any(between)
 }
 
-/// How the brick `owned` is drawn; `None` where it shows nothing. `raw` is its range of codes in the volume, `facts` what the
-/// store says of its regions, if it has any.
+/// How the brick `owned` is drawn; `None` where it shows nothing. `raw` is its range of codes in the volume (the first above the
+/// second where none holds data), `facts` what the store says of its regions, if it has any.
 #[must_use]
 pub fn drawn(
     scene: &Scene,
@@ -97,6 +97,10 @@ pub fn drawn(
     raw: [u16; 2],
     facts: Option<&BrickFacts>,
 ) -> Option<Drawn> {
+    // No voxel that its rays read holds data.
+    if raw[0] > raw[1] {
+        return None;
+    }
     let candidate = facts.filter(|f| f.has_regions && scene.acceleration.leap == Leap::Regions);
     // A region that is flattened loses the isosurface in it (algorithms.md section 2, "Region modes").
     let cuts = |f: &BrickFacts| surface_in(tables, [raw[0].min(f.min), raw[1].max(f.max)]);

@@ -9,11 +9,14 @@ use super::voxel::Voxel;
 use crate::brick::{BrickGrid, RANGE_MARGIN};
 
 /// Per brick, in the grid's linear order: smallest and largest stretched code over the owned box grown by
-/// [`crate::brick::RANGE_MARGIN`], inside the volume.
+/// [`crate::brick::RANGE_MARGIN`], inside the volume; voxels without data left out. [`BrickRanges::NONE`] where none holds any.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BrickRanges(pub Vec<[u16; 2]>);
 
 impl BrickRanges {
+    /// Of a brick that meets no data: joined with other ranges it changes nothing.
+    pub const NONE: [u16; 2] = [u16::MAX, 0];
+
     /// The bytes of `bricks.bin`: minimum and maximum of each brick, u16 little endian.
     ///
     /// # Errors
@@ -30,7 +33,9 @@ impl BrickRanges {
         }
         let u16_at = |b: &[u8], i| u16::from_le_bytes([b[i], b[i + 1]]);
         let ranges: Vec<_> = bytes.chunks_exact(4).map(|b| [u16_at(b, 0), u16_at(b, 2)]).collect();
-        if let Some(linear) = ranges.iter().position(|[min, max]| min > max) {
+        let may_lack = manifest.no_data.is_some();
+        let sound = |range: &[u16; 2]| range[0] <= range[1] || (may_lack && *range == Self::NONE);
+        if let Some(linear) = ranges.iter().position(|range| !sound(range)) {
             let ([min, max], brick) = (ranges[linear], manifest.grid.brick_at(linear));
             return Err(RangesError::Inverted { brick, min, max }.into());
         }
@@ -49,6 +54,8 @@ pub(super) struct RangeBuilder {
     grid: BrickGrid,
     /// Minimum and maximum ordinal; `[MAX, 0]` before the first voxel.
     table: Vec<[u16; 2]>,
+    /// The ordinal of voxels without data.
+    no_data: Option<u16>,
 }
 
 /// Voxels of bricks `b` of edge `size`, grown by the margin and cut to `n`.
@@ -57,8 +64,8 @@ pub(super) fn grown(b: u32, size: u32, n: u32) -> std::ops::Range<u32> {
 }
 
 impl RangeBuilder {
-    pub(super) fn new(grid: BrickGrid) -> Self {
-        Self { grid, table: vec![[u16::MAX, 0]; grid.brick_count() as usize] }
+    pub(super) fn new(grid: BrickGrid, no_data: Option<u16>) -> Self {
+        Self { grid, table: vec![BrickRanges::NONE; grid.brick_count() as usize], no_data }
     }
 
     /// Takes the whole planes that start at `z0`, x fastest. Planes may come in any pieces; those on a margin count for
@@ -73,6 +80,7 @@ impl RangeBuilder {
         let x_boxes: Vec<_> =
             (0..bricks.x).map(|bx| grown(bx, size, n.x)).map(|r| r.start as usize..r.end as usize).collect();
         let layer = (bricks.x * bricks.y) as usize;
+        let no_data = self.no_data.map(T::at);
         let first = z0.saturating_sub(RANGE_MARGIN) / size;
         let last = ((z1 - 1 + RANGE_MARGIN) / size).min(bricks.z - 1);
         for bz in first..=last {
@@ -86,7 +94,12 @@ impl RangeBuilder {
                     for y in ys.start as usize..ys.end as usize {
                         let line = &slab[((z - z0 as usize) * ny + y) * nx..][..nx];
                         for (range, xs) in found.iter_mut().zip(&x_boxes) {
-                            *range = line[xs.clone()].iter().fold(*range, |(a, b), &v| (a.min(v), b.max(v)));
+                            let row = line[xs.clone()].iter().copied();
+                            let join = |(a, b): (T, T), v: T| (a.min(v), b.max(v));
+                            *range = match no_data {
+                                None => row.fold(*range, join),
+                                Some(none) => row.filter(|v| *v != none).fold(*range, join),
+                            };
                         }
                     }
                 }
@@ -98,10 +111,11 @@ impl RangeBuilder {
         }
     }
 
-    /// `code_of_ordinal` must not descend, so that the extremes stay the extremes.
+    /// `code_of_ordinal` must not descend over the data, so that the extremes stay the extremes.
     pub(super) fn finish(self, code_of_ordinal: &[u16]) -> BrickRanges {
         let code = |ordinal: u16| code_of_ordinal[usize::from(ordinal)];
-        BrickRanges(self.table.into_iter().map(|[min, max]| [code(min), code(max)]).collect())
+        let codes = |[min, max]: [u16; 2]| if min > max { BrickRanges::NONE } else { [code(min), code(max)] };
+        BrickRanges(self.table.into_iter().map(codes).collect())
     }
 }
 
@@ -119,11 +133,19 @@ mod tests {
             .flat_map(|z| (0..n.y).flat_map(move |y| (0..n.x).map(move |x| (x, y, z))))
             .map(|(x, y, z)| (at(x, y, z).wrapping_mul(2_654_435_761) >> 16) as i16)
             .collect();
+        // No data beyond z = 40 but for a few voxels, and the smallest value of all.
+        let mostly = i16::MIN;
+        let holed: Vec<i16> = voxels
+            .iter()
+            .enumerate()
+            .map(|(i, v)| if i > 40 * 37 * 21 && i % 10_007 != 0 { mostly } else { (*v).max(mostly + 1) })
+            .collect();
         for size in [8, 16, 32, 64] {
             let grid = BrickGrid::new(n, size).unwrap();
-            for planes in [1usize, 5, 32] {
-                let mut builder = RangeBuilder::new(grid);
+            for (planes, no_data) in [(1usize, None), (5, None), (32, None), (5, Some(mostly.ordinal()))] {
+                let mut builder = RangeBuilder::new(grid, no_data);
                 let plane = (n.x * n.y) as usize;
+                let voxels = if no_data.is_some() { &holed } else { &voxels };
                 for (i, slab) in voxels.chunks(planes * plane).enumerate() {
                     builder.add((i * planes) as u32, slab);
                 }
@@ -137,6 +159,9 @@ mod tests {
                         for y in lo.y..hi.y {
                             for x in lo.x..hi.x {
                                 let v = voxels[(x + n.x as i32 * (y + n.y as i32 * z)) as usize].ordinal();
+                                if Some(v) == no_data {
+                                    continue;
+                                }
                                 want = [want[0].min(v), want[1].max(v)];
                             }
                         }

@@ -103,6 +103,11 @@ pub enum StoreError {
         "range {lo}..{hi}: both ends must be finite, the first below the second, and neither too near nor too far apart"
     )]
     Range { lo: f64, hi: f64 },
+    #[error(
+        "none of the {voxels} voxels holds data ({nan} are NaN, {fill} have a declared fill value): there is nothing to show; \
+         check the file, and the value given with --no-data"
+    )]
+    NothingHoldsData { voxels: u64, nan: u64, fill: u64 },
     #[error("{} exists already; choose another name, or pass --force to replace it", path.display())]
     Exists { path: PathBuf },
     #[error(

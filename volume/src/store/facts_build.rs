@@ -5,6 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::brick_ranges::grown;
+use super::no_data::NO_DATA_CODE;
 use crate::brick::BrickGrid;
 use crate::regions::block::LEAP_DISTANCE;
 use crate::regions::code::{MAX_SLOTS, code_of_density, density_of_code};
@@ -75,13 +76,15 @@ pub(super) struct FactsBuilder {
     /// Code in V' of every code outside regions.
     requantised: Vec<u16>,
     bricks: Vec<Gathered>,
+    /// Voxels of [`NO_DATA_CODE`] hold no data: they have no code in V' either.
+    has_holes: bool,
 }
 
 impl FactsBuilder {
-    pub(super) fn new(grid: BrickGrid, regions: &RegionTable) -> Self {
+    pub(super) fn new(grid: BrickGrid, regions: &RegionTable, has_holes: bool) -> Self {
         let means = std::iter::once(0).chain(regions.0.iter().map(|r| code_of_density(r.mean()))).collect();
         let requantised = (0..=u16::MAX).map(|code| code_of_density(density_of_code(code))).collect();
-        Self { grid, means, requantised, bricks: vec![Gathered::default(); grid.brick_count() as usize] }
+        Self { grid, means, requantised, bricks: vec![Gathered::default(); grid.brick_count() as usize], has_holes }
     }
 
     /// Takes whole planes, in any pieces; those on a margin count for both bricks that they touch.
@@ -92,7 +95,12 @@ impl FactsBuilder {
         let x_boxes: Vec<Range<usize>> =
             (0..bricks.x).map(|bx| grown(bx, size, n.x)).map(|r| r.start as usize..r.end as usize).collect();
         let layer = (bricks.x * bricks.y) as usize;
-        let (means, requantised) = (&self.means, &self.requantised);
+        let tables = Tables {
+            means: &self.means,
+            requantised: &self.requantised,
+            may_be_crowded: size >= SMALLEST_CROWDED_BRICK,
+            has_holes: self.has_holes,
+        };
         for bz in 0..bricks.z {
             let zs = grown(bz, size, n.z);
             let zs = zs.start.max(slab.z0)..zs.end.min(z1);
@@ -106,7 +114,7 @@ impl FactsBuilder {
                         let start = ((z - slab.z0) as usize * ny + y as usize) * nx;
                         for (brick, xs) in row.iter_mut().zip(&x_boxes) {
                             let voxels = start + xs.start..start + xs.end;
-                            take_row(brick, slab, voxels, means, requantised, size >= SMALLEST_CROWDED_BRICK);
+                            take_row(brick, slab, voxels, &tables);
                         }
                     }
                 }
@@ -132,22 +140,26 @@ impl FactsBuilder {
     }
 }
 
-fn take_row(
-    brick: &mut Gathered,
-    slab: &FinalSlab<'_>,
-    voxels: Range<usize>,
-    means: &[u16],
-    requantised: &[u16],
+/// What all rows are read by.
+struct Tables<'a> {
+    means: &'a [u16],
+    requantised: &'a [u16],
     may_be_crowded: bool,
-) {
+    has_holes: bool,
+}
+
+fn take_row(brick: &mut Gathered, slab: &FinalSlab<'_>, voxels: Range<usize>, tables: &Tables<'_>) {
+    let Tables { means, requantised, may_be_crowded, has_holes } = *tables;
     let mut start = voxels.start;
     for run in slab.labels[voxels].chunk_by(|a, b| a == b) {
         let (label, here) = (run[0], start..start + run.len());
         start = here.end;
         let codes = &slab.codes[here.clone()];
-        let raw = bounds(codes.iter().copied());
+        let data = codes.iter().filter(|code| !has_holes || **code != NO_DATA_CODE);
+        // None at all: bounds that change nothing when joined.
+        let raw = bounds(data.clone().copied());
         if label == NO_REGION {
-            let deviation = codes.iter().map(|c| requantised[usize::from(*c)].abs_diff(*c)).max().unwrap_or(0);
+            let deviation = data.map(|c| requantised[usize::from(*c)].abs_diff(*c)).max().unwrap_or(0);
             // Requantising keeps the order.
             brick.meet(label, raw, raw.map(|c| requantised[usize::from(c)]), deviation);
             continue;

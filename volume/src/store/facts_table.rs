@@ -1,5 +1,6 @@
 //! The tables of a store with regions, as bytes: `regions.bin` and `region_bricks.bin`.
 
+use super::brick_ranges::BrickRanges;
 use super::error::StoreError;
 use super::hash::ContentHash;
 use super::manifest::Manifest;
@@ -44,8 +45,9 @@ impl BrickFactsTable {
             only_region: u32::from_le_bytes([b[8], b[9], b[10], b[11]]),
         });
         let facts: Vec<_> = facts.collect();
+        let may_lack = manifest.no_data.is_some();
         let sound = |f: &BrickFacts| {
-            f.min <= f.max
+            (f.min <= f.max || (may_lack && [f.min, f.max] == BrickRanges::NONE))
                 && f.only_region <= regions.count
                 && (f.has_regions || (!f.has_leaps && f.only_region == NO_REGION))
         };

@@ -39,6 +39,11 @@ impl Histogram {
         &self.counts
     }
 
+    /// Leaves an ordinal out, as if it had never been counted; how often it was.
+    pub(super) fn leave_out(&mut self, ordinal: u16) -> u64 {
+        std::mem::take(&mut self.counts[usize::from(ordinal)])
+    }
+
     pub(super) fn total(&self) -> u64 {
         self.counts.iter().sum()
     }

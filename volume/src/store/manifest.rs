@@ -7,6 +7,7 @@ use super::error::{ManifestError, StoreError};
 use super::halo_manifest::HaloEntry;
 use super::hash::ContentHash;
 use super::manifest_file::{self, ManifestFile};
+use super::no_data::NoData;
 use super::profile::ShardGrid;
 use super::region_manifest::RegionsEntry;
 use super::value_map::ValueMap;
@@ -25,7 +26,8 @@ pub const HISTOGRAM_BINS: usize = 256;
 pub struct Manifest {
     pub geometry: Geometry,
     pub grid: BrickGrid,
-    /// Data values (file's units) that codes 0 and 65535 stand for; lo < hi.
+    /// Data values (file's units) that codes 0 and 65535 stand for; lo < hi. Where voxels lack data, lo is a code's width below
+    /// [`Manifest::data_range`].
     pub range: (f64, f64),
     /// Otsu's threshold of all voxels, data units.
     pub otsu: f64,
@@ -48,6 +50,10 @@ pub struct Manifest {
     /// Mean of all voxels as stored, data units.
     pub mean: f64,
     pub not_finite: NotFinite,
+    /// Nothing where every voxel holds data. Those that hold none count in none of the other numbers.
+    pub no_data: Option<NoData>,
+    /// Values that codes from the first one of data (0, or 1 where there are voxels without) to 65535 stand for.
+    pub data_range: (f64, f64),
     /// Values at the shares [`QUANTILES`]: the smallest value whose cumulative share reaches it; data units.
     pub quantiles: [f64; 9],
     /// Voxels in [`HISTOGRAM_BINS`] equal bins over `range`; those outside count in the end bins.
@@ -74,7 +80,8 @@ pub struct Source {
     pub voxel_type: VoxelType,
 }
 
-/// Voxels of the source that were no finite numbers: NaN and -Inf are stored as the smallest value, +Inf as the largest.
+/// Voxels of the source that were no finite numbers: NaN holds no data, -Inf is stored as the smallest value, +Inf as the
+/// largest.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct NotFinite {
     pub nan: u64,
@@ -132,7 +139,8 @@ impl Manifest {
 
     #[must_use]
     pub fn value_map(&self) -> ValueMap {
-        ValueMap { stored_type: self.stored_type, scale: self.scale, offset: self.offset, range: self.range }
+        let (stored_type, no_data) = (self.stored_type, self.no_data.as_ref().map(|n| n.stored));
+        ValueMap { stored_type, scale: self.scale, offset: self.offset, range: self.range, no_data }
     }
 
     /// The value, in the file's units, of a number as the store's array holds it.

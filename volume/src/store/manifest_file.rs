@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::error::{ManifestError, StoreError};
 use super::halo_manifest::{self, HaloFile};
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
+use super::no_data::{NoData, with_room_below};
 use super::notes;
 use super::region_manifest::RegionsFile;
 use super::value_map::check_range;
@@ -50,6 +51,9 @@ pub(super) struct ManifestFile {
     nan_voxels: u64,
     negative_infinity_voxels: u64,
     positive_infinity_voxels: u64,
+    /// Left out where every voxel holds data.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    no_data: Option<NoData>,
     histogram: Vec<u64>,
     files: Files,
     /// Left out where there is none.
@@ -164,6 +168,10 @@ impl TryFrom<ManifestFile> for Manifest {
             return Err(field("scale, offset", "must be 1 and 0 for 8 and 16 bit sources").into());
         }
         check_range(file.range[0], file.range[1])?;
+        let no_data = file.no_data.map(|n| n.check(stored_type, geometry.voxel_count())).transpose()?;
+        let data_range = file.range.into();
+        let range = if no_data.is_some() { with_room_below(data_range) } else { data_range };
+        check_range(range.0, range.1)?;
         check_ascending("min, max", &[file.min, file.max])?;
         check_ascending("mean, otsu", &[file.mean.min(file.otsu), file.mean.max(file.otsu)])?;
         let shares = file.quantiles.iter().map(|q| q[0]);
@@ -174,8 +182,9 @@ impl TryFrom<ManifestFile> for Manifest {
         check_ascending("quantiles", &quantiles)?;
         let voxels = geometry.voxel_count();
         let counted = file.histogram.iter().try_fold(0u64, |sum, &n| sum.checked_add(n));
+        let counted = counted.map(|n| n.saturating_add(no_data.as_ref().map_or(0, |n| n.voxels)));
         if file.voxels != voxels || file.histogram.len() != HISTOGRAM_BINS || counted != Some(voxels) {
-            let why = format!("dims promise {voxels} voxels in {HISTOGRAM_BINS} bins");
+            let why = format!("dims promise {voxels} voxels in {HISTOGRAM_BINS} bins or without data");
             return Err(field("voxels, histogram", why).into());
         }
         let not_finite = NotFinite {
@@ -189,7 +198,7 @@ impl TryFrom<ManifestFile> for Manifest {
         Ok(Self {
             geometry,
             grid,
-            range: file.range.into(),
+            range,
             otsu: file.otsu,
             quantile_999: quantiles[8],
             writer: checked_text("writer", file.writer)?,
@@ -203,6 +212,8 @@ impl TryFrom<ManifestFile> for Manifest {
             max: file.max,
             mean: file.mean,
             not_finite,
+            no_data,
+            data_range,
             quantiles,
             histogram: file.histogram,
             files: FileHashes {
@@ -258,7 +269,7 @@ impl From<&Manifest> for ManifestFile {
             offset: m.offset,
             lossless: m.lossless,
             brick_size: m.grid.brick_size(),
-            range: m.range.into(),
+            range: m.data_range.into(),
             min: m.min,
             max: m.max,
             mean: m.mean,
@@ -268,6 +279,7 @@ impl From<&Manifest> for ManifestFile {
             nan_voxels: m.not_finite.nan,
             negative_infinity_voxels: m.not_finite.negative_infinity,
             positive_infinity_voxels: m.not_finite.positive_infinity,
+            no_data: m.no_data.clone(),
             histogram: m.histogram.clone(),
             files: Files {
                 group: m.files.group.to_string(),

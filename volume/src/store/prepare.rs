@@ -14,6 +14,7 @@ use super::hash::ContentHash;
 use super::histogram::Histogram;
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
 use super::manifest_file::MAX_TEXT;
+use super::no_data::{Fill, NoData, with_room_below};
 use super::notes;
 use super::plane_read::CodePlanes;
 use super::prepare_options::{Phase, PrepareOptions, PrepareSummary, Progress};
@@ -60,9 +61,10 @@ pub fn prepare(
     }
     options.regions.as_ref().map(segment::checked).transpose()?;
     let work = WorkDir::create(out, options.force)?;
-    let mut pass = Pass { source, header: &header, plane: Vec::new(), progress };
+    let fill = Fill::new(header.voxel_type, &header.no_data);
+    let mut pass = Pass { source, header: &header, fill: &fill, plane: Vec::new(), progress };
     let mapping = pass.mapping(options.range)?;
-    let job = Job { header: &header, options, grid, shards, mapping };
+    let job = Job { header: &header, fill: &fill, options, grid, shards, mapping };
     let root = work.store();
     let gathered = match StoredType::of(header.voxel_type) {
         StoredType::U8 => job.write(&mut pass, &root, read_le::<u8>)?,
@@ -70,10 +72,10 @@ pub fn prepare(
         StoredType::I16 => job.write(&mut pass, &root, read_le::<i16>)?,
         StoredType::U16 => match mapping {
             None => job.write(&mut pass, &root, read_le::<u16>)?,
-            Some((_, q)) => job.write(&mut pass, &root, |bytes, out| q.map(header.voxel_type, bytes, out))?,
+            Some((_, q)) => job.write(&mut pass, &root, |bytes, out| q.map(header.voxel_type, &fill, bytes, out))?,
         },
     };
-    let mut manifest = job.manifest(&gathered.histogram)?;
+    let mut manifest = job.manifest(&gathered.histogram, gathered.no_data)?;
     let started = Instant::now();
     let regions = job.regions(&gathered, &manifest, &work, pass.progress)?;
     let region_seconds = started.elapsed().as_secs_f64();
@@ -94,19 +96,21 @@ pub fn survey(source: &mut dyn VolumeSource, progress: &mut dyn FnMut(Progress))
     let options = PrepareOptions { brick_size: 512, ..PrepareOptions::default() };
     let grid = BrickGrid::new(header.geometry.dims(), options.brick_size)?;
     let shards = ShardGrid::new(header.geometry.dims())?;
-    let mut pass = Pass { source, header: &header, plane: Vec::new(), progress };
+    let fill = Fill::new(header.voxel_type, &header.no_data);
+    let mut pass = Pass { source, header: &header, fill: &fill, plane: Vec::new(), progress };
     let mapping = pass.mapping(None)?;
-    let job = Job { header: &header, options: &options, grid, shards, mapping };
-    let histogram = match StoredType::of(header.voxel_type) {
+    let job = Job { header: &header, fill: &fill, options: &options, grid, shards, mapping };
+    let mut histogram = match StoredType::of(header.voxel_type) {
         StoredType::U8 => job.count(&mut pass, read_le::<u8>)?,
         StoredType::I8 => job.count(&mut pass, read_le::<i8>)?,
         StoredType::I16 => job.count(&mut pass, read_le::<i16>)?,
         StoredType::U16 => match mapping {
             None => job.count(&mut pass, read_le::<u16>)?,
-            Some((_, q)) => job.count(&mut pass, |bytes, out| q.map(header.voxel_type, bytes, out))?,
+            Some((_, q)) => job.count(&mut pass, |bytes, out| q.map(header.voxel_type, &fill, bytes, out))?,
         },
     };
-    let mut manifest = job.manifest(&histogram)?;
+    let no_data = job.leave_out_no_data(&mut histogram)?;
+    let mut manifest = job.manifest(&histogram, no_data)?;
     manifest.notes = notes::kept(job.notes(&manifest));
     Ok(manifest)
 }
@@ -115,6 +119,7 @@ pub fn survey(source: &mut dyn VolumeSource, progress: &mut dyn FnMut(Progress))
 struct Pass<'a> {
     source: &'a mut dyn VolumeSource,
     header: &'a SourceHeader,
+    fill: &'a Fill,
     plane: Vec<u8>,
     progress: &'a mut dyn FnMut(Progress),
 }
@@ -149,7 +154,8 @@ impl Pass<'_> {
         let mut scan = Scan::EMPTY;
         for z in 0..self.header.geometry.dims().z {
             self.report(Phase::Scan, z);
-            scan = scan.add(self.header.voxel_type, self.next_plane(z)?);
+            let (voxel_type, fill) = (self.header.voxel_type, self.fill);
+            scan = scan.add(voxel_type, fill, self.next_plane(z)?);
         }
         Ok(scan)
     }
@@ -157,6 +163,7 @@ impl Pass<'_> {
 
 struct Job<'a> {
     header: &'a SourceHeader,
+    fill: &'a Fill,
     options: &'a PrepareOptions,
     grid: BrickGrid,
     shards: ShardGrid,
@@ -166,6 +173,8 @@ struct Job<'a> {
 /// What the pass over all voxels gathers.
 struct Gathered {
     histogram: Histogram,
+    /// Voxels without data: in neither histogram nor ranges.
+    no_data: u64,
     ranges: RangeBuilder,
     shards: Vec<ShardRecord>,
     /// Nothing where bricks are smaller than inner chunks.
@@ -184,7 +193,8 @@ impl Job<'_> {
         let (plane, nz) = (dims[0] * dims[1], self.header.geometry.dims().z);
         let mut slab = zeroed_slab::<T>(plane * dims[2].min(CHUNK_EDGE as usize))?;
         let mut writer = ShardWriter::new(root, StoreArray::Voxels, self.shards, dims);
-        let (mut histogram, mut ranges) = (Histogram::new(), RangeBuilder::new(self.grid));
+        let no_data = self.no_data_ordinals();
+        let (mut histogram, mut ranges) = (Histogram::new(), RangeBuilder::new(self.grid, no_data.first().copied()));
         let halos = has_halos(self.grid.brick_size());
         let mut halos = halos.then(|| VoxelHalos::create(&root.join(HALOS_FILE), self.grid)).transpose()?;
         for (cz, z0) in (0..nz).step_by(CHUNK_EDGE as usize).enumerate() {
@@ -193,6 +203,7 @@ impl Job<'_> {
             for (z, out) in (z0..).zip(slab.chunks_exact_mut(plane)) {
                 pass.report(Phase::Write, z);
                 convert(pass.next_plane(z)?, out);
+                make_one(&no_data, out);
             }
             histogram.add(&slab);
             ranges.add(z0, &slab);
@@ -200,7 +211,8 @@ impl Job<'_> {
             halos.as_mut().map(|h| h.add(z0..z0 + planes, &slab)).transpose()?;
         }
         let halos = halos.map(VoxelHalos::finish).transpose()?;
-        Ok(Gathered { histogram, ranges, shards: writer.finish(), halos })
+        let no_data = self.leave_out_no_data(&mut histogram)?;
+        Ok(Gathered { histogram, no_data, ranges, shards: writer.finish(), halos })
     }
 
     /// Reads every plane for its statistics only.
@@ -211,9 +223,29 @@ impl Job<'_> {
         for z in 0..d.z {
             pass.report(Phase::Scan, z);
             convert(pass.next_plane(z)?, &mut plane);
+            make_one(&self.no_data_ordinals(), &mut plane);
             histogram.add(&plane);
         }
         Ok(histogram)
+    }
+
+    /// The stored numbers, as ordinals, of voxels without data; the first becomes that of all.
+    fn no_data_ordinals(&self) -> Vec<u16> {
+        match &self.mapping {
+            None => self.fill.ordinals(StoredType::of(self.header.voxel_type)),
+            Some((scan, _)) if scan.no_data > 0 => vec![0],
+            Some(_) => Vec::new(),
+        }
+    }
+
+    /// Takes voxels without data out of the histogram of all; how many they are.
+    fn leave_out_no_data(&self, histogram: &mut Histogram) -> Result<u64, StoreError> {
+        let no_data = self.no_data_ordinals().first().map_or(0, |ordinal| histogram.leave_out(*ordinal));
+        if histogram.total() == 0 {
+            let nan = self.mapping.map_or(0, |(scan, _)| scan.not_finite.nan);
+            return Err(StoreError::NothingHoldsData { voxels: no_data, nan, fill: no_data - nan });
+        }
+        Ok(no_data)
     }
 
     /// Finds regions in the voxels just written, where they were asked for.
@@ -236,9 +268,10 @@ impl Job<'_> {
         let code_of_bits = map.code_of_bits_table();
         let voxels = CodePlanes { shards: &shards, volume_dims: manifest.geometry.dims(), code_of_bits: &code_of_bits };
         let scratch = work.scratch();
-        let placement = self.header.placement;
+        let (placement, has_holes) = (self.header.placement, manifest.no_data.is_some());
+        let geometry = manifest.geometry;
         let mut segmenter =
-            Segmenter { options, geometry: manifest.geometry, placement, scratch: &scratch, voxels, progress };
+            Segmenter { options, geometry, placement, scratch: &scratch, voxels, has_holes, progress };
         let found = segmenter.find(&histogram)?;
         write_regions(&mut segmenter, found, segment::checked(options)?, manifest, &root).map(Some)
     }
@@ -293,15 +326,19 @@ impl Job<'_> {
     }
 
     /// The manifest without the hashes of the files.
-    fn manifest(&self, histogram: &Histogram) -> Result<Manifest, StoreError> {
+    fn manifest(&self, histogram: &Histogram, no_data: u64) -> Result<Manifest, StoreError> {
         let stored_type = StoredType::of(self.header.voxel_type);
         let (scale, offset, lossless) = self.mapping.map_or((1.0, 0.0, true), |(_, q)| (q.scale, q.offset, q.lossless));
         // Only scale and offset count before the range is known.
-        let unstretched = ValueMap { stored_type, scale, offset, range: (0.0, 1.0) };
+        let missing = self.no_data_ordinals().first().map(|ordinal| i32::from(*ordinal) + stored_type.min());
+        let missing = missing.filter(|_| no_data > 0);
+        let unstretched = ValueMap { stored_type, scale, offset, range: (0.0, 1.0), no_data: missing };
         let value = |ordinal: u16| unstretched.value_of_ordinal(f64::from(ordinal));
         let (first, last) = histogram.bounds();
         let (min, max) = self.mapping.map_or((value(first), value(last)), |(scan, _)| scan.bounds());
-        let range = self.options.range.unwrap_or_else(|| default_range(min, max));
+        let data_range = self.options.range.unwrap_or_else(|| default_range(min, max));
+        check_range(data_range.0, data_range.1)?;
+        let range = if missing.is_some() { with_room_below(data_range) } else { data_range };
         check_range(range.0, range.1)?;
         let map = ValueMap { range, ..unstretched };
         let codes = map.code_of_ordinal_table();
@@ -330,6 +367,8 @@ impl Job<'_> {
             max,
             mean: map.value_of_ordinal(histogram.mean()),
             not_finite: self.mapping.map_or(NotFinite::default(), |(scan, _)| scan.not_finite),
+            no_data: missing.map(|stored| NoData { stored, voxels: no_data, fill: self.fill.declared().to_vec() }),
+            data_range,
             quantiles,
             histogram: histogram.binned(HISTOGRAM_BINS, |ordinal| usize::from(code(ordinal) >> 8)),
             files: FileHashes { group: unknown, array: unknown, ranges: unknown, shards: unknown },
@@ -341,6 +380,7 @@ impl Job<'_> {
 
     fn notes(&self, m: &Manifest) -> Vec<String> {
         let mut notes = self.header.notes.clone();
+        notes.extend(m.no_data.as_ref().map(|no_data| no_data.words(m.not_finite.nan)));
         let Some((scan, q)) = self.mapping else { return notes };
         let how = if q.lossless { "exactly".to_owned() } else { format!("within {:e} of each value", q.scale * 0.5) };
         notes.push(format!(
@@ -355,10 +395,10 @@ impl Job<'_> {
                 scan.rounded
             ));
         }
-        let NotFinite { nan, negative_infinity, positive_infinity } = m.not_finite;
-        if m.not_finite.total() > 0 {
+        let NotFinite { negative_infinity, positive_infinity, .. } = m.not_finite;
+        if negative_infinity + positive_infinity > 0 {
             notes.push(format!(
-                "{nan} NaN and {negative_infinity} -Inf voxels became the smallest value, {positive_infinity} +Inf voxels the largest"
+                "{negative_infinity} -Inf voxels became the smallest value, {positive_infinity} +Inf voxels the largest"
             ));
         }
         notes
@@ -368,6 +408,16 @@ impl Job<'_> {
 /// The bounds of the data; a constant volume gets a width of one, or of what a large value needs to have a width at all.
 fn default_range(min: f64, max: f64) -> (f64, f64) {
     if min < max && check_range(min, max).is_ok() { (min, max) } else { (min, min + (min.abs() * 1e-6).max(1.0)) }
+}
+
+/// Voxels of any of these ordinals get the first one.
+fn make_one<T: Voxel>(ordinals: &[u16], voxels: &mut [T]) {
+    if let [first, others @ ..] = ordinals
+        && !others.is_empty()
+    {
+        let first = T::at(*first);
+        voxels.iter_mut().filter(|v| others.contains(&v.ordinal())).for_each(|v| *v = first);
+    }
 }
 
 /// The last component of a path of either kind: manifests carry no directories of the machine that made them.

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::error::StoreError;
 use super::manifest::NotFinite;
+use super::no_data::{FIRST_CODE, Fill};
 use super::value_map::check_range;
 use crate::format::VoxelType;
 
@@ -18,6 +19,8 @@ pub(super) struct Scan {
     /// 64-bit integers that f64 does not hold: beyond 2^53 not every whole number is one.
     pub(super) rounded: u64,
     pub(super) not_finite: NotFinite,
+    /// NaN, and fill values.
+    pub(super) no_data: u64,
 }
 
 impl Scan {
@@ -27,6 +30,7 @@ impl Scan {
         whole: true,
         rounded: 0,
         not_finite: NotFinite { nan: 0, negative_infinity: 0, positive_infinity: 0 },
+        no_data: 0,
     };
 
     /// Smallest and largest finite value of the source; `(0, 0)` where it has none.
@@ -34,13 +38,14 @@ impl Scan {
         if self.min <= self.max { (self.min, self.max) } else { (0.0, 0.0) }
     }
 
-    fn with(mut self, value: f64) -> Self {
-        if value.is_finite() {
+    fn with(mut self, value: f64, fill: &Fill) -> Self {
+        if fill.is_no_data(value) {
+            self.no_data += 1;
+            self.not_finite.nan += u64::from(value.is_nan());
+        } else if value.is_finite() {
             self.min = self.min.min(value);
             self.max = self.max.max(value);
             self.whole &= value.trunc() == value;
-        } else if value.is_nan() {
-            self.not_finite.nan += 1;
         } else if value < 0.0 {
             self.not_finite.negative_infinity += 1;
         } else {
@@ -61,22 +66,23 @@ impl Scan {
                 negative_infinity: a.negative_infinity + b.negative_infinity,
                 positive_infinity: a.positive_infinity + b.positive_infinity,
             },
+            no_data: self.no_data + other.no_data,
         }
     }
 
     /// Takes in a plane of little-endian voxels of 32 or 64 bits.
-    pub(super) fn add(self, voxel_type: VoxelType, plane: &[u8]) -> Self {
+    pub(super) fn add(self, voxel_type: VoxelType, fill: &Fill, plane: &[u8]) -> Self {
         plane
             .par_chunks(PIECE * voxel_type.bytes())
             .map(|piece| match voxel_type.bytes() {
                 8 => {
                     let (value, exact) = (value_of_8(voxel_type), exact_of_8(voxel_type));
                     let eights = piece.as_chunks::<8>().0.iter();
-                    eights.fold(Self::EMPTY, |scan, b| scan.rounding(!exact(*b)).with(value(*b)))
+                    eights.fold(Self::EMPTY, |scan, b| scan.rounding(!exact(*b)).with(value(*b), fill))
                 }
                 _ => {
                     let value = value_of(voxel_type);
-                    piece.as_chunks::<4>().0.iter().fold(Self::EMPTY, |scan, b| scan.with(value(*b)))
+                    piece.as_chunks::<4>().0.iter().fold(Self::EMPTY, |scan, b| scan.with(value(*b), fill))
                 }
             })
             .reduce(|| Self::EMPTY, Self::joined)
@@ -119,11 +125,13 @@ fn exact_of_8(voxel_type: VoxelType) -> fn([u8; 8]) -> bool {
     }
 }
 
-/// `stored = round((value - offset) / scale)`, clamped to `0..=top`.
+/// `stored = round((value - offset) / scale)`, clamped to `first..=top`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Quantiser {
     pub(super) scale: f64,
     pub(super) offset: f64,
+    /// Of data: above 0 where 0 is for voxels without.
+    first: u16,
     top: u16,
     /// True where every voxel's value survives exactly.
     pub(super) lossless: bool,
@@ -138,20 +146,30 @@ impl Quantiser {
             Some((lo, hi)) if lo.max(min) < hi.min(max) => (lo.max(min), hi.min(max)),
             _ => (min, max),
         };
-        let whole = scan.whole && lo.fract() == 0.0 && hi.fract() == 0.0 && hi - lo <= 65535.0;
+        let first = if scan.no_data > 0 { FIRST_CODE } else { 0 };
+        let most = f64::from(u16::MAX - first);
+        let whole = scan.whole && lo.fract() == 0.0 && hi.fract() == 0.0 && hi - lo <= most;
         if whole || lo == hi {
-            let lossless = (lo, hi) == (min, max) && scan.not_finite.total() == 0 && scan.rounded == 0;
-            return Ok(Self { scale: 1.0, offset: lo, top: (hi - lo) as u16, lossless });
+            let infinite = scan.not_finite.negative_infinity > 0 || scan.not_finite.positive_infinity > 0;
+            let offset = lo - f64::from(first);
+            // A constant that is no whole number need not survive the shift.
+            let lossless = (lo, hi) == (min, max) && !infinite && scan.rounded == 0 && offset + f64::from(first) == lo;
+            return Ok(Self { scale: 1.0, offset, first, top: (hi - lo) as u16 + first, lossless });
         }
         check_range(lo, hi)?;
-        Ok(Self { scale: (hi - lo) / 65535.0, offset: lo, top: u16::MAX, lossless: false })
+        let scale = (hi - lo) / most;
+        Ok(Self { scale, offset: lo - scale * f64::from(first), first, top: u16::MAX, lossless: false })
     }
 
-    /// Maps little-endian voxels of 32 or 64 bits; `out` has one entry for each. NaN and -Inf become 0, +Inf `top`.
-    pub(super) fn map(&self, voxel_type: VoxelType, bytes: &[u8], out: &mut [u16]) {
-        let (offset, inverse, top) = (self.offset, 1.0 / self.scale, self.top);
+    /// Maps little-endian voxels of 32 or 64 bits; `out` has one entry for each. Without data they become 0, -Inf the
+    /// smallest of data, +Inf `top`.
+    pub(super) fn map(&self, voxel_type: VoxelType, fill: &Fill, bytes: &[u8], out: &mut [u16]) {
+        let (offset, inverse, first, top) = (self.offset, 1.0 / self.scale, self.first, self.top);
         // `as` saturates, and takes NaN to 0.
-        let stored = |value: f64| (((value - offset) * inverse + 0.5) as u16).min(top);
+        let stored = |value: f64| match fill.is_no_data(value) {
+            true => 0,
+            false => (((value - offset) * inverse + 0.5) as u16).clamp(first, top),
+        };
         out.par_chunks_mut(PIECE).zip(bytes.par_chunks(PIECE * voxel_type.bytes())).for_each(|(out, bytes)| {
             let eights = bytes.as_chunks::<8>().0;
             match voxel_type {
@@ -182,24 +200,40 @@ mod tests {
 
     fn mapped(values: &[f32], range: Option<(f64, f64)>) -> (Quantiser, Vec<u16>) {
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        let scan = Scan::EMPTY.add(VoxelType::F32, &bytes);
+        let scan = Scan::EMPTY.add(VoxelType::F32, &Fill::default(), &bytes);
         let quantiser = Quantiser::new(&scan, range).unwrap();
         let mut out = vec![0; values.len()];
-        quantiser.map(VoxelType::F32, &bytes, &mut out);
+        quantiser.map(VoxelType::F32, &Fill::default(), &bytes, &mut out);
         (quantiser, out)
     }
 
     #[test]
-    fn nan_and_infinities_are_counted_and_take_the_ends() {
+    fn nan_is_no_data_and_infinities_are_counted_and_take_the_ends() {
         let values = [f32::NAN, f32::NEG_INFINITY, -1.5, 2.25, f32::INFINITY];
         let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
-        let scan = Scan::EMPTY.add(VoxelType::F32, &bytes);
+        let scan = Scan::EMPTY.add(VoxelType::F32, &Fill::default(), &bytes);
+        assert_eq!(scan.no_data, 1);
         assert_eq!(scan.not_finite, NotFinite { nan: 1, negative_infinity: 1, positive_infinity: 1 });
         assert_eq!(scan.bounds(), (-1.5, 2.25));
         let (quantiser, stored) = mapped(&values, None);
-        assert_eq!(stored, [0, 0, 0, 65535, 65535]);
+        assert_eq!(stored, [0, 1, 1, 65535, 65535]);
         assert!(!quantiser.lossless);
         assert_eq!(mapped(&[f32::NAN; 3], None).1, [0; 3]);
+    }
+
+    /// A fill value counts in no bound, and its stored number is no datum's.
+    #[test]
+    fn fill_values_are_stored_as_nothing_else_is() {
+        let values = [-9999.0f32, 0.0, 3.0, -9999.0, f32::NAN];
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        let fill = Fill::new(VoxelType::F32, &[-9999.0]);
+        let scan = Scan::EMPTY.add(VoxelType::F32, &fill, &bytes);
+        assert_eq!((scan.bounds(), scan.no_data, scan.not_finite.nan), ((0.0, 3.0), 3, 1));
+        let quantiser = Quantiser::new(&scan, None).unwrap();
+        let mut out = vec![9; values.len()];
+        quantiser.map(VoxelType::F32, &fill, &bytes, &mut out);
+        assert_eq!(out, [0, 1, 4, 0, 0]);
+        assert_eq!((quantiser.scale, quantiser.offset, quantiser.lossless), (1.0, -1.0, true));
     }
 
     #[test]

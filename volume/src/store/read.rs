@@ -12,6 +12,7 @@ use super::folder::StoreFolder;
 use super::halo_read::{Halos, RecordBound};
 use super::hash::ContentHash;
 use super::manifest::Manifest;
+use super::no_data::NO_DATA_CODE;
 use super::profile::{
     ARRAY_FILE, CHUNK_VOXELS, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, InnerChunk, MANIFEST_FILE, RANGES_FILE,
     SHARDS_FILE, ShardGrid, StoreArray, VOXEL_HALO,
@@ -31,6 +32,8 @@ pub const MAX_GHOST: u32 = 64;
 pub struct BrickVoxels {
     pub stored: StoredBox,
     pub codes: Vec<u16>,
+    /// Some voxels hold no data: those of code [`super::NO_DATA_CODE`], which is a code like all others else.
+    pub has_holes: bool,
 }
 
 /// An open, finished store. Cheap to clone; reads from any number of threads.
@@ -128,12 +131,12 @@ impl Store {
     }
 
     /// Smallest and largest value that sampling the brick can meet, in the file's units, to half a code; clamped to the
-    /// manifest's range. Nothing for a brick outside the grid.
+    /// manifest's range. Nothing for a brick outside the grid, or one that meets no data.
     #[must_use]
     pub fn value_range(&self, brick: BrickIndex) -> Option<(f64, f64)> {
         let manifest = self.manifest();
         let [min, max] = manifest.grid.contains(brick).then(|| self.inner.ranges.0[manifest.grid.linear(brick)])?;
-        Some((manifest.value_of_code(min), manifest.value_of_code(max)))
+        (min <= max).then(|| (manifest.value_of_code(min), manifest.value_of_code(max)))
     }
 
     /// The store's arrays.
@@ -176,7 +179,8 @@ impl Store {
                 self.read_with_halo(shards, (brick, stored), cache, &decoder, (&halo, row))?
             }
         };
-        Ok(BrickVoxels { stored, codes })
+        let has_holes = self.inner.manifest.no_data.is_some() && codes.contains(&NO_DATA_CODE);
+        Ok(BrickVoxels { stored, codes, has_holes })
     }
 
     /// The owned box of a brick grown by `ghost`, if both can be.

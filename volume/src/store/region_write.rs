@@ -11,6 +11,7 @@ use super::facts_table::{BrickFactsTable, regions_to_bytes};
 use super::halo_write::{RegionHalos, WrittenHalos};
 use super::hash::ContentHash;
 use super::manifest::Manifest;
+use super::no_data::clear_holes;
 use super::prepare_options::Phase;
 use super::profile::{
     CHUNK_EDGE, DISTANCE_ARRAY_FILE, DISTANCE_SHARDS_FILE, LABEL_ARRAY_FILE, LABEL_IMAGE_FILE, LABEL_SHARDS_FILE,
@@ -118,7 +119,7 @@ fn write_once(
     let (dims, shards) = (segmenter.dims(), segmenter.voxels.shards.grid);
     let mut label_writer = ShardWriter::new(root, StoreArray::Labels, shards, dims);
     let mut distance_writer = ShardWriter::new(root, StoreArray::Distances, shards, dims);
-    let mut facts = FactsBuilder::new(grid, table);
+    let mut facts = FactsBuilder::new(grid, table, segmenter.has_holes);
     let halos = has_halos(grid.brick_size());
     let mut halos = halos.then(|| RegionHalos::create(&root.join(REGION_HALOS_FILE), grid)).transpose()?;
     let Found { tables, distances, finder, .. } = found;
@@ -144,6 +145,9 @@ fn write_once(
             }
             Finder::Given { planes, kept_of_label } => {
                 planes.read(z0, z1, this.voxels.plane(), &mut labels)?;
+                if this.has_holes {
+                    clear_holes(slab.codes, &mut labels);
+                }
                 labels.par_chunks_mut(dims[0]).for_each(|row| {
                     for run in row.chunk_by_mut(|a, b| a == b) {
                         let label = kept_of_label.get(&run[0]).map_or(NO_REGION, |k| label_of_kept[*k]);

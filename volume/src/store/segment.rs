@@ -9,6 +9,7 @@ use std::path::Path;
 
 use super::error::StoreError;
 use super::label_planes::LabelPlanes;
+use super::no_data::{NO_DATA_CODE, clear_holes};
 use super::plane_read::CodePlanes;
 use super::prepare_options::{Phase, Progress, RegionOptions, Segmentation};
 use super::region_error::RegionsError;
@@ -19,11 +20,14 @@ use crate::regions::block::{CodeTables, Part, Slab};
 use crate::regions::components::{Components, RecordLayout, SLAB_PLANES, resolve};
 use crate::regions::distance::{BackwardSweep, ForwardSweep};
 use crate::regions::given::{GivenParts, TooManyParts};
-use crate::regions::{MAX_FLOOD_VOXELS, MAX_REGIONS, Windows, density_of_code, flood, window_width};
+use crate::regions::{MAX_FLOOD_VOXELS, MAX_REGIONS, NO_REGION, Windows, density_of_code, flood, window_width};
 use crate::space::Geometry;
 
 /// The most labels of a label volume.
 const MAX_GIVEN_LABELS: usize = 1 << 24;
+
+/// Stands for the density of a voxel without data: further from all others than the widest window.
+const HOLE: u16 = u16::MAX;
 
 /// A volume whose voxels are written, and what is to be found in it.
 pub(super) struct Segmenter<'a> {
@@ -34,6 +38,8 @@ pub(super) struct Segmenter<'a> {
     /// Where scratch files go.
     pub(super) scratch: &'a Path,
     pub(super) voxels: CodePlanes<'a>,
+    /// Voxels of [`NO_DATA_CODE`] hold no data: they belong to no region.
+    pub(super) has_holes: bool,
     pub(super) progress: &'a mut dyn FnMut(Progress),
 }
 
@@ -113,7 +119,12 @@ impl Segmenter<'_> {
         let min_region = self.options.min_region;
         let mut planes = match &self.options.segmentation {
             Segmentation::Windows { range } => {
-                let window = Windows::new(histogram, window_width(*range)).of_codes();
+                let windows = Windows::new(histogram, window_width(*range));
+                let mut window = windows.of_codes();
+                if self.has_holes {
+                    // A label of their own, so that distances end at them.
+                    window[usize::from(NO_DATA_CODE)] = windows.count();
+                }
                 let tables = CodeTables { window, density };
                 let mut distances = self.window_distances(&tables.window)?;
                 let (kept, finder) = self.components(&tables, &mut distances, min_region)?;
@@ -143,12 +154,16 @@ impl Segmenter<'_> {
     }
 
     fn given_distances(&mut self, planes: &mut LabelPlanes) -> Result<Scratch, StoreError> {
-        let (mut labels, plane) = (Vec::new(), self.voxels.plane());
+        let (mut labels, mut codes, plane) = (Vec::new(), Vec::new(), self.voxels.plane());
         let mut forward = Forward::new(self)?;
         planes.rewind()?;
         for (z0, z1) in self.slabs() {
             self.report(Phase::Distances, z0 / 2);
             planes.read(z0, z1, plane, &mut labels)?;
+            if self.has_holes {
+                self.voxels.read(z0, z1, &mut codes)?;
+                clear_holes(&codes, &mut labels);
+            }
             for labels in labels.chunks_exact(plane) {
                 forward.push(labels.to_vec())?;
             }
@@ -183,6 +198,10 @@ impl Segmenter<'_> {
             self.voxels.read(z0, z1, &mut codes)?;
             near.resize(codes.len(), 0);
             distances.read(u64::from(z0) * plane as u64, &mut near)?;
+            if self.has_holes {
+                // Nobody leaps in them, so no part of them is kept.
+                clear_holes(&codes, &mut near);
+            }
             let slab = Slab { dims: self.dims(), z0: z0 as usize, codes: &codes, distances: &near };
             take(self, i, (z0, z1), &slab)?;
         }
@@ -227,6 +246,9 @@ impl Segmenter<'_> {
         planes.rewind()?;
         self.each_slab(Phase::Regions, distances, |this, _, (z0, z1), slab| {
             planes.read(z0, z1, this.voxels.plane(), &mut labels)?;
+            if this.has_holes {
+                clear_holes(slab.codes, &mut labels);
+            }
             parts.add(slab, &labels, tables).map_err(|TooManyParts| planes.too_many(MAX_GIVEN_LABELS).into())
         })?;
         Ok(parts)
@@ -243,9 +265,12 @@ impl Segmenter<'_> {
         for (z0, z1) in self.slabs() {
             self.report(Phase::Flood, z0);
             self.voxels.read(z0, z1, &mut codes)?;
-            all.extend(codes.iter().map(|c| density[usize::from(*c)]));
+            let is_hole = |code: u16| self.has_holes && code == NO_DATA_CODE;
+            all.extend(codes.iter().map(|c| if is_hole(*c) { HOLE } else { density[usize::from(*c)] }));
         }
-        Ok(flood::flood(&all, self.dims(), window_width(range)).map_err(memory)?)
+        let mut labels = flood::flood(&all, self.dims(), window_width(range)).map_err(memory)?;
+        labels.iter_mut().zip(&all).filter(|(_, d)| **d == HOLE).for_each(|(label, _)| *label = NO_REGION);
+        Ok(labels)
     }
 }
 

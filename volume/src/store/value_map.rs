@@ -1,6 +1,7 @@
 //! From stored numbers to values in the file's units, and from those to stretched codes.
 
 use super::StoreError;
+use super::no_data::{FIRST_CODE, NO_DATA_CODE};
 use super::voxel::StoredType;
 
 /// `value = scale * stored + offset`, and `code = round(65535 (value - lo) / (hi - lo))`, clamped to 0..=65535.
@@ -11,6 +12,8 @@ pub struct ValueMap {
     pub offset: f64,
     /// File's units; lo < hi.
     pub range: (f64, f64),
+    /// The stored number of voxels without data: they alone have code 0.
+    pub no_data: Option<i32>,
 }
 
 /// A range that codes can be stretched over: finite ends, and a width whose 65,535th part is a normal number.
@@ -32,12 +35,13 @@ impl ValueMap {
         self.scale * (ordinal + f64::from(self.stored_type.min())) + self.offset
     }
 
-    /// The stretched code of a value in the file's units; NaN has code 0.
+    /// The stretched code of a value in the file's units; NaN has code 0 (1 where 0 is for voxels without data).
     #[must_use]
     pub fn code_of_value(&self, value: f64) -> u16 {
         let (lo, hi) = self.range;
         // `as` saturates, and takes NaN to 0.
-        (((value - lo) / (hi - lo)).clamp(0.0, 1.0) * 65535.0).round() as u16
+        let code = (((value - lo) / (hi - lo)).clamp(0.0, 1.0) * 65535.0).round() as u16;
+        if self.no_data.is_some() { code.max(FIRST_CODE) } else { code }
     }
 
     /// The value in the file's units that a stretched code stands for.
@@ -50,7 +54,13 @@ impl ValueMap {
 
     /// Stretched code of every ordinal.
     pub(super) fn code_of_ordinal_table(&self) -> Vec<u16> {
-        (0..self.stored_type.values()).map(|o| self.code_of_value(self.value_of_ordinal(o as f64))).collect()
+        let code = |o| self.code_of_value(self.value_of_ordinal(o as f64));
+        let mut codes: Vec<u16> = (0..self.stored_type.values()).map(code).collect();
+        let missing = self.no_data.map(|stored| (stored - self.stored_type.min()) as usize);
+        if let Some(code) = missing.and_then(|ordinal| codes.get_mut(ordinal)) {
+            *code = NO_DATA_CODE;
+        }
+        codes
     }
 
     /// Stretched code of every bit pattern of the stored type, so that reading needs no sign arithmetic.
@@ -68,7 +78,8 @@ mod tests {
 
     #[test]
     fn codes_are_stretched_rounded_and_clamped() {
-        let map = ValueMap { stored_type: StoredType::I16, scale: 1.0, offset: 0.0, range: (-1000.0, 3000.0) };
+        let map =
+            ValueMap { stored_type: StoredType::I16, scale: 1.0, offset: 0.0, range: (-1000.0, 3000.0), no_data: None };
         assert_eq!(map.code_of_value(-1000.0), 0);
         assert_eq!(map.code_of_value(3000.0), 65535);
         assert_eq!(map.code_of_value(-2e9), 0);
@@ -82,6 +93,19 @@ mod tests {
         for code in [0u16, 1, 777, 65534, 65535] {
             assert_eq!(map.code_of_value(map.value_of_code(code)), code);
         }
+    }
+
+    /// A fill value in the midst of the data, and data below the range: one code of its own, which no datum shares.
+    #[test]
+    fn no_datum_has_the_code_of_no_data() {
+        let range = super::super::no_data::with_room_below((-1000.0, 3000.0));
+        let (stored_type, scale, offset) = (StoredType::I16, 1.0, 0.0);
+        let map = ValueMap { stored_type, scale, offset, range, no_data: Some(-7) };
+        let table = map.code_of_bits_table();
+        assert_eq!(table.iter().filter(|code| **code == NO_DATA_CODE).count(), 1);
+        assert_eq!(table[usize::from(-7i16 as u16)], NO_DATA_CODE);
+        assert_eq!((map.code_of_value(-1000.0), map.code_of_value(-2e9), map.code_of_value(3000.0)), (1, 1, 65535));
+        assert!(table[usize::from(-6i16 as u16)] > table[usize::from(-8i16 as u16)]);
     }
 
     #[test]

@@ -101,6 +101,8 @@ pub(super) trait Voxel: Cell + Ord {
     const MIN: Self;
     const MAX: Self;
     fn ordinal(self) -> u16;
+    /// The inverse of `ordinal`.
+    fn at(ordinal: u16) -> Self;
 }
 
 impl Cell for u32 {
@@ -119,6 +121,10 @@ macro_rules! voxel {
             #[inline(always)]
             fn ordinal(self) -> u16 {
                 (self as u16).wrapping_add($bias)
+            }
+
+            fn at(ordinal: u16) -> Self {
+                ordinal.wrapping_sub($bias) as $t
             }
         }
 
@@ -155,9 +161,11 @@ mod tests {
         assert_eq!([i16::MIN, -1, 0, i16::MAX].map(Voxel::ordinal), [0, 32767, 32768, 65535]);
         for v in [i16::MIN, -5, 0, 77, i16::MAX] {
             assert_eq!(StoredType::I16.ordinal_of_bits(v as u16), v.ordinal());
+            assert_eq!(i16::at(v.ordinal()), v);
         }
         for v in [i8::MIN, -5, 0, 77, i8::MAX] {
             assert_eq!(StoredType::I8.ordinal_of_bits(u16::from(v as u8)), v.ordinal());
+            assert_eq!(i8::at(v.ordinal()), v);
         }
     }
 }

@@ -124,14 +124,15 @@ fn image(m: &Manifest, name: &str, more: &str) -> Vec<u8> {
 
 /// `0/zarr.json`. The attribute `brickcast` tells other readers how stored numbers become values.
 pub(super) fn array(m: &Manifest) -> Vec<u8> {
+    let no_data = m.no_data.as_ref().map_or(String::new(), |n| format!(r#", "no_data": {}"#, n.stored));
     let attributes = format!(
         r#"
-    "brickcast": {{ "scale": {scale}, "offset": {offset}, "range": [{lo}, {hi}] }}
+    "brickcast": {{ "scale": {scale}, "offset": {offset}, "range": [{lo}, {hi}]{no_data} }}
   "#,
         scale = number(m.scale),
         offset = number(m.offset),
-        lo = number(m.range.0),
-        hi = number(m.range.1),
+        lo = number(m.data_range.0),
+        hi = number(m.data_range.1),
     );
     profile_array(m, m.stored_type.name(), &attributes)
 }

@@ -9,6 +9,7 @@ mod halos;
 mod jail;
 mod labels;
 mod mutations;
+mod no_data;
 mod outcome;
 mod regions;
 mod round_trip;

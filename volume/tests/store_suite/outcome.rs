@@ -73,11 +73,14 @@ fn nan_and_infinite_voxels_are_counted_mapped_and_reported() {
     assert_eq!(m.not_finite, NotFinite { nan: 3, negative_infinity: 1, positive_infinity: 1 });
     assert!(!m.lossless);
     assert_eq!((m.min, m.max), (f64::from(1.0f32 / 7.0), f64::from(15.0f32 / 7.0)));
-    assert!(summary.manifest.notes.iter().any(|n| n.contains("3 NaN and 1 -Inf")), "{:?}", summary.manifest.notes);
-    assert!(summary.manifest.notes.iter().any(|n| n.contains("two passes")), "{:?}", summary.manifest.notes);
+    let notes = &summary.manifest.notes;
+    assert!(notes.iter().any(|n| n.contains("3 voxels hold no data (NaN)")), "{notes:?}");
+    assert!(notes.iter().any(|n| n.contains("1 -Inf voxels became the smallest")), "{notes:?}");
+    assert!(notes.iter().any(|n| n.contains("two passes")), "{notes:?}");
     let nothing = Volume::new([3, 3, 3], VoxelType::F32, |_| f64::NAN);
-    let m = nothing.prepare(&dir.path().join("nan"), &PrepareOptions::default()).unwrap().manifest;
-    assert_eq!((m.not_finite.nan, m.range), (27, (0.0, 1.0)));
+    let error = nothing.prepare(&dir.path().join("nan"), &PrepareOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("none of the 27 voxels holds data (27 are NaN") && error.contains("--no-data"), "{error}");
+    assert!(!dir.path().join("nan").exists());
 }
 
 #[test]

@@ -71,6 +71,7 @@ impl Volume {
             voxel_type: self.voxel_type,
             format: "memory",
             space_unit: Some("mm".to_owned()),
+            no_data: Vec::new(),
             notes: Vec::new(),
         };
         let bytes = self.values.iter().flat_map(|v| cast(self.voxel_type, *v).1).collect();
@@ -78,7 +79,19 @@ impl Volume {
     }
 
     pub(crate) fn prepare(&self, out: &Path, options: &PrepareOptions) -> Result<PrepareSummary, StoreError> {
-        prepare(&mut self.source(), out, options, &mut |_| {})
+        self.prepare_filled(out, options, &[])
+    }
+
+    /// With declared fill values.
+    pub(crate) fn prepare_filled(
+        &self,
+        out: &Path,
+        options: &PrepareOptions,
+        fill: &[f64],
+    ) -> Result<PrepareSummary, StoreError> {
+        let mut source = self.source();
+        source.header.no_data = fill.to_vec();
+        prepare(&mut source, out, options, &mut |_| {})
     }
 }
 

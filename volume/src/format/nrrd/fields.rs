@@ -56,6 +56,8 @@ pub(super) struct Fields {
     pub(super) unknown: Vec<String>,
     /// Names of data files on the lines behind `data file: LIST`.
     pub(super) list: Vec<String>,
+    /// Key/value pairs whose keys declare fill values (`_FillValue:=-9999`).
+    pub(super) keys: Vec<(String, String)>,
     /// Bytes of the header, the blank line included.
     pub(super) length: usize,
     /// A blank line ended the header; otherwise the file did.
@@ -104,7 +106,10 @@ impl Fields {
         let Some((name, value)) = text.split_once(':') else {
             return Err(NrrdError::Line { line, text: excerpt(text) });
         };
-        if value.starts_with('=') {
+        if let Some(value) = value.strip_prefix('=') {
+            if super::no_data::declares(name) {
+                self.keys.push((name.trim().into(), value.trim().into()));
+            }
             return Ok(());
         }
         match field_named(name) {

@@ -40,6 +40,8 @@ pub struct NrrdHeader {
     pub byte_skip: ByteSkip,
     /// Unit of spacing and origin.
     pub space_unit: Option<String>,
+    /// Fill values that the header's keys declare.
+    pub no_data: Vec<f64>,
     /// What was left aside, for people.
     pub notes: Vec<String>,
     /// Bytes of the header, the blank line included.
@@ -83,6 +85,7 @@ impl NrrdHeader {
         notes.extend(fields.unknown.iter().map(|name| format!("NRRD field `{name}` is unknown and was left aside")));
         let (geometry, placement) = space::geometry(&fields, sizes, &mut notes)?;
         let space_unit = space::unit(&fields, &mut notes);
+        let no_data = super::no_data::declared(&fields.keys, &mut notes);
         let length = fields.length;
         Ok(Self {
             geometry,
@@ -94,6 +97,7 @@ impl NrrdHeader {
             line_skip,
             byte_skip,
             space_unit,
+            no_data,
             notes,
             length,
         })

@@ -7,6 +7,7 @@ mod error;
 mod fields;
 mod files;
 mod header;
+mod no_data;
 mod space;
 mod write;
 
@@ -46,6 +47,7 @@ pub(super) fn open(file: File, path: &Path, hints: &RawHints) -> Result<Box<dyn 
         voxel_type: parsed.voxel_type,
         format: if parsed.data_files == DataFiles::Attached { "NRRD" } else { "NRRD, detached" },
         space_unit: parsed.space_unit.clone(),
+        no_data: hints.no_data.into_iter().chain(parsed.no_data.iter().copied()).collect(),
         notes,
     };
     data::source(&parsed, path, header)
