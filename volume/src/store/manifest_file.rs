@@ -44,6 +44,9 @@ pub(super) struct ManifestFile {
     negative_infinity_voxels: u64,
     positive_infinity_voxels: u64,
     histogram: Vec<u64>,
+    /// Left out where there is none, and in older stores.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    noise: Option<f64>,
     files: Files,
     /// Left out where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -121,6 +124,11 @@ fn check_ascending(name: &'static str, values: &[f64]) -> Result<(), ManifestErr
     if good { Ok(()) } else { Err(field(name, "values must be finite and must not descend")) }
 }
 
+fn checked_noise(noise: Option<f64>) -> Result<Option<f64>, ManifestError> {
+    let good = noise.is_none_or(|n| n.is_finite() && n > 0.0);
+    if good { Ok(noise) } else { Err(field("noise", "must be finite and above 0, or left out")) }
+}
+
 pub(super) fn hash<T: std::str::FromStr<Err: std::fmt::Display>>(
     name: &'static str,
     text: &str,
@@ -189,6 +197,7 @@ impl TryFrom<ManifestFile> for Manifest {
             not_finite,
             quantiles,
             histogram: file.histogram,
+            noise: checked_noise(file.noise)?,
             files: FileHashes {
                 group: hash("files", &file.files.group)?,
                 array: hash("files", &file.files.array)?,
@@ -251,6 +260,7 @@ impl From<&Manifest> for ManifestFile {
             negative_infinity_voxels: m.not_finite.negative_infinity,
             positive_infinity_voxels: m.not_finite.positive_infinity,
             histogram: m.histogram.clone(),
+            noise: m.noise,
             files: Files {
                 group: m.files.group.to_string(),
                 array: m.files.array.to_string(),

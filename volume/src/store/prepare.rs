@@ -11,9 +11,9 @@ use super::folder::StoreFolder;
 use super::halo_manifest::HaloEntry;
 use super::halo_write::{VoxelHalos, WrittenHalos};
 use super::hash::ContentHash;
-use super::histogram::Histogram;
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
 use super::manifest_file::MAX_TEXT;
+use super::noise;
 use super::plane_read::CodePlanes;
 use super::prepare_options::{Phase, PrepareOptions, PrepareSummary, Progress};
 use super::profile::{
@@ -27,6 +27,7 @@ use super::shard_read::Shards;
 use super::shard_table::{self, ShardRecord};
 use super::shard_write::ShardWriter;
 use super::shell::has_halos;
+use super::statistics::Statistics;
 use super::value_map::{ValueMap, check_range};
 use super::voxel::{StoredType, Voxel, read_le};
 use super::workdir::WorkDir;
@@ -72,7 +73,7 @@ pub fn prepare(
             Some((_, q)) => job.write(&mut pass, &root, |bytes, out| q.map(header.voxel_type, bytes, out))?,
         },
     };
-    let mut manifest = job.manifest(&gathered.histogram)?;
+    let mut manifest = job.manifest(&gathered.statistics)?;
     let started = Instant::now();
     let regions = job.regions(&gathered, &manifest, &work, pass.progress)?;
     let region_seconds = started.elapsed().as_secs_f64();
@@ -96,7 +97,7 @@ pub fn survey(source: &mut dyn VolumeSource, progress: &mut dyn FnMut(Progress))
     let mut pass = Pass { source, header: &header, plane: Vec::new(), progress };
     let mapping = pass.mapping(None)?;
     let job = Job { header: &header, options: &options, grid, shards, mapping };
-    let histogram = match StoredType::of(header.voxel_type) {
+    let statistics = match StoredType::of(header.voxel_type) {
         StoredType::U8 => job.count(&mut pass, read_le::<u8>)?,
         StoredType::I8 => job.count(&mut pass, read_le::<i8>)?,
         StoredType::I16 => job.count(&mut pass, read_le::<i16>)?,
@@ -105,7 +106,7 @@ pub fn survey(source: &mut dyn VolumeSource, progress: &mut dyn FnMut(Progress))
             Some((_, q)) => job.count(&mut pass, |bytes, out| q.map(header.voxel_type, bytes, out))?,
         },
     };
-    job.manifest(&histogram)
+    job.manifest(&statistics)
 }
 
 /// The input, plane by plane.
@@ -162,7 +163,7 @@ struct Job<'a> {
 
 /// What the pass over all voxels gathers.
 struct Gathered {
-    histogram: Histogram,
+    statistics: Statistics,
     ranges: RangeBuilder,
     shards: Vec<ShardRecord>,
     /// Nothing where bricks are smaller than inner chunks.
@@ -181,7 +182,8 @@ impl Job<'_> {
         let (plane, nz) = (dims[0] * dims[1], self.header.geometry.dims().z);
         let mut slab = zeroed_slab::<T>(plane * dims[2].min(CHUNK_EDGE as usize))?;
         let mut writer = ShardWriter::new(root, StoreArray::Voxels, self.shards, dims);
-        let (mut histogram, mut ranges) = (Histogram::new(), RangeBuilder::new(self.grid));
+        let mut statistics = Statistics::new(StoredType::of(self.header.voxel_type));
+        let mut ranges = RangeBuilder::new(self.grid);
         let halos = has_halos(self.grid.brick_size());
         let mut halos = halos.then(|| VoxelHalos::create(&root.join(HALOS_FILE), self.grid)).transpose()?;
         for (cz, z0) in (0..nz).step_by(CHUNK_EDGE as usize).enumerate() {
@@ -191,26 +193,35 @@ impl Job<'_> {
                 pass.report(Phase::Write, z);
                 convert(pass.next_plane(z)?, out);
             }
-            histogram.add(&slab);
+            statistics.add([dims[0], dims[1]], &slab);
             ranges.add(z0, &slab);
             writer.add(cz as u32, &slab)?;
             halos.as_mut().map(|h| h.add(z0..z0 + planes, &slab)).transpose()?;
         }
         let halos = halos.map(VoxelHalos::finish).transpose()?;
-        Ok(Gathered { histogram, ranges, shards: writer.finish(), halos })
+        Ok(Gathered { statistics, ranges, shards: writer.finish(), halos })
     }
 
     /// Reads every plane for its statistics only.
-    fn count<T: Voxel>(&self, pass: &mut Pass<'_>, convert: impl Fn(&[u8], &mut [T])) -> Result<Histogram, StoreError> {
-        let d = self.header.geometry.dims();
-        let mut plane = vec![T::zeroed(); d.x as usize * d.y as usize];
-        let mut histogram = Histogram::new();
-        for z in 0..d.z {
-            pass.report(Phase::Scan, z);
-            convert(pass.next_plane(z)?, &mut plane);
-            histogram.add(&plane);
+    fn count<T: Voxel>(
+        &self,
+        pass: &mut Pass<'_>,
+        convert: impl Fn(&[u8], &mut [T]),
+    ) -> Result<Statistics, StoreError> {
+        let [nx, ny, nz] = self.header.geometry.dims().to_array();
+        let plane = nx as usize * ny as usize;
+        // Two planes: noise is told by what differs between them.
+        let mut slab = zeroed_slab::<T>(plane * nz.min(2) as usize)?;
+        let mut statistics = Statistics::new(StoredType::of(self.header.voxel_type));
+        for z0 in (0..nz).step_by(2) {
+            slab.truncate(plane * (nz - z0).min(2) as usize);
+            for (z, out) in (z0..).zip(slab.chunks_exact_mut(plane)) {
+                pass.report(Phase::Scan, z);
+                convert(pass.next_plane(z)?, out);
+            }
+            statistics.add([nx as usize, ny as usize], &slab);
         }
-        Ok(histogram)
+        Ok(statistics)
     }
 
     /// Finds regions in the voxels just written, where they were asked for.
@@ -227,7 +238,7 @@ impl Job<'_> {
         let (folder, voxel_bytes) = (StoreFolder::free(&root), manifest.stored_type.bytes());
         let shards = Shards::new(folder, StoreArray::Voxels, self.shards, gathered.shards.clone(), voxel_bytes);
         let mut histogram = vec![0; usize::from(MAX_DENSITY) + 1];
-        for (code, count) in map.code_of_ordinal_table().into_iter().zip(gathered.histogram.counts()) {
+        for (code, count) in map.code_of_ordinal_table().into_iter().zip(gathered.statistics.histogram.counts()) {
             histogram[usize::from(density_of_code(code))] += count;
         }
         let code_of_bits = map.code_of_bits_table();
@@ -288,7 +299,7 @@ impl Job<'_> {
     }
 
     /// The manifest without the hashes of the files.
-    fn manifest(&self, histogram: &Histogram) -> Result<Manifest, StoreError> {
+    fn manifest(&self, Statistics { histogram, noise }: &Statistics) -> Result<Manifest, StoreError> {
         let stored_type = StoredType::of(self.header.voxel_type);
         let (scale, offset, lossless) = self.mapping.map_or((1.0, 0.0, true), |(_, q)| (q.scale, q.offset, q.lossless));
         // Only scale and offset count before the range is known.
@@ -327,6 +338,7 @@ impl Job<'_> {
             not_finite: self.mapping.map_or(NotFinite::default(), |(scan, _)| scan.not_finite),
             quantiles,
             histogram: histogram.binned(HISTOGRAM_BINS, |ordinal| usize::from(code(ordinal) >> 8)),
+            noise: noise::rounded(scale * noise.deviation()),
             files: FileHashes { group: unknown, array: unknown, ranges: unknown, shards: unknown },
             halo: HaloEntry::unwritten(self.grid.brick_size()),
             regions: None,
