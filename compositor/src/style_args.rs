@@ -192,7 +192,54 @@ fn surface(text: &str) -> Result<Isosurface, String> {
 
 #[cfg(test)]
 mod tests {
+    use clap::Parser;
+
     use super::*;
+
+    #[derive(Parser)]
+    struct Words {
+        #[command(flatten)]
+        style: StyleArgs,
+    }
+
+    fn style(words: &str, filter: Filter) -> Result<Style, String> {
+        let words = Words::try_parse_from(std::iter::once("x").chain(words.split_whitespace())).unwrap();
+        words.style.style(filter).map_err(|failure| format!("{failure:?}"))
+    }
+
+    /// Labels have nothing between them: neither slabs nor gradients nor surfaces, whoever asks for them.
+    #[test]
+    fn labels_are_sampled_and_asking_for_more_is_refused_with_the_reason() {
+        assert!(style("", Filter::Exact).unwrap().integrates_slabs());
+        assert_eq!(style("", Filter::Nearest), Ok(Style::default()));
+        assert_eq!(style("--integration sampled", Filter::Nearest), Ok(Style::default()));
+        assert_eq!(style("--mode mip", Filter::Nearest).unwrap().mode, Mode::Maximum);
+        for (words, why) in [
+            ("--integration preintegrated", "labels that are not there"),
+            ("--shading phong", "no gradients"),
+            ("--isosurface 2", "no isosurfaces"),
+            ("--isosurface 2 --shading none", "no isosurfaces"),
+        ] {
+            assert!(style(words, Filter::Exact).is_ok(), "{words}");
+            let error = style(words, Filter::Nearest).unwrap_err();
+            assert!(error.contains(why), "{words}: {error}");
+        }
+    }
+
+    #[test]
+    fn light_from_a_length_is_a_length() {
+        let from = |words: &str| style(words, Filter::Exact).map(|style| style.shading.unwrap().light_from);
+        assert_eq!(from("--shading phong"), Ok(None));
+        assert_eq!(from("--shading phong --light-from 2.5"), Ok(Some(2.5)));
+        for bad in ["-1", "NaN", "inf"] {
+            let error = from(&format!("--shading phong --light-from {bad}")).unwrap_err();
+            assert!(error.contains("finite and not negative"), "{error}");
+        }
+        let chosen = style("--shading phong", Filter::Exact).unwrap().above_noise(Some(2.0));
+        assert_eq!(chosen.shading.unwrap().light_from, Some(6.0));
+        let asked = style("--shading phong --light-from 1", Filter::Exact).unwrap().above_noise(Some(2.0));
+        assert_eq!(asked.shading.unwrap().light_from, Some(1.0));
+    }
 
     #[test]
     fn isosurfaces_have_a_value_and_perhaps_a_colour() {
