@@ -187,6 +187,8 @@ pub enum FilterArg {
     Hardware,
     /// Eight loads with full-precision weights
     Exact,
+    /// The value of the nearest voxel, never one between: for labels. Takes samples, without light and isosurfaces
+    Nearest,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]

@@ -25,6 +25,7 @@ mod follow;
 mod frame;
 pub mod invocation;
 pub mod ledger;
+mod light_from;
 pub mod output;
 pub mod plan;
 pub mod preset_file;

@@ -10,6 +10,7 @@ use brickcast_volume::{PictureSize, View};
 
 use crate::cli::{FilterArg, SceneArgs, TransportArg};
 use crate::failure::Failure;
+use crate::light_from;
 use crate::preset_file;
 use crate::style_args::ModeArg;
 
@@ -54,8 +55,24 @@ impl SceneArgs {
         if let Some(name) = &self.colormap {
             Colormap::from_name(name).map_err(Failure::usage)?;
         }
-        self.style.style()?;
+        self.style()?;
         self.accel.check()
+    }
+
+    fn filter(&self) -> Filter {
+        match self.filter {
+            FilterArg::Hardware => Filter::Hardware,
+            FilterArg::Exact => Filter::Exact,
+            FilterArg::Nearest => Filter::Nearest,
+        }
+    }
+
+    /// What becomes of the values along a ray.
+    ///
+    /// # Errors
+    /// Usage: see [`crate::style_args::StyleArgs::style`].
+    pub fn style(&self) -> Result<Style, Failure> {
+        self.style.style(self.filter())
     }
 
     /// The scene on a store.
@@ -65,9 +82,11 @@ impl SceneArgs {
     pub fn scene(&self, store: &Manifest) -> Result<SceneChoice, Failure> {
         let size = PictureSize::new(self.size.0, self.size.1).map_err(Failure::usage)?;
         let camera = self.camera_on(store)?;
-        let style = self.style.style()?;
+        let asked = self.style()?;
+        let style = asked.clone().above_noise(store.noise);
         let (transfer_function, notes) = self.transfer_function_on(store, &style)?;
-        let notes = notes.into_iter().chain(self.accel.missing_regions(store)).collect();
+        let from = light_from::told(&asked, &style, store);
+        let notes = notes.into_iter().chain(self.accel.missing_regions(store)).chain(from).collect();
         let region_transfer_function = match &self.accel.region_transfer_function {
             Some(path) => {
                 let default = default_opacities(store.otsu, store.quantile_999);
@@ -82,10 +101,7 @@ impl SceneArgs {
             transfer_function,
             opacity_unit: self.opacity_unit.unwrap_or(store.geometry.min_spacing()),
             early_termination: self.accel.early_termination(self.early_termination),
-            filter: match self.filter {
-                FilterArg::Hardware => Filter::Hardware,
-                FilterArg::Exact => Filter::Exact,
-            },
+            filter: self.filter(),
             exact: self.exact,
             acceleration: self.accel.acceleration(store)?,
             region_view: self.accel.region_view(),

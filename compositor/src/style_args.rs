@@ -1,6 +1,7 @@
 //! The flags that say what becomes of the values along a ray.
 
 use anyhow::anyhow;
+use brickcast_volume::scene::Filter;
 use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Lighting, Mode, Phong, Style, TableSize};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
@@ -8,12 +9,11 @@ use glam::DVec3;
 use crate::cli_values::numbers;
 use crate::failure::Failure;
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum IntegrationArg {
     /// One value per step
     Sampled,
     /// The transfer function's integral between two samples
-    #[default]
     Preintegrated,
 }
 
@@ -52,9 +52,9 @@ pub enum ModeArg {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Style")]
 pub struct StyleArgs {
-    /// How the transfer function is integrated along a ray
-    #[arg(long, value_enum, default_value_t)]
-    pub integration: IntegrationArg,
+    /// How the transfer function is integrated along a ray [default: preintegrated; sampled with --filter nearest]
+    #[arg(long, value_enum)]
+    pub integration: Option<IntegrationArg>,
     /// Entries of the pre-integration table: 256 (while a transfer function is dragged) or 1024
     #[arg(long, value_name = "N", default_value_t = 1024)]
     pub table_size: u32,
@@ -79,6 +79,10 @@ pub struct StyleArgs {
     /// How narrow glints are
     #[arg(long, value_name = "N", default_value_t = Phong::default().shininess)]
     pub shininess: f32,
+    /// Light fades in from a gradient of this length to twice it, data units per voxel; below, it would be light on noise
+    /// [default: three times the noise that the store tells]
+    #[arg(long, value_name = "LENGTH", allow_hyphen_values = true)]
+    pub light_from: Option<f64>,
     /// An isosurface, with its colour and opacity (0..1 each); several are possible. Without any flag of the transfer function
     /// nothing else shows
     #[arg(long, value_name = "VALUE[:R,G,B[,A]]", allow_hyphen_values = true)]
@@ -100,13 +104,14 @@ const SURFACE: [f64; 4] = [0.86, 0.84, 0.80, 1.0];
 impl StyleArgs {
     /// # Errors
     /// Usage: text that is no number, values out of range, combinations that contradict themselves.
-    pub fn style(&self) -> Result<Style, Failure> {
-        let style = self.parse().map_err(|text| Failure::usage(anyhow!(text)))?;
+    pub fn style(&self, filter: Filter) -> Result<Style, Failure> {
+        let style = self.parse(filter).map_err(|text| Failure::usage(anyhow!(text)))?;
         style.validate().map_err(Failure::usage)?;
+        style.validate_with(filter).map_err(Failure::usage)?;
         Ok(style)
     }
 
-    fn parse(&self) -> Result<Style, String> {
+    fn parse(&self, filter: Filter) -> Result<Style, String> {
         let surfaces = self.isosurface.iter().map(|text| surface(text)).collect::<Result<Vec<_>, _>>()?;
         let lit = match self.shading {
             Some(shading) => shading == ShadingArg::Phong,
@@ -128,11 +133,19 @@ impl StyleArgs {
         };
         let (ambient, diffuse) = (self.ambient, self.diffuse);
         let (specular, shininess) = (self.specular, self.shininess);
-        let phong = Phong { lighting, light, ambient, diffuse, specular, shininess };
+        let light_from = self.light_from;
+        let phong = Phong { lighting, light, ambient, diffuse, specular, shininess, light_from };
         Ok(Style {
-            integration: match self.integration {
-                IntegrationArg::Sampled => Integration::Sampled,
-                IntegrationArg::Preintegrated => Integration::Preintegrated(size),
+            integration: match (self.integration, filter) {
+                (Some(IntegrationArg::Sampled), _) | (None, Filter::Nearest) => Integration::Sampled,
+                (Some(IntegrationArg::Preintegrated), Filter::Nearest) => {
+                    return Err(
+                        "--integration preintegrated: a slab from one label to another would run through labels \
+                                that are not there; leave it out, or --filter nearest"
+                            .to_owned(),
+                    );
+                }
+                (Some(IntegrationArg::Preintegrated), _) | (None, _) => Integration::Preintegrated(size),
             },
             shading: lit.then_some(phong),
             surfaces,
@@ -179,7 +192,54 @@ fn surface(text: &str) -> Result<Isosurface, String> {
 
 #[cfg(test)]
 mod tests {
+    use clap::Parser;
+
     use super::*;
+
+    #[derive(Parser)]
+    struct Words {
+        #[command(flatten)]
+        style: StyleArgs,
+    }
+
+    fn style(words: &str, filter: Filter) -> Result<Style, String> {
+        let words = Words::try_parse_from(std::iter::once("x").chain(words.split_whitespace())).unwrap();
+        words.style.style(filter).map_err(|failure| format!("{failure:?}"))
+    }
+
+    /// Labels have nothing between them: neither slabs nor gradients nor surfaces, whoever asks for them.
+    #[test]
+    fn labels_are_sampled_and_asking_for_more_is_refused_with_the_reason() {
+        assert!(style("", Filter::Exact).unwrap().integrates_slabs());
+        assert_eq!(style("", Filter::Nearest), Ok(Style::default()));
+        assert_eq!(style("--integration sampled", Filter::Nearest), Ok(Style::default()));
+        assert_eq!(style("--mode mip", Filter::Nearest).unwrap().mode, Mode::Maximum);
+        for (words, why) in [
+            ("--integration preintegrated", "labels that are not there"),
+            ("--shading phong", "no gradients"),
+            ("--isosurface 2", "no isosurfaces"),
+            ("--isosurface 2 --shading none", "no isosurfaces"),
+        ] {
+            assert!(style(words, Filter::Exact).is_ok(), "{words}");
+            let error = style(words, Filter::Nearest).unwrap_err();
+            assert!(error.contains(why), "{words}: {error}");
+        }
+    }
+
+    #[test]
+    fn light_from_a_length_is_a_length() {
+        let from = |words: &str| style(words, Filter::Exact).map(|style| style.shading.unwrap().light_from);
+        assert_eq!(from("--shading phong"), Ok(None));
+        assert_eq!(from("--shading phong --light-from 2.5"), Ok(Some(2.5)));
+        for bad in ["-1", "NaN", "inf"] {
+            let error = from(&format!("--shading phong --light-from {bad}")).unwrap_err();
+            assert!(error.contains("finite and not negative"), "{error}");
+        }
+        let chosen = style("--shading phong", Filter::Exact).unwrap().above_noise(Some(2.0));
+        assert_eq!(chosen.shading.unwrap().light_from, Some(6.0));
+        let asked = style("--shading phong --light-from 1", Filter::Exact).unwrap().above_noise(Some(2.0));
+        assert_eq!(asked.shading.unwrap().light_from, Some(1.0));
+    }
 
     #[test]
     fn isosurfaces_have_a_value_and_perhaps_a_colour() {

@@ -23,6 +23,7 @@ pub(crate) fn describe(style: &Style) -> Value {
             "diffuse": phong.diffuse,
             "specular": phong.specular,
             "shininess": phong.shininess,
+            "light_from": phong.light_from,
         })),
         "isosurfaces": style.surfaces.iter().map(|s| {
             let [r, g, b] = s.color;

@@ -52,6 +52,7 @@ impl KernelScene {
         let stop = if is_projection { 1.0 } else { self.early_termination };
         FrameUniform::new(&self.view.kernel(), &self.table, stop)
             .with_regions(self.region_view, self.region_table.as_deref())
+            .with_filter(self.filter)
     }
 
     /// The part of `owned` that holds all samples and slabs that show, where all that is not empty lies in `occupied`: a slab

@@ -1,6 +1,6 @@
 //! Uniforms as both sides see them. `tests/layout.rs` compares names and offsets with the WGSL's.
 
-use brickcast_volume::scene::RegionView;
+use brickcast_volume::scene::{Filter, RegionView};
 use brickcast_volume::transfer_function::TransferTable;
 use brickcast_volume::visibility::KernelView;
 use brickcast_volume::{OwnedBox, StoredBox};
@@ -44,7 +44,9 @@ pub struct FrameUniform {
     /// As `table_first` and `table_scale` of the table for samples in regions; where there is none, the first table's.
     pub region_first: f32,
     pub region_scale: f32,
-    pub reserved: [u32; 2],
+    /// 1: values are those of the nearest voxel, never between.
+    pub nearest: u32,
+    pub reserved: u32,
 }
 
 /// [`FrameUniform::shown`] for samples outside regions.
@@ -130,8 +132,16 @@ impl FrameUniform {
             shown: SHOWS_RESIDUAL | SHOWS_REGIONS,
             region_first: table.c_first,
             region_scale: last / (table.c_last - table.c_first),
-            reserved: [0; 2],
+            nearest: 0,
+            reserved: 0,
         }
+    }
+
+    /// With values read as `filter` says, as far as that is the kernels' business and not their variant's.
+    #[must_use]
+    pub const fn with_filter(mut self, filter: Filter) -> Self {
+        self.nearest = matches!(filter, Filter::Nearest) as u32;
+        self
     }
 
     /// With what it shows of regions, and by which table.

@@ -18,6 +18,9 @@ pub struct StyleUniform {
     pub specular: f32,
     pub shininess: f32,
     pub plane_count: u32,
+    /// Light fades in from a gradient of this length to twice it; codes (0..=1) per smallest spacing.
+    pub light_from: f32,
+    pub reserved: [u32; 3],
     /// Codes (0..=1) of the isosurfaces, ascending, in x.
     pub codes: [[f32; 4]; MAX_SURFACES],
     /// Their straight colours and opacities.
@@ -46,6 +49,7 @@ impl StyleUniform {
             uniform.light = phong.light.map_or([0.0; 3], |l| geometry.along_axes(l.normalize()).as_vec3().into());
             (uniform.ambient, uniform.diffuse) = (phong.ambient, phong.diffuse);
             (uniform.specular, uniform.shininess) = (phong.specular, phong.shininess);
+            uniform.light_from = phong.light_from_share(range) as f32;
         }
         uniform
     }

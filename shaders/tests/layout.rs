@@ -31,7 +31,7 @@ macro_rules! rust_struct {
 
 fn frame() -> (Members, u32) {
     rust_struct!(FrameUniform: eye step ray_forward stop_alpha ray_right inverse_width ray_up inverse_height
-        voxels_per_unit parallel width height table_first table_scale fan shown region_first region_scale reserved)
+        voxels_per_unit parallel width height table_first table_scale fan shown region_first region_scale nearest reserved)
 }
 
 fn brick() -> (Members, u32) {
@@ -40,8 +40,8 @@ fn brick() -> (Members, u32) {
 }
 
 fn style() -> (Members, u32) {
-    rust_struct!(StyleUniform: volume_hi surface_count light ambient diffuse specular shininess plane_count codes colors
-        planes)
+    rust_struct!(StyleUniform: volume_hi surface_count light ambient diffuse specular shininess plane_count light_from
+        reserved codes colors planes)
 }
 
 fn parse(source: &str) -> naga::Module {

@@ -32,13 +32,24 @@ fn clipped(ray: Ray) -> vec2<f32> {
     return span;
 }
 
-// The first sample of the ray in the whole volume, as its brick computes it.
-fn first_of_volume(ray: Ray, t_lo: f32) -> f32 {
+// Clips that end no deeper in the volume than this count as its own faces; in units of t.
+const LEAST_CUT: f32 = 1e-3;
+
+// Where the ray enters the volume, were it endless; t.
+fn volume_entry(ray: Ray) -> f32 {
     let flat = ray.direction == vec3(0.0);
     let at_lo = (vec3(0.0) - ray.origin) * ray.inverse;
     let at_hi = (volume_hi - ray.origin) * ray.inverse;
     let enter = select(min(at_lo, at_hi), vec3(-FAR), flat);
-    return first_sample(frame, max(max(max(enter.x, enter.y), enter.z), t_lo));
+    return max(max(max(enter.x, enter.y), enter.z), 0.0);
+}
+
+// The first sample behind the cut by which clipping lets the ray in at t_lo; -1 where the volume's own face does, or nothing.
+fn first_behind_cut(ray: Ray, t_lo: f32) -> f32 {
+    if t_lo <= volume_entry(ray) + LEAST_CUT {
+        return -1.0;
+    }
+    return first_sample(frame, t_lo);
 }
 
 @compute @workgroup_size(64, 4)
@@ -85,7 +96,12 @@ fn integral(
     let k_last = select(k_out - 1.0, k_out, has_slabs);
     var k_entry = -1.0;
     if SURFACES {
-        k_entry = first_of_volume(ray, span.x);
+        // As its brick computes it.
+        k_entry = first_sample(frame, max(volume_entry(ray), span.x));
+    }
+    var k_cut = -1.0;
+    if LIGHT != 0u && MODE == 0u {
+        k_cut = first_behind_cut(ray, span.x);
     }
     var k = owned.k;
     var probes = ENTRY_PROBES;
@@ -95,7 +111,7 @@ fn integral(
     var k_look = k;
     var look = MAP;
     // The position before the present one.
-    var front = End(0.0, k, vec2(0.0), false);
+    var front = End(0.0, k, vec2(0.0), false, false);
     var has_front = false;
     var front_in_region = false;
     var front_is_empty = false;
@@ -224,7 +240,8 @@ fn integral(
             k += n;
             continue;
         }
-        var back = End(code, k, UNLIT, is_flat);
+        let is_cut = LIGHT != 0u && k == k_cut;
+        var back = End(code, k, UNLIT, is_flat, is_cut && n == 1.0);
         if has_slabs && has_front && (!REGIONS || is_shown(front_in_region)) {
             // A slab is of one kind, its front's: colours do not run from one kind into the other.
             var far = back;
@@ -245,7 +262,7 @@ fn integral(
                         met = crossing(reader, ray, start, end, value);
                     }
                     if met >= 0.0 {
-                        var here = End(value, max(met, front.k), UNLIT, false);
+                        var here = End(value, max(met, front.k), UNLIT, false, start.is_cut);
                         if PREINTEGRATED {
                             let before =
                                 slab_between(reader, ray, front_in_region, &front, &here, here.k - front.k);
@@ -278,7 +295,13 @@ fn integral(
         if PREINTEGRATED {
             // The slabs within the run.
             if n > 1.0 && shows {
-                sum += flat_slabs(in_region, code, n - 1.0) * (1.0 - sum.a);
+                var within = n - 1.0;
+                if is_cut {
+                    let slab = look_up(false, in_region, code, code);
+                    sum += cut_slab(ray, in_region, code, code, slab) * (1.0 - sum.a);
+                    within -= 1.0;
+                }
+                sum += flat_slabs(in_region, code, within) * (1.0 - sum.a);
                 opacity = 1.0;
             }
         } else if taken > 0.0 && shows {
@@ -289,7 +312,13 @@ fn integral(
                 sample = classify(reader, frame, code);
             }
             opacity = max(opacity, sample.a);
-            if sample.a > 0.0 {
+            var rest = taken;
+            if is_cut && sample.a > 0.0 {
+                let color = lit_color(sample.rgb, light_of_entry(ray));
+                sum += vec4(color, 1.0) * (sample.a * (1.0 - sum.a));
+                rest -= 1.0;
+            }
+            if sample.a > 0.0 && rest > 0.0 {
                 if LIGHT != 0u && !is_flat {
                     if !back.is_lit {
                         back.light = light_at(reader, ray, p);
@@ -297,7 +326,7 @@ fn integral(
                     }
                     sample = vec4(lit_color(sample.rgb, back.light), sample.a);
                 }
-                let alpha = select(opacity_of(sample.a, taken), sample.a, taken == 1.0);
+                let alpha = select(opacity_of(sample.a, rest), sample.a, rest == 1.0);
                 let weight = (1.0 - sum.a) * alpha;
                 sum += vec4(sample.rgb * weight, weight);
             }

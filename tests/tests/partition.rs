@@ -226,6 +226,9 @@ fn a_mirrored_and_rotated_volume_has_the_same_bits_from_any_number_of_nodes() {
     });
 }
 
+/// The style whose values are read by `--filter nearest`.
+const LABELS: &str = "labels";
+
 /// Slabs, light, isosurfaces, clips and projections, whoever renders what.
 fn styles(store: &Store) -> Vec<(&'static str, Style)> {
     let (lo, hi) = store.manifest().range;
@@ -242,7 +245,9 @@ fn styles(store: &Store) -> Vec<(&'static str, Style)> {
     let clip = everything.clip.clone();
     vec![
         ("slabs", Style { integration: Integration::Preintegrated(TableSize::N1024), ..Style::default() }),
+        ("lit cut", Style { surfaces: Vec::new(), ..everything.clone() }),
         ("everything", everything),
+        (LABELS, Style { clip: clip.clone(), ..Style::default() }),
         ("maximum", Style { mode: Mode::Maximum, clip: clip.clone(), ..Style::default() }),
         ("average", Style { mode: Mode::Average, clip, ..Style::default() }),
     ]
@@ -265,7 +270,8 @@ fn styles_have_the_same_bits_from_any_number_of_nodes() {
                 for (camera_name, camera) in cameras(&store).into_iter().take(4) {
                     for (name, style) in styles(&store) {
                         let plain = scene(&store, camera, (67, 53), true);
-                        let scene = Scene { style, acceleration: skips, step: 1.0, ..plain };
+                        let filter = if name == LABELS { Filter::Nearest } else { plain.filter };
+                        let scene = Scene { style, filter, acceleration: skips, step: 1.0, ..plain };
                         let frame = render(&mut session, &scene, Transport::F32).await;
                         assert!(frame.picture.pixels().iter().any(|p| p.a > 0.01), "{camera_name}, {name}: nothing");
                         match expected.get(seen) {

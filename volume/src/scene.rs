@@ -13,6 +13,8 @@ pub enum Filter {
     Hardware,
     /// Eight loads, weights from the global position in f32.
     Exact,
+    /// The value of the voxel that holds the position, never one between: for labels.
+    Nearest,
 }
 
 /// How pixels travel.
@@ -130,6 +132,7 @@ impl Scene {
             return Err(SceneError::Step(self.step));
         }
         self.style.validate()?;
+        self.style.validate_with(self.filter)?;
         let tells_apart = self.region_view != RegionView::All || self.region_transfer_function.is_some();
         if self.style.mode != Mode::Composite && tells_apart {
             return Err(StyleError::Projection.into());

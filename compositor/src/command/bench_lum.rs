@@ -108,7 +108,7 @@ async fn measure(args: &BenchArgs, kernel: &Kernel, store: &Store, budget: u64) 
         ]
     };
     let of_kind = |(_, integration, lighting): (&str, IntegrationArg, LightingArg), step: f64| {
-        scene(args, store, step, |style| (style.integration, style.lighting) = (integration, lighting))
+        scene(args, store, step, |style| (style.integration, style.lighting) = (Some(integration), lighting))
     };
     let converged = of_kind(kinds[1], REFERENCE_STEP)?;
     session.load(&converged).await?;

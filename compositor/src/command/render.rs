@@ -50,7 +50,7 @@ fn check(args: &RenderArgs) -> Result<(), Failure> {
             "--audit compares with and without leaping through regions: add leap to --accel"
         )));
     }
-    let style = args.scene.style.style()?;
+    let style = args.scene.style()?;
     if args.audit && (style.shading.is_some() || style.mode != Mode::Composite) {
         return Err(Failure::usage(anyhow!(
             "--audit: its bound holds for colours as they are; leave out --mode, and light (--shading none where there are \

@@ -7,7 +7,7 @@ use brickcast_volume::BrickIndex;
 use brickcast_volume::brick::RANGE_MARGIN;
 use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::regions::{Drawn, SceneTables, drawn, guard_width, within_reach};
-use brickcast_volume::scene::{Leap, RegionView, Scene};
+use brickcast_volume::scene::{Filter, Leap, RegionView, Scene};
 use brickcast_volume::store::Store;
 use brickcast_volume::transfer_function::TransferTable;
 
@@ -99,8 +99,10 @@ impl<'a> BrickChoice<'a> {
         let acceleration = &self.scene.acceleration;
         let radius = self.scene.style.gradient_radius();
         let homogeneous = match acceleration.leap {
-            // What a cube is flattened by has no bound on surfaces and gradients.
-            Leap::Macrocells(range) if self.scene.style.surfaces.is_empty() && radius == 0 => {
+            // What a cube is flattened by has no bound on surfaces and gradients, and is no label.
+            Leap::Macrocells(range)
+                if self.scene.style.surfaces.is_empty() && radius == 0 && self.scene.filter != Filter::Nearest =>
+            {
                 Some((f64::from(range) * 65535.0) as u16)
             }
             Leap::Off | Leap::Regions | Leap::Macrocells(_) => None,

@@ -92,7 +92,7 @@ impl FramePlan {
                 early_termination: scene.early_termination,
                 filter: scene.filter,
                 style: KernelStyle::new(
-                    &scene.style,
+                    &scene.style.clone().above_noise(manifest.noise),
                     scene.step,
                     &manifest.geometry,
                     manifest.range,

@@ -56,6 +56,15 @@ fn styles() -> Vec<(&'static str, Style)> {
             Style { surfaces, shading: phong(Lighting::Interpolated, aslant), ..integral.clone() },
         ),
         ("clipped", Style { clip: clip.clone(), ..integral.clone() }),
+        ("lit cut", Style { clip: clip.clone(), shading: phong(Lighting::Interpolated, aslant), ..integral.clone() }),
+        (
+            "lit cut, light where it comes from",
+            Style { clip: clip.clone(), shading: phong(Lighting::Centroid, aslant), ..integral.clone() },
+        ),
+        (
+            "lit cut of samples",
+            Style { clip: clip.clone(), shading: phong(Lighting::Interpolated, None), ..Style::default() },
+        ),
         (
             "clipped surface",
             Style {

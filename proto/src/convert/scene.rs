@@ -77,6 +77,7 @@ fn filter_to_wire(filter: Filter) -> i32 {
     match filter {
         Filter::Hardware => wire::Filter::Hardware.into(),
         Filter::Exact => wire::Filter::Exact.into(),
+        Filter::Nearest => wire::Filter::Nearest.into(),
     }
 }
 
@@ -84,6 +85,7 @@ fn filter_from_wire(filter: i32) -> Result<Filter, WireError> {
     match wire::Filter::try_from(filter) {
         Ok(wire::Filter::Hardware) => Ok(Filter::Hardware),
         Ok(wire::Filter::Exact) => Ok(Filter::Exact),
+        Ok(wire::Filter::Nearest) => Ok(Filter::Nearest),
         _ => Err(WireError::Unknown { what: "filter", value: filter.to_string() }),
     }
 }

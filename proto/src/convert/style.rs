@@ -31,6 +31,7 @@ impl From<Phong> for wire::Phong {
             diffuse: phong.diffuse,
             specular: phong.specular,
             shininess: phong.shininess,
+            light_from: phong.light_from,
         }
     }
 }
@@ -48,6 +49,7 @@ impl TryFrom<wire::Phong> for Phong {
             diffuse: phong.diffuse,
             specular: phong.specular,
             shininess: phong.shininess,
+            light_from: phong.light_from,
         })
     }
 }

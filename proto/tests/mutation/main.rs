@@ -69,7 +69,7 @@ fn scene(random: &mut Random) -> Scene {
     let opacities = (0..points).map(|i| OpacityPoint { x: i as f64 * 0.5, opacity: random.unit() }).collect();
     let function = TransferFunction::new(colors, opacities).unwrap();
     let leaps = [Leap::Off, Leap::Regions, Leap::Macrocells(random.unit() as f32)];
-    let scene = Scene {
+    let mut scene = Scene {
         camera,
         size: PictureSize::new(1 + random.below(1000) as u32, 1 + random.below(1000) as u32).unwrap(),
         step: 0.25 + random.unit(),
@@ -88,6 +88,10 @@ fn scene(random: &mut Random) -> Scene {
         region_view: [RegionView::All, RegionView::Regions, RegionView::Residual][random.below(3)],
         style: style(random),
     };
+    if random.below(4) == 0 {
+        scene.filter = Filter::Nearest;
+        scene.style = Style { clip: scene.style.clip, ..Style::default() };
+    }
     scene.validate().unwrap()
 }
 
@@ -102,6 +106,7 @@ fn style(random: &mut Random) -> Style {
     let shading = (random.below(2) == 0).then(|| Phong {
         lighting: [Lighting::Interpolated, Lighting::Center, Lighting::Centroid][random.below(3)],
         light: (random.below(2) == 0).then(|| vector(random)),
+        light_from: (random.below(2) == 0).then(|| random.unit()),
         ..Phong::default()
     });
     let surface = |i: usize, random: &mut Random| Isosurface {

@@ -147,7 +147,7 @@ pub fn accelerated_ray<W: Watch>(
         first: frame.region_first,
         scale: frame.region_scale,
     };
-    let volume = VolumeReader::new(brick, data.texels);
+    let volume = VolumeReader::new(frame, brick, data.texels);
     let k_out = first_outside(frame, owned.k, owned.t_out);
     let largest = (0..3).fold(0.0_f32, |m, a| m.max(ray.origin[a].abs()).max(brick.owned_hi[a] as f32));
     let margin = MARGIN.max(MARGIN_SHARE * largest);

@@ -21,6 +21,10 @@ impl VolumeReader<'_> {
     /// The code at a place, or [`NO_DATA`] where a texel of code 0 has weight. With data everywhere the very bits of
     /// [`VolumeReader::read`].
     pub(super) fn read_with_holes(&self, p_voxel: [f32; 3]) -> f32 {
+        if self.is_nearest {
+            let texel = self.nearest(p_voxel);
+            return if texel == 0 { NO_DATA } else { f32::from(texel) * CODE };
+        }
         let mut w = [0.0; 3];
         let mut corner = [0; 3];
         for a in 0..3 {

@@ -16,7 +16,7 @@ use super::accelerated::{
 use super::holes::is_no_data;
 use super::light::{Probe, UNLIT};
 use super::raycast::{FAR, Ray, cut_off, first_sample, owned_segment};
-use super::slab::{End, SlabTable, add, add_flat, add_slab, lit_color};
+use super::slab::{End, SlabTable, add, add_cut, add_flat, add_slab, lit_color};
 use super::surface::{crossing, meet};
 use crate::layout::{BrickUniform, FrameUniform, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
 use crate::style::{Kinds, Light, StyleUniform};
@@ -55,10 +55,13 @@ pub(super) fn clipped(style: &StyleUniform, ray: &Ray) -> (f32, f32) {
     (t_lo, t_hi)
 }
 
-/// The first sample of the ray in the whole volume, as its brick computes it.
+/// Clips that end no deeper in the volume than this count as its own faces; in units of t.
+const LEAST_CUT: f32 = 1e-3;
+
+/// Where the ray enters the volume, were it endless; t.
 #[inline(always)]
-fn first_of_volume(frame: &FrameUniform, style: &StyleUniform, ray: &Ray, t_lo: f32) -> f32 {
-    let mut t_in = t_lo;
+fn volume_entry(style: &StyleUniform, ray: &Ray) -> f32 {
+    let mut t_in = 0.0_f32;
     for a in 0..3 {
         if ray.direction[a] != 0.0 {
             let at_lo = (0.0 - ray.origin[a]) * ray.inverse[a];
@@ -66,7 +69,13 @@ fn first_of_volume(frame: &FrameUniform, style: &StyleUniform, ray: &Ray, t_lo: 
             t_in = t_in.max(at_lo.min(at_hi));
         }
     }
-    first_sample(frame, t_in)
+    t_in
+}
+
+/// The first sample behind the cut by which clipping lets the ray in at `t_lo`; -1 where the volume's own face does, or nothing.
+#[inline(always)]
+fn first_behind_cut(frame: &FrameUniform, style: &StyleUniform, ray: &Ray, t_lo: f32) -> f32 {
+    if t_lo <= volume_entry(style, ray) + LEAST_CUT { -1.0 } else { first_sample(frame, t_lo) }
 }
 
 /// The position before the present one.
@@ -119,7 +128,10 @@ pub fn integral_ray<W: Watch>(
     // Else all samples are of one kind.
     let has_kinds = frame.shown != SHOWS_RESIDUAL | SHOWS_REGIONS || tables.region.is_some();
     let shows = |in_region: bool| frame.shown & if in_region { SHOWS_REGIONS } else { SHOWS_RESIDUAL } != 0;
-    let k_entry = if kinds.surfaces { first_of_volume(frame, style, ray, t_lo) } else { -1.0 };
+    // As its brick computes it.
+    let k_entry = if kinds.surfaces { first_sample(frame, volume_entry(style, ray).max(t_lo)) } else { -1.0 };
+    let may_cut = kinds.light != Light::None && kinds.mode == 0 && style.plane_count > 0;
+    let k_cut = if may_cut { first_behind_cut(frame, style, ray, t_lo) } else { -1.0 };
 
     let mut k = owned.k;
     let has_leaps = data.means.is_some();
@@ -233,7 +245,8 @@ pub fn integral_ray<W: Watch>(
             k += n;
             continue;
         }
-        let mut back = End { code, k, light: is_flat.then_some(UNLIT) };
+        let is_cut = k == k_cut;
+        let mut back = End { code, k, light: is_flat.then_some(UNLIT), is_cut: is_cut && n == 1.0 };
         if let Some(front) = &mut front
             && shows(front.in_region)
         {
@@ -259,7 +272,12 @@ pub fn integral_ray<W: Watch>(
                 && shows(in_region)
                 && let Some(slabs) = with.slabs
             {
-                add_flat(&mut sum, &slabs[usize::from(in_region)], kinds, code, n - 1.0);
+                let (slabs, mut within) = (&slabs[usize::from(in_region)], n - 1.0);
+                if is_cut {
+                    add_cut(&mut sum, slabs, kinds, &probe, code);
+                    within -= 1.0;
+                }
+                add_flat(&mut sum, slabs, kinds, code, within);
                 opacity = 1.0;
             }
         } else if taken > 0.0 && shows(in_region) {
@@ -268,12 +286,20 @@ pub fn integral_ray<W: Watch>(
             // Adding nothing changes no bit.
             if alpha > 0.0 {
                 let mut color = [r, g, b];
-                if kinds.light != Light::None && !is_flat {
-                    let light = *back.light.get_or_insert_with(|| probe.light(p));
-                    color = lit_color(color, light);
+                let mut rest = taken;
+                if is_cut {
+                    let [r, g, b] = lit_color(color, probe.light_of_entry());
+                    add(&mut sum, [r * alpha, g * alpha, b * alpha, alpha]);
+                    rest -= 1.0;
                 }
-                let alpha = if taken == 1.0 { alpha } else { opacity_of(alpha, taken) };
-                add(&mut sum, [color[0] * alpha, color[1] * alpha, color[2] * alpha, alpha]);
+                if rest > 0.0 {
+                    if kinds.light != Light::None && !is_flat {
+                        let light = *back.light.get_or_insert_with(|| probe.light(p));
+                        color = lit_color(color, light);
+                    }
+                    let alpha = if rest == 1.0 { alpha } else { opacity_of(alpha, rest) };
+                    add(&mut sum, [color[0] * alpha, color[1] * alpha, color[2] * alpha, alpha]);
+                }
             }
         }
         k += n;
@@ -323,7 +349,7 @@ fn slab<W: Watch>(
             }
             let Some(k) = crossing(probe, (&first, back), value) else { continue };
             let k = k.max(from.k);
-            let mut here = End { code: value, k, light: None };
+            let mut here = End { code: value, k, light: None, is_cut: first.is_cut };
             if let Some(table) = table {
                 let length = k - from.k;
                 add_slab(sum, table, kinds, probe, (&mut from, &mut here), length);

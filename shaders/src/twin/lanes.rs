@@ -58,7 +58,7 @@ impl VolumeReader<'_> {
     #[inline(always)]
     pub(super) fn read_lanes(&self, at: Places) -> Vec4 {
         #[cfg(target_arch = "x86_64")]
-        if self.is_whole {
+        if self.is_whole && !self.is_nearest {
             return self.read_whole(at);
         }
         Vec4::from_array(std::array::from_fn(|lane| self.read(at.map(|p| p[lane]))))
@@ -111,11 +111,12 @@ impl VolumeReader<'_> {
 mod tests {
     use brickcast_volume::OwnedBox;
     use brickcast_volume::brick::StoredBox;
+    use bytemuck::Zeroable;
     use glam::UVec3;
 
     use super::super::raycast::entry_at;
     use super::*;
-    use crate::layout::BrickUniform;
+    use crate::layout::{BrickUniform, FrameUniform};
 
     /// A brick that stores as much as it owns.
     fn brick(lo: UVec3, dims: UVec3) -> BrickUniform {
@@ -142,7 +143,7 @@ mod tests {
                 numbers(7).take(dims.iter().product::<u32>() as usize).map(|x| (x * 65535.0) as u16).collect();
             // All texels, and a brick that lacks some.
             for texels in [&codes[..], &codes[..codes.len() - 1]] {
-                let volume = VolumeReader::new(&brick, texels);
+                let volume = VolumeReader::new(&FrameUniform::zeroed(), &brick, texels);
                 let mut number = numbers(3);
                 for _ in 0..2000 {
                     let places: Places = std::array::from_fn(|a| {
@@ -171,7 +172,7 @@ mod tests {
     fn lanes_stay_in_the_brick_whatever_the_position() {
         let codes = [65535_u16; 27];
         let brick = brick(UVec3::ZERO, UVec3::splat(3));
-        let volume = VolumeReader::new(&brick, &codes);
+        let volume = VolumeReader::new(&FrameUniform::zeroed(), &brick, &codes);
         for p in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -1e30, 3e9, -3e9] {
             for axis in 0..3 {
                 let mut places = [Vec4::splat(1.2); 3];

@@ -8,10 +8,6 @@ use super::raycast::{Ray, VolumeReader, clamped};
 use crate::layout::{BrickUniform, FrameUniform};
 use crate::style::StyleUniform;
 
-/// A gradient below this (codes per smallest spacing) is none; from twice this on it counts in full, in between in part, so that
-/// no seam shows where it fades.
-pub(super) const LEAST_GRADIENT: f32 = 1.0 / 16383.0;
-
 /// Of a place: what its colour is multiplied by, and how much white is added per opacity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Lit {
@@ -48,7 +44,7 @@ impl<'a> Probe<'a> {
         ray: &'a Ray,
     ) -> Self {
         Self {
-            volume: VolumeReader::new(brick, data.texels),
+            volume: VolumeReader::new(frame, brick, data.texels),
             means: data.means,
             ray,
             step: frame.step,
@@ -115,7 +111,9 @@ impl<'a> Probe<'a> {
         }
         let Some(gradient) = self.gradient(p) else { return UNLIT };
         let steepness = dot(gradient, gradient).sqrt();
-        let strength = clamped(steepness / LEAST_GRADIENT - 1.0, 1.0);
+        // Homogeneous material is not lit by its noise.
+        let part = clamped(steepness / self.style.light_from - 1.0, 1.0);
+        let strength = part * part * (3.0 - 2.0 * part);
         if strength == 0.0 { UNLIT } else { self.lit(gradient, steepness, strength) }
     }
 

@@ -116,8 +116,8 @@ pub fn owned_segment(frame: &FrameUniform, brick: &BrickUniform, ray: &Ray) -> O
     (k * frame.step < t_out).then_some(Segment { k, t_out })
 }
 
-/// Trilinear value code of the brick's texels at a global position. The loops that never ask for holes are not for bricks that
-/// have some.
+/// Value code of the brick's texels at a global position: trilinear, or the nearest voxel's. The loops that never ask for
+/// holes are not for bricks that have some.
 pub(super) struct VolumeReader<'a> {
     pub(super) codes: &'a [u16],
     /// Subtract from a global position + 0.5, rounded down, for the texel of the support's low corner.
@@ -126,6 +126,8 @@ pub(super) struct VolumeReader<'a> {
     pub(super) last_corner: [i32; 3],
     pub(super) row: usize,
     pub(super) slice: usize,
+    /// Values are those of voxels, never between.
+    pub(super) is_nearest: bool,
     /// No texel is missing, and along each axis there are two and no more than f32 tells apart.
     #[cfg_attr(not(target_arch = "x86_64"), expect(dead_code, reason = "vectors are of x86-64"))]
     pub(super) is_whole: bool,
@@ -134,11 +136,12 @@ pub(super) struct VolumeReader<'a> {
 }
 
 impl<'a> VolumeReader<'a> {
-    pub(super) fn new(brick: &BrickUniform, codes: &'a [u16]) -> Self {
+    pub(super) fn new(frame: &FrameUniform, brick: &BrickUniform, codes: &'a [u16]) -> Self {
         let dims = brick.stored_dims;
         let voxels = dims.iter().try_fold(1_usize, |n, &side| n.checked_mul(side as usize));
         Self {
             codes,
+            is_nearest: frame.nearest != 0,
             is_whole: voxels.is_some_and(|n| codes.len() >= n) && dims.iter().all(|side| (2..=1 << 24).contains(side)),
             has_holes: brick.holes != 0,
             first_texel: brick.stored_lo.map(|lo| lo + 1),
@@ -151,6 +154,9 @@ impl<'a> VolumeReader<'a> {
     /// The code, 0..=1.
     #[inline(always)]
     pub(super) fn read(&self, p_voxel: [f32; 3]) -> f32 {
+        if self.is_nearest {
+            return f32::from(self.nearest(p_voxel)) * CODE;
+        }
         let mut w = [0.0; 3];
         let mut corner = [0; 3];
         for a in 0..3 {
@@ -243,7 +249,7 @@ pub fn raycast_ray(
     if sum.a >= frame.stop_alpha || table.len() < 2 {
         return (sum, 0);
     }
-    let volume = VolumeReader::new(brick, codes);
+    let volume = VolumeReader::new(frame, brick, codes);
     let last_entry = table.len() - 1;
     let (first, scale) = (frame.table_first, frame.table_scale);
     let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin, ray.direction);

@@ -31,6 +31,8 @@ pub(super) struct End {
     /// In steps along the ray.
     pub(super) k: f32,
     pub(super) light: Option<Lit>,
+    /// What follows, up to the next sample, is lit as the cut by which the ray enters.
+    pub(super) is_cut: bool,
 }
 
 impl SlabTable<'_> {
@@ -128,6 +130,7 @@ pub(super) fn add_slab(
     let [r, g, b, a] = slab;
     let premul = match kinds.light {
         Light::None => slab,
+        _ if front.is_cut => cut_slab(table, kinds, probe, (front.code, back.code), slab),
         Light::Interpolated => {
             let far = table.look_up(table.back, front.code, back.code);
             let at = |end: &mut End| *end.light.get_or_insert_with(|| probe.light(probe.place(end.k)));
@@ -154,6 +157,32 @@ pub(super) fn add_slab(
     };
     add(sum, of_length(premul, length));
     a
+}
+
+/// A slab, looked up already, under the light of the cut by which the ray enters.
+fn cut_slab(
+    table: &SlabTable<'_>,
+    kinds: Kinds,
+    probe: &Probe<'_>,
+    (front, back): (f32, f32),
+    [r, g, b, a]: [f32; 4],
+) -> [f32; 4] {
+    let mut color = [r, g, b];
+    if kinds.light.has_weights() {
+        let far = table.look_up(table.back, front, back);
+        color = [r + far[0], g + far[1], b + far[2]];
+    }
+    let light = probe.light_of_entry();
+    let [r, g, b] = color.map(|c| (c * light.factor + a * light.glint).min(a));
+    [r, g, b, a]
+}
+
+/// Adds the first of a run's slabs where it is a cut's, both ends of it deep in one region.
+pub(super) fn add_cut(sum: &mut Premul, table: &SlabTable<'_>, kinds: Kinds, probe: &Probe<'_>, code: f32) {
+    let slab = table.look_up(table.front, code, code);
+    if slab[3] > 0.0 {
+        add(sum, cut_slab(table, kinds, probe, (code, code), slab));
+    }
 }
 
 /// Adds `n` slabs, both ends of each deep in one region, where nothing is lit.

@@ -58,7 +58,7 @@ pub fn slabs_ray(
     let kind = in_region && has_kinds;
     let shows = frame.shown & if kind { SHOWS_REGIONS } else { SHOWS_RESIDUAL } != 0;
     let table = &slabs[usize::from(kind)];
-    let volume = VolumeReader::new(brick, data.texels);
+    let volume = VolumeReader::new(frame, brick, data.texels);
     let hi = style.volume_hi.map(|n| n as f32);
     let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin, ray.direction);
     let k_out = first_outside(frame, owned.k, owned.t_out);

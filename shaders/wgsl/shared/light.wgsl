@@ -9,9 +9,6 @@ override LEAP: bool;
 // The volume's upper corner. A copy: read once, not in loops.
 var<private> volume_hi: vec3<f32>;
 
-// Codes per smallest spacing: below it there is no gradient, from twice this on it counts in full.
-const LEAST_GRADIENT: f32 = 1.0 / 16383.0;
-
 // factor, glint: what a colour is multiplied by, and how much white is added per opacity.
 const UNLIT: vec2<f32> = vec2(1.0, 0.0);
 
@@ -69,7 +66,9 @@ fn light_at(reader: Reader, ray: Ray, p: vec3<f32>) -> vec2<f32> {
     }
     let gradient = rise * (0.5 * brick.code_scale) * frame.voxels_per_unit;
     let steepness = sqrt(dot(gradient, gradient));
-    let strength = clamp(steepness / LEAST_GRADIENT - 1.0, 0.0, 1.0);
+    // Homogeneous material is not lit by its noise.
+    let part = clamp(steepness / scene_data.style.light_from - 1.0, 0.0, 1.0);
+    let strength = part * part * (3.0 - 2.0 * part);
     if strength == 0.0 {
         return UNLIT;
     }

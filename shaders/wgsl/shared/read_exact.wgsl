@@ -24,12 +24,22 @@ fn load(texel: vec3<i32>, x: i32, y: i32, z: i32) -> f32 {
     return textureLoad(volume, texel + vec3(x, y, z), 0).r;
 }
 
+// The value code of the voxel that holds a global position; NO_DATA where it has none.
+fn read_nearest(reader: Reader, p_voxel: vec3<f32>) -> f32 {
+    let texel = clamp(vec3<i32>(p_voxel) + 1 - reader.first_texel, vec3(0), reader.last_corner + 1);
+    let code = textureLoad(volume, texel, 0).r;
+    return select(code, NO_DATA, HOLES && code == 0.0);
+}
+
 fn between(a: f32, b: f32, t: f32) -> f32 {
     return a + (b - a) * t;
 }
 
 // The value code, 0..=1, at a global position; NO_DATA where it has none.
 fn read_volume(reader: Reader, p_voxel: vec3<f32>) -> f32 {
+    if frame.nearest != 0u {
+        return read_nearest(reader, p_voxel);
+    }
     if HOLES {
         return read_with_holes(p_voxel);
     }

@@ -17,6 +17,8 @@ struct End {
     k: f32,
     light: vec2<f32>,
     is_lit: bool,
+    // What follows, up to the next sample, is lit as the cut by which the ray enters.
+    is_cut: bool,
 }
 
 fn is_shown(in_region: bool) -> bool {
@@ -47,6 +49,16 @@ fn look_up(is_back: bool, in_region: bool, front: f32, back: f32) -> vec4<f32> {
     return slab_of(slab_front, frame.table_first, frame.table_scale, front, back);
 }
 
+// A slab, looked up already, under the light of the cut by which the ray enters.
+fn cut_slab(ray: Ray, in_region: bool, front: f32, back: f32, slab: vec4<f32>) -> vec4<f32> {
+    var color = slab.rgb;
+    if LIGHT == 1u || LIGHT == 3u {
+        color += look_up(true, in_region, front, back).rgb;
+    }
+    let light = light_of_entry(ray);
+    return vec4(min(color * light.x + slab.a * light.y, vec3(slab.a)), slab.a);
+}
+
 // The slab from `front` to `back`, `length` steps long, premultiplied; learns the light of its ends.
 fn slab_between(
     reader: Reader,
@@ -59,6 +71,9 @@ fn slab_between(
     let slab = look_up(false, in_region, (*front).code, (*back).code);
     if slab.a <= 0.0 {
         return vec4(0.0);
+    }
+    if LIGHT != 0u && (*front).is_cut {
+        return of_length(cut_slab(ray, in_region, (*front).code, (*back).code, slab), length);
     }
     var color = slab.rgb;
     if LIGHT == 1u {

@@ -8,6 +8,8 @@ struct StyleUniform {
     specular: f32,
     shininess: f32,
     plane_count: u32,
+    light_from: f32,
+    reserved: array<u32, 3>,
     codes: array<vec4<f32>, 8>,
     colors: array<vec4<f32>, 8>,
     planes: array<vec4<f32>, 12>,

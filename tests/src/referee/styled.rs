@@ -21,6 +21,8 @@ pub struct Light {
     pub specular: f64,
     pub shininess: f64,
     pub range: (f64, f64),
+    /// Light fades in from a gradient of this length to twice it, data units per smallest spacing.
+    pub from: f64,
 }
 
 /// Where a slab takes its light.
@@ -50,6 +52,8 @@ pub struct Style {
     pub projection: Option<Projection>,
     /// Normal and offset: `normal . p >= offset` stays, world.
     pub planes: Vec<(DVec3, f64)>,
+    /// Values are those of the voxels that hold the places, never between.
+    pub nearest: bool,
     /// What the picture leaves out on purpose, to show that a comparison would notice.
     pub mistake: Option<Mistake>,
 }
@@ -70,6 +74,16 @@ pub enum Mistake {
     SurfaceFirst,
     /// Cuts shaded by the gradient of what they cut.
     RoughCuts,
+    /// The same of isosurfaces that are cut.
+    RoughSurfaces,
+    /// The volume's own faces taken for cuts.
+    FacesAreCuts,
+    /// Light on every gradient, however short.
+    LitNoise,
+    /// Light that fades in by a straight line.
+    StraightFade,
+    /// Labels between labels.
+    Between,
     /// Gradients in voxels, whatever their size.
     CubicVoxels,
     /// Voxels without data have a value, below all others.
@@ -83,6 +97,8 @@ struct March<'a> {
     scene: &'a Scene,
     style: &'a Style,
     ray: &'a Ray,
+    /// The first sample behind a cut, where a clip lets the ray in.
+    cut: Option<i64>,
 }
 
 /// The whole volume at once.
@@ -101,7 +117,10 @@ pub fn render_styled(scene: &Scene, style: &Style) -> Rendering {
             let kept = clipped(style, ray, segment);
             let (first, end) = owned_samples(scene, kept);
             if kept.enter < kept.exit && first < end {
-                March { scene, style, ray }.march(first, end, &mut gathered);
+                // What lies in a face of the volume, but for rounding, is no cut.
+                let is_cut = kept.enter > segment.enter + 1e-3 * scene.volume.min_spacing();
+                let cut = (is_cut || style.mistake == Some(Mistake::FacesAreCuts)).then_some(first);
+                March { scene, style, ray, cut }.march(first, end, &mut gathered);
             }
         }
         gathered
@@ -130,7 +149,9 @@ impl March<'_> {
     }
 
     fn value(&self, k: f64) -> f64 {
-        self.scene.volume.sample(self.place(k))
+        let (volume, place) = (&self.scene.volume, self.place(k));
+        let is_nearest = self.style.nearest && self.style.mistake != Some(Mistake::Between);
+        if is_nearest { volume.nearest(place) } else { volume.sample(place) }
     }
 
     /// Of the face by which the ray enters what clipping leaves of the volume; towards the eye where it starts inside.
@@ -168,12 +189,26 @@ impl March<'_> {
         if gradient.is_nan() {
             return (1.0, 0.0);
         }
-        let strength = (gradient.length() * 16383.0 - 1.0).clamp(0.0, 1.0);
+        let least = 1.0 / 16383.0_f64;
+        let from = match self.style.mistake {
+            Some(Mistake::LitNoise) => least,
+            _ => least.max(light.from / (light.range.1 - light.range.0)),
+        };
+        let part = (gradient.length() / from - 1.0).clamp(0.0, 1.0);
+        let is_straight = self.style.mistake == Some(Mistake::StraightFade);
+        let strength = if is_straight { part } else { part * part * (3.0 - 2.0 * part) };
         if strength == 0.0 {
             return (1.0, 0.0);
         }
         // By parts along the grid's axes; light comes from somewhere in the world.
         self.lit(light, volume.directions * gradient.normalize(), strength)
+    }
+
+    /// Of the first slab or sample behind a cut; none elsewhere.
+    fn light_of_cut(&self, k: f64) -> Option<Lit> {
+        let light = self.style.light.as_ref().filter(|_| self.style.mistake != Some(Mistake::RoughCuts))?;
+        let is_cut = self.cut.is_some_and(|cut| cut == k.floor() as i64);
+        is_cut.then(|| self.lit(light, self.entry_normal().normalize(), 1.0))
     }
 
     fn lit(&self, light: &Light, mut normal: DVec3, strength: f64) -> Lit {
@@ -220,14 +255,15 @@ impl March<'_> {
                 if light > 0.0 { moment / light } else { 0.5 }
             }
         };
-        let once = self.light(k + length * at);
+        let cut = self.light_of_cut(k);
+        let once = cut.unwrap_or_else(|| self.light(k + length * at));
         let ends = (self.light(k), self.light(k + length));
         let mut slab = [0.0; 4];
         for i in 0..SLICES {
             let u = (i as f64 + 0.5) / SLICES as f64;
             let value = v0 + (v1 - v0) * u;
             let alpha = 1.0 - (1.0 - transfer.opacity(value)).powf(exponent);
-            let (factor, glint) = if place != LightAt::Ends {
+            let (factor, glint) = if place != LightAt::Ends || cut.is_some() {
                 once
             } else if self.style.mistake == Some(Mistake::FrontLight) {
                 ends.0
@@ -291,7 +327,7 @@ impl March<'_> {
             if k == first {
                 for &(value, color) in &self.style.surfaces {
                     if v0 >= value {
-                        let is_rough = self.style.mistake == Some(Mistake::RoughCuts);
+                        let is_rough = self.style.mistake == Some(Mistake::RoughSurfaces);
                         if is_rough {
                             self.surface(gathered, color, self.light(at));
                             continue;
@@ -339,7 +375,7 @@ impl March<'_> {
         let transfer = &self.scene.transfer;
         let alpha = 1.0 - (1.0 - transfer.opacity(value)).powf(self.scene.delta() / self.scene.unit);
         if alpha > 0.0 {
-            let (factor, glint) = self.light(k);
+            let (factor, glint) = self.light_of_cut(k).unwrap_or_else(|| self.light(k));
             let [r, g, b] = transfer.color(value).map(|c| (c * factor + glint).min(1.0) * alpha);
             Self::add(gathered, [r, g, b, alpha]);
         }

@@ -62,6 +62,13 @@ impl Volume {
         self.sample_within(index, [0; 3], self.dims, Self::offset)
     }
 
+    /// The value of the voxel that holds a position in index space, clamped to the edge.
+    #[must_use]
+    pub fn nearest(&self, index: DVec3) -> f64 {
+        let voxel = |axis: usize| index[axis].floor().clamp(0.0, (self.dims[axis] - 1) as f64) as usize;
+        self.values[self.offset([voxel(0), voxel(1), voxel(2)])]
+    }
+
     /// As [`Self::sample`], from the voxels in `[low, high)` only, fetched with `offset`: what a sabotaged reader sees.
     pub(super) fn sample_within(
         &self,

@@ -4,7 +4,7 @@
 use super::bound::{ChangeRate, change_rate};
 use super::table::{BrickFacts, NO_REGION};
 use crate::brick::OwnedBox;
-use crate::scene::{Leap, RegionView, Scene};
+use crate::scene::{Filter, Leap, RegionView, Scene};
 use crate::space::Geometry;
 use crate::style::Mode;
 use crate::transfer_function::TransferTable;
@@ -101,7 +101,9 @@ pub fn drawn(
     if raw[0] > raw[1] {
         return None;
     }
-    let candidate = facts.filter(|f| f.has_regions && scene.acceleration.leap == Leap::Regions);
+    // A region's mean is no label.
+    let leaps = scene.acceleration.leap == Leap::Regions && scene.filter != Filter::Nearest;
+    let candidate = facts.filter(|f| f.has_regions && leaps);
     // A region that is flattened loses the isosurface in it (algorithms.md section 2, "Region modes").
     let cuts = |f: &BrickFacts| surface_in(tables, [raw[0].min(f.min), raw[1].max(f.max)]);
     let candidate = candidate.filter(|f| !cuts(f));
@@ -126,7 +128,7 @@ mod tests {
     use glam::UVec3;
 
     use super::*;
-    use crate::scene::{Acceleration, Filter};
+    use crate::scene::Acceleration;
     use crate::style::Isosurface;
     use crate::transfer_function::{Colormap, TransferFunction};
     use crate::{Camera, Orbit, PictureSize};

@@ -58,6 +58,9 @@ pub struct Manifest {
     pub quantiles: [f64; 9],
     /// Voxels in [`HISTOGRAM_BINS`] equal bins over `range`; those outside count in the end bins.
     pub histogram: Vec<u64>,
+    /// Standard deviation of what differs from voxel to voxel in homogeneous material, data units; nothing where there is none,
+    /// or where it was not measured.
+    pub noise: Option<f64>,
     pub files: FileHashes,
     /// Nothing where bricks are smaller than inner chunks.
     pub halo: Option<HaloEntry>,

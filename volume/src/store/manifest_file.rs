@@ -55,6 +55,9 @@ pub(super) struct ManifestFile {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     no_data: Option<NoData>,
     histogram: Vec<u64>,
+    /// Left out where there is none, and in older stores.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    noise: Option<f64>,
     files: Files,
     /// Left out where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -133,6 +136,11 @@ fn checked_text(name: &'static str, text: String) -> Result<String, ManifestErro
 fn check_ascending(name: &'static str, values: &[f64]) -> Result<(), ManifestError> {
     let good = values.iter().all(|v| v.is_finite()) && values.is_sorted();
     if good { Ok(()) } else { Err(field(name, "values must be finite and must not descend")) }
+}
+
+fn checked_noise(noise: Option<f64>) -> Result<Option<f64>, ManifestError> {
+    let good = noise.is_none_or(|n| n.is_finite() && n > 0.0);
+    if good { Ok(noise) } else { Err(field("noise", "must be finite and above 0, or left out")) }
 }
 
 pub(super) fn hash<T: std::str::FromStr<Err: std::fmt::Display>>(
@@ -216,6 +224,7 @@ impl TryFrom<ManifestFile> for Manifest {
             data_range,
             quantiles,
             histogram: file.histogram,
+            noise: checked_noise(file.noise)?,
             files: FileHashes {
                 group: hash("files", &file.files.group)?,
                 array: hash("files", &file.files.array)?,
@@ -281,6 +290,7 @@ impl From<&Manifest> for ManifestFile {
             positive_infinity_voxels: m.not_finite.positive_infinity,
             no_data: m.no_data.clone(),
             histogram: m.histogram.clone(),
+            noise: m.noise,
             files: Files {
                 group: m.files.group.to_string(),
                 array: m.files.array.to_string(),

@@ -11,11 +11,10 @@ use super::folder::StoreFolder;
 use super::halo_manifest::HaloEntry;
 use super::halo_write::{VoxelHalos, WrittenHalos};
 use super::hash::ContentHash;
-use super::histogram::Histogram;
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
 use super::manifest_file::MAX_TEXT;
 use super::no_data::{Fill, NoData, with_room_below};
-use super::notes;
+use super::{noise, notes};
 use super::plane_read::CodePlanes;
 use super::prepare_options::{Phase, PrepareOptions, PrepareSummary, Progress};
 use super::profile::{
@@ -29,6 +28,7 @@ use super::shard_read::Shards;
 use super::shard_table::{self, ShardRecord};
 use super::shard_write::ShardWriter;
 use super::shell::has_halos;
+use super::statistics::Statistics;
 use super::value_map::{ValueMap, check_range};
 use super::voxel::{StoredType, Voxel, read_le};
 use super::workdir::WorkDir;
@@ -75,7 +75,7 @@ pub fn prepare(
             Some((_, q)) => job.write(&mut pass, &root, |bytes, out| q.map(header.voxel_type, &fill, bytes, out))?,
         },
     };
-    let mut manifest = job.manifest(&gathered.histogram, gathered.no_data)?;
+    let mut manifest = job.manifest(&gathered.statistics, gathered.no_data)?;
     let started = Instant::now();
     let regions = job.regions(&gathered, &manifest, &work, pass.progress)?;
     let region_seconds = started.elapsed().as_secs_f64();
@@ -100,7 +100,7 @@ pub fn survey(source: &mut dyn VolumeSource, progress: &mut dyn FnMut(Progress))
     let mut pass = Pass { source, header: &header, fill: &fill, plane: Vec::new(), progress };
     let mapping = pass.mapping(None)?;
     let job = Job { header: &header, fill: &fill, options: &options, grid, shards, mapping };
-    let mut histogram = match StoredType::of(header.voxel_type) {
+    let mut statistics = match StoredType::of(header.voxel_type) {
         StoredType::U8 => job.count(&mut pass, read_le::<u8>)?,
         StoredType::I8 => job.count(&mut pass, read_le::<i8>)?,
         StoredType::I16 => job.count(&mut pass, read_le::<i16>)?,
@@ -109,8 +109,8 @@ pub fn survey(source: &mut dyn VolumeSource, progress: &mut dyn FnMut(Progress))
             Some((_, q)) => job.count(&mut pass, |bytes, out| q.map(header.voxel_type, &fill, bytes, out))?,
         },
     };
-    let no_data = job.leave_out_no_data(&mut histogram)?;
-    let mut manifest = job.manifest(&histogram, no_data)?;
+    let no_data = job.leave_out_no_data(&mut statistics.histogram)?;
+    let mut manifest = job.manifest(&statistics, no_data)?;
     manifest.notes = notes::kept(job.notes(&manifest));
     Ok(manifest)
 }
@@ -172,8 +172,8 @@ struct Job<'a> {
 
 /// What the pass over all voxels gathers.
 struct Gathered {
-    histogram: Histogram,
-    /// Voxels without data: in neither histogram nor ranges.
+    /// Voxels without data are in none of its counts, nor in the ranges.
+    statistics: Statistics,
     no_data: u64,
     ranges: RangeBuilder,
     shards: Vec<ShardRecord>,
@@ -194,7 +194,8 @@ impl Job<'_> {
         let mut slab = zeroed_slab::<T>(plane * dims[2].min(CHUNK_EDGE as usize))?;
         let mut writer = ShardWriter::new(root, StoreArray::Voxels, self.shards, dims);
         let no_data = self.no_data_ordinals();
-        let (mut histogram, mut ranges) = (Histogram::new(), RangeBuilder::new(self.grid, no_data.first().copied()));
+        let mut statistics = Statistics::new(StoredType::of(self.header.voxel_type));
+        let mut ranges = RangeBuilder::new(self.grid, no_data.first().copied());
         let halos = has_halos(self.grid.brick_size());
         let mut halos = halos.then(|| VoxelHalos::create(&root.join(HALOS_FILE), self.grid)).transpose()?;
         for (cz, z0) in (0..nz).step_by(CHUNK_EDGE as usize).enumerate() {
@@ -205,28 +206,38 @@ impl Job<'_> {
                 convert(pass.next_plane(z)?, out);
                 make_one(&no_data, out);
             }
-            histogram.add(&slab);
+            statistics.add([dims[0], dims[1]], &slab, no_data.first().copied());
             ranges.add(z0, &slab);
             writer.add(cz as u32, &slab)?;
             halos.as_mut().map(|h| h.add(z0..z0 + planes, &slab)).transpose()?;
         }
         let halos = halos.map(VoxelHalos::finish).transpose()?;
-        let no_data = self.leave_out_no_data(&mut histogram)?;
-        Ok(Gathered { histogram, no_data, ranges, shards: writer.finish(), halos })
+        let no_data = self.leave_out_no_data(&mut statistics.histogram)?;
+        Ok(Gathered { statistics, no_data, ranges, shards: writer.finish(), halos })
     }
 
     /// Reads every plane for its statistics only.
-    fn count<T: Voxel>(&self, pass: &mut Pass<'_>, convert: impl Fn(&[u8], &mut [T])) -> Result<Histogram, StoreError> {
-        let d = self.header.geometry.dims();
-        let mut plane = vec![T::zeroed(); d.x as usize * d.y as usize];
-        let mut histogram = Histogram::new();
-        for z in 0..d.z {
-            pass.report(Phase::Scan, z);
-            convert(pass.next_plane(z)?, &mut plane);
-            make_one(&self.no_data_ordinals(), &mut plane);
-            histogram.add(&plane);
+    fn count<T: Voxel>(
+        &self,
+        pass: &mut Pass<'_>,
+        convert: impl Fn(&[u8], &mut [T]),
+    ) -> Result<Statistics, StoreError> {
+        let [nx, ny, nz] = self.header.geometry.dims().to_array();
+        let plane = nx as usize * ny as usize;
+        // Two planes: noise is told by what differs between them.
+        let mut slab = zeroed_slab::<T>(plane * nz.min(2) as usize)?;
+        let no_data = self.no_data_ordinals();
+        let mut statistics = Statistics::new(StoredType::of(self.header.voxel_type));
+        for z0 in (0..nz).step_by(2) {
+            slab.truncate(plane * (nz - z0).min(2) as usize);
+            for (z, out) in (z0..).zip(slab.chunks_exact_mut(plane)) {
+                pass.report(Phase::Scan, z);
+                convert(pass.next_plane(z)?, out);
+                make_one(&no_data, out);
+            }
+            statistics.add([nx as usize, ny as usize], &slab, no_data.first().copied());
         }
-        Ok(histogram)
+        Ok(statistics)
     }
 
     /// The stored numbers, as ordinals, of voxels without data; the first becomes that of all.
@@ -262,7 +273,7 @@ impl Job<'_> {
         let (folder, voxel_bytes) = (StoreFolder::free(&root), manifest.stored_type.bytes());
         let shards = Shards::new(folder, StoreArray::Voxels, self.shards, gathered.shards.clone(), voxel_bytes);
         let mut histogram = vec![0; usize::from(MAX_DENSITY) + 1];
-        for (code, count) in map.code_of_ordinal_table().into_iter().zip(gathered.histogram.counts()) {
+        for (code, count) in map.code_of_ordinal_table().into_iter().zip(gathered.statistics.histogram.counts()) {
             histogram[usize::from(density_of_code(code))] += count;
         }
         let code_of_bits = map.code_of_bits_table();
@@ -326,7 +337,7 @@ impl Job<'_> {
     }
 
     /// The manifest without the hashes of the files.
-    fn manifest(&self, histogram: &Histogram, no_data: u64) -> Result<Manifest, StoreError> {
+    fn manifest(&self, Statistics { histogram, noise }: &Statistics, no_data: u64) -> Result<Manifest, StoreError> {
         let stored_type = StoredType::of(self.header.voxel_type);
         let (scale, offset, lossless) = self.mapping.map_or((1.0, 0.0, true), |(_, q)| (q.scale, q.offset, q.lossless));
         // Only scale and offset count before the range is known.
@@ -371,6 +382,7 @@ impl Job<'_> {
             data_range,
             quantiles,
             histogram: histogram.binned(HISTOGRAM_BINS, |ordinal| usize::from(code(ordinal) >> 8)),
+            noise: noise::rounded(scale * noise.deviation()),
             files: FileHashes { group: unknown, array: unknown, ranges: unknown, shards: unknown },
             halo: HaloEntry::unwritten(self.grid.brick_size()),
             regions: None,

@@ -1,15 +1,18 @@
 //! What becomes of the values along a ray: integration, lighting, isosurfaces, projections, clipping.
 
 mod clip;
+mod light_from;
 mod surface;
 
 pub use clip::{Clip, ClipPlane, MAX_CLIP_PLANES, MAX_PLANES};
+pub use light_from::{LEAST_GRADIENT, NOISE_DEVIATIONS};
 pub use surface::{Isosurface, MAX_SURFACES};
 
 use glam::DVec3;
 
 use crate::Premul;
 pub use crate::preintegration::TableSize;
+use crate::scene::Filter;
 
 /// How a transfer function is integrated between samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -43,8 +46,9 @@ impl Lighting {
 }
 
 /// Phong's model. The colour of a sample is multiplied by `ambient + diffuse |n l|`, and `specular (n h)^shininess` of white is
-/// added; both sides of a surface are lit. n is the gradient by central differences over one voxel, interpolated. Where it
-/// vanishes, the factor is 1 and nothing is added.
+/// added; both sides of a surface are lit. n is the gradient by central differences over one voxel, interpolated. Light fades in
+/// with its length: where it is no longer than the volume's noise makes it, the factor is 1 and nothing is added. The first
+/// slab or sample behind a clip plane is lit by that plane's normal, in full.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Phong {
     pub lighting: Lighting,
@@ -54,11 +58,22 @@ pub struct Phong {
     pub diffuse: f32,
     pub specular: f32,
     pub shininess: f32,
+    /// Light fades in from a gradient of this length to twice it, data units per smallest spacing; none: see
+    /// [`Style::above_noise`].
+    pub light_from: Option<f64>,
 }
 
 impl Default for Phong {
     fn default() -> Self {
-        Self { lighting: Lighting::default(), light: None, ambient: 0.2, diffuse: 0.8, specular: 0.3, shininess: 20.0 }
+        Self {
+            lighting: Lighting::default(),
+            light: None,
+            ambient: 0.2,
+            diffuse: 0.8,
+            specular: 0.3,
+            shininess: 20.0,
+            light_from: None,
+        }
     }
 }
 
@@ -141,6 +156,12 @@ pub enum StyleError {
     Light { name: &'static str, value: f32, most: f32 },
     #[error("light direction {0}: must be finite and not zero")]
     LightDirection(DVec3),
+    #[error("light from a gradient of {0}: must be finite and not negative, data units per voxel")]
+    LightFrom(f64),
+    #[error(
+        "the nearest filter shows voxels as they are: between them lie no {what}; leave these out, or --filter nearest"
+    )]
+    Nearest { what: &'static str },
     #[error(
         "a projection (maximum, minimum, average) shows values alone: leave out shading, isosurfaces, region views and \
              region transfer functions"
@@ -219,6 +240,19 @@ impl Style {
     }
 
     /// # Errors
+    /// What `filter` has no values for: labels have nothing between them.
+    pub fn validate_with(&self, filter: Filter) -> Result<(), StyleError> {
+        let what = match filter {
+            Filter::Hardware | Filter::Exact => return Ok(()),
+            Filter::Nearest if !self.surfaces.is_empty() => "isosurfaces",
+            Filter::Nearest if self.shading.is_some() => "gradients, and so no light (shading)",
+            Filter::Nearest if self.integrates_slabs() => "values to integrate over (preintegrated)",
+            Filter::Nearest => return Ok(()),
+        };
+        Err(StyleError::Nearest { what })
+    }
+
+    /// # Errors
     /// Numbers out of range, too many of something, things that do not go together.
     pub fn validate(&self) -> Result<(), StyleError> {
         if self.surfaces.len() > MAX_SURFACES {
@@ -246,6 +280,9 @@ impl Style {
             }
             if let Some(light) = phong.light.filter(|l| !(l.is_finite() && l.length_squared().is_normal())) {
                 return Err(StyleError::LightDirection(light));
+            }
+            if let Some(length) = phong.light_from.filter(|l| !(l.is_finite() && *l >= 0.0)) {
+                return Err(StyleError::LightFrom(length));
             }
         }
         if self.mode != Mode::Composite && (self.shading.is_some() || !self.surfaces.is_empty()) {
