@@ -164,7 +164,7 @@ impl Categorical {
                 Some(next) if touches(cell, next) => cell.value + (next.value - cell.value) * 0.5,
                 _ => cell.value + HALF,
             };
-            if lo.next_up() >= hi.next_down() {
+            if lo.next_up() >= hi.next_down() || !(lo..hi).contains(&cell.value) {
                 let problem = "annotated values are too close to each other to be told apart";
                 return Err(wrong(format!("Annotations ({})", cell.value), problem));
             }
