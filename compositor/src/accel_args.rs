@@ -63,6 +63,9 @@ pub struct AccelArgs {
     /// A transfer function of its own for voxels inside regions (ParaView colour-map preset, JSON)
     #[arg(long, value_name = "FILE")]
     pub region_transfer_function: Option<PathBuf>,
+    /// Which preset of a file that holds several
+    #[arg(long, value_name = "NAME", requires = "region_transfer_function")]
+    pub region_preset: Option<String>,
 }
 
 impl AccelArgs {
@@ -167,6 +170,7 @@ mod tests {
             macrocell: 4,
             view: ViewArg::All,
             region_transfer_function: None,
+            region_preset: None,
         }
     }
 

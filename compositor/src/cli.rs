@@ -205,9 +205,12 @@ pub struct SceneArgs {
     /// Picture size in pixels
     #[arg(long, value_name = "WxH", value_parser = picture_size, default_value = "512x512")]
     pub size: (u32, u32),
-    /// ParaView colour-map preset (JSON), or 3D Slicer volume property (.vp)
+    /// ParaView colour-map preset (JSON or XML), or 3D Slicer volume property (.vp)
     #[arg(long, value_name = "FILE", conflicts_with_all = ["window", "opacity", "colormap"], help_heading = "Transfer function")]
     pub transfer_function: Option<PathBuf>,
+    /// Which preset of a file that holds several: its name, or #3 for the third [default: the first]
+    #[arg(long, value_name = "NAME", requires = "transfer_function", help_heading = "Transfer function")]
+    pub preset: Option<String>,
     /// Rescale the preset to this range of data values
     #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true, requires = "transfer_function", help_heading = "Transfer function")]
     pub transfer_function_range: Option<[f64; 2]>,
@@ -223,7 +226,7 @@ pub struct SceneArgs {
     /// World length to which opacities refer [default: the smallest spacing]
     #[arg(long, value_name = "LENGTH", help_heading = "Transfer function")]
     pub opacity_unit: Option<f64>,
-    /// Camera file (JSON: position, focalPoint, viewUp, viewAngle | parallelProjection, parallelScale)
+    /// Camera file, or the manifest of a picture (JSON: position, focalPoint, viewUp, viewAngle | parallelProjection, parallelScale)
     #[arg(long, value_name = "FILE", conflicts_with_all = ["azimuth", "elevation", "zoom", "position", "focal_point", "view_up", "view_angle", "parallel_scale"], help_heading = "Camera")]
     pub camera: Option<PathBuf>,
     /// Degrees around the volume [default: 0]

@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use brickcast_node::admission::Admission;
 use brickcast_node::config::parse_bytes;
+pub use brickcast_node::drivers::need_no_desktop;
 use brickcast_node::gpu::GpuError;
 use brickcast_node::raycaster::{self, BackendChoice, Raycaster};
 use brickcast_node::recipe::Recipe;

@@ -1,13 +1,15 @@
 //! The command line's door: parse, run, and end with the right exit code.
 
-use std::io::Write as _;
+use std::io::{IsTerminal as _, Write as _};
 use std::process::ExitCode;
 
-use brickcast::command;
 use brickcast::failure::Failure;
 use brickcast::invocation::{Invocation, NotInvoked};
+use brickcast::{command, embedded, progress};
 
 fn main() -> ExitCode {
+    // SAFETY: the first thing that happens; there are no other threads.
+    unsafe { embedded::need_no_desktop() };
     // Before anything of rustls: two providers in the tree would leave it without a choice. Fails only where one is chosen.
     let _ = rustls::crypto::ring::default_provider().install_default();
     let invocation = match Invocation::parse(std::env::args_os()) {
@@ -28,7 +30,11 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .without_time()
         .with_target(false)
+        .with_ansi(std::io::stderr().is_terminal() && !std::env::var_os("NO_COLOR").is_some_and(|v| !v.is_empty()))
         .init();
+    if cli.quiet {
+        progress::hide();
+    }
     match command::run(invocation) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => ended(&failure),

@@ -1,6 +1,15 @@
-//! A progress bar on stderr; silent where stderr is no terminal.
+//! A progress bar on stderr; silent where stderr is no terminal, and with `--quiet`.
+
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+static HIDDEN: AtomicBool = AtomicBool::new(false);
+
+/// From now on no bar shows.
+pub fn hide() {
+    HIDDEN.store(true, Ordering::Relaxed);
+}
 
 #[derive(Debug)]
 pub struct Bar(ProgressBar);
@@ -8,7 +17,11 @@ pub struct Bar(ProgressBar);
 impl Bar {
     #[must_use]
     pub fn new(what: &str) -> Self {
-        let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::stderr_with_hz(10));
+        let target = match HIDDEN.load(Ordering::Relaxed) {
+            true => ProgressDrawTarget::hidden(),
+            false => ProgressDrawTarget::stderr_with_hz(10),
+        };
+        let bar = ProgressBar::with_draw_target(Some(0), target);
         if let Ok(style) = ProgressStyle::with_template("{msg} [{wide_bar}] {percent}% {eta}") {
             bar.set_style(style.progress_chars("=> "));
         }

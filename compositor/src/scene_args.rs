@@ -1,17 +1,19 @@
 //! What the scene's words mean: arguments and a store become a [`Scene`].
 
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use brickcast_volume::camera::{Camera, Orbit, Projection};
 use brickcast_volume::scene::{Filter, Scene, Transport};
 use brickcast_volume::store::Manifest;
 use brickcast_volume::style::{Mode, Style};
 use brickcast_volume::transfer_function::{Colormap, TransferFunction, default_opacities, describe_default};
 use brickcast_volume::{PictureSize, View};
+use clap::ValueEnum as _;
 
+use crate::camera_file;
 use crate::cli::{FilterArg, SceneArgs, TransportArg};
 use crate::failure::Failure;
 use crate::light_from;
-use crate::preset_file;
+use crate::preset_file::{self, Wanted};
 use crate::style_args::ModeArg;
 
 /// A scene, and what the user should be told about it.
@@ -81,16 +83,18 @@ impl SceneArgs {
     /// Usage for a degenerate camera given by flags; failure for files that cannot be read or parsed.
     pub fn scene(&self, store: &Manifest) -> Result<SceneChoice, Failure> {
         let size = PictureSize::new(self.size.0, self.size.1).map_err(Failure::usage)?;
-        let camera = self.camera_on(store)?;
+        let mut notes = Vec::new();
+        let camera = self.camera_on(store, &mut notes)?;
         let asked = self.style()?;
         let style = asked.clone().above_noise(store.noise);
-        let (transfer_function, notes) = self.transfer_function_on(store, &style)?;
-        let from = light_from::told(&asked, &style, store);
-        let notes = notes.into_iter().chain(self.accel.missing_regions(store)).chain(from).collect();
+        let (transfer_function, function_notes) = self.transfer_function_on(store, &style)?;
+        notes.extend(function_notes);
+        notes.extend(self.accel.missing_regions(store));
+        notes.extend(light_from::told(&asked, &style, store));
         let region_transfer_function = match &self.accel.region_transfer_function {
             Some(path) => {
-                let default = default_opacities(store.otsu, store.quantile_999);
-                Some(preset_file::read(path, None, default)?.function)
+                let wanted = Wanted { name: self.accel.region_preset.as_deref(), range: None };
+                Some(self.preset_on(path, wanted, store, &mut notes)?)
             }
             None => None,
         };
@@ -120,12 +124,10 @@ impl SceneArgs {
         Ok(SceneChoice { scene, transport, notes })
     }
 
-    fn camera_on(&self, store: &Manifest) -> Result<Camera, Failure> {
+    fn camera_on(&self, store: &Manifest, notes: &mut Vec<String>) -> Result<Camera, Failure> {
         let geometry = &store.geometry;
         if let Some(path) = &self.camera {
-            let text = std::fs::read_to_string(path)
-                .with_context(|| format!("camera file {}: cannot be read", path.display()))?;
-            return Ok(Camera::from_json(&path.display().to_string(), &text)?);
+            return camera_file::read(path, notes);
         }
         let view_angle = self.view_angle.unwrap_or(30.0);
         let orbit = Orbit {
@@ -150,21 +152,34 @@ impl SceneArgs {
         Camera::new(position, focal_point, up, projection).map_err(Failure::usage)
     }
 
+    /// The function of a file, and its notes.
+    fn preset_on(
+        &self,
+        path: &std::path::Path,
+        wanted: Wanted<'_>,
+        store: &Manifest,
+        notes: &mut Vec<String>,
+    ) -> Result<TransferFunction, Failure> {
+        let preset = preset_file::read(path, wanted, Some(store))?;
+        let labels = "its colours are for single values: --filter nearest shows no value between two of them";
+        let is_nearest = self.filter.to_possible_value().is_some_and(|value| value.get_name() == "nearest");
+        let advice = (preset.is_categorical && !is_nearest).then(|| labels.to_owned());
+        notes.extend(preset.notes.into_iter().chain(advice).map(|note| format!("{}: {note}", path.display())));
+        Ok(preset.function)
+    }
+
     fn transfer_function_on(
         &self,
         store: &Manifest,
         style: &Style,
     ) -> Result<(TransferFunction, Vec<String>), Failure> {
-        let default_opacities = default_opacities(store.otsu, store.quantile_999);
         if let Some(path) = &self.transfer_function {
-            let preset = preset_file::read(path, self.transfer_function_range, default_opacities)?;
-            let default = (!preset.has_opacities).then(|| {
-                let default = describe_default(store.otsu, store.quantile_999);
-                format!("{} has no Points: {default}", path.display())
-            });
-            let left_out = preset.notes.iter().map(|note| format!("{}: {note}", path.display()));
-            return Ok((preset.function, default.into_iter().chain(left_out).collect()));
+            let wanted = Wanted { name: self.preset.as_deref(), range: self.transfer_function_range };
+            let mut notes = Vec::new();
+            let function = self.preset_on(path, wanted, store, &mut notes)?;
+            return Ok((function, notes));
         }
+        let default_opacities = default_opacities(store.otsu, store.quantile_999);
         let default = self.window.is_none() && self.opacity.is_none() && self.colormap.is_none();
         if default && !style.surfaces.is_empty() {
             return Ok((TransferFunction::nothing(), Vec::new()));

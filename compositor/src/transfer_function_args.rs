@@ -25,7 +25,7 @@ pub enum TransferFunctionCommand {
 
 #[derive(Debug, Args)]
 pub struct ShowArgs {
-    /// ParaView preset (JSON), or 3D Slicer volume property (.vp)
+    /// ParaView preset (JSON or XML), or 3D Slicer volume property (.vp)
     pub file: PathBuf,
     /// Draw this volume's histogram behind it: a store or an input
     #[arg(long, value_name = "PATH", visible_alias = "store")]
@@ -33,6 +33,9 @@ pub struct ShowArgs {
     /// The picture (.png)
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Which preset of a file that holds several: its name, or #3 for the third [default: the first]
+    #[arg(long, value_name = "NAME")]
+    pub preset: Option<String>,
     /// Rescale the function to this range of data values
     #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true)]
     pub transfer_function_range: Option<[f64; 2]>,
@@ -42,10 +45,13 @@ pub struct ShowArgs {
 
 #[derive(Debug, Args)]
 pub struct ConvertArgs {
-    /// ParaView preset (JSON), or 3D Slicer volume property (.vp)
+    /// ParaView preset (JSON or XML), or 3D Slicer volume property (.vp)
     pub input: PathBuf,
     /// The ParaView preset (.json) to write
     pub output: PathBuf,
+    /// Which preset of a file that holds several: its name, or #3 for the third [default: the first]
+    #[arg(long, value_name = "NAME")]
+    pub preset: Option<String>,
     /// Rescale the function to this range of data values
     #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true)]
     pub transfer_function_range: Option<[f64; 2]>,

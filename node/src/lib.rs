@@ -7,6 +7,7 @@ pub mod config;
 pub mod connections;
 pub mod cpu;
 pub mod door;
+pub mod drivers;
 mod emptiness;
 pub mod error;
 pub mod gpu;

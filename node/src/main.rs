@@ -26,6 +26,8 @@ const USAGE: u8 = 2;
 const EXIT_TIMEOUT: Duration = Duration::from_millis(500);
 
 fn main() -> ExitCode {
+    // SAFETY: the first thing that happens; there are no other threads.
+    unsafe { brickcast_node::drivers::need_no_desktop() };
     // Before anything of rustls: two providers in the tree would leave it without a choice. Fails only where one is chosen.
     let _ = rustls::crypto::ring::default_provider().install_default();
     let cli = Cli::parse();
@@ -50,7 +52,7 @@ fn start_log(cli: &Cli) {
     // Fails only where a log exists already.
     let _ = tracing_subscriber::fmt()
         .with_writer(io::stderr)
-        .with_ansi(io::stderr().is_terminal())
+        .with_ansi(io::stderr().is_terminal() && !std::env::var_os("NO_COLOR").is_some_and(|v| !v.is_empty()))
         .with_env_filter(filter)
         .try_init();
 }

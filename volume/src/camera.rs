@@ -41,6 +41,8 @@ pub enum CameraError {
     Degrees { what: &'static str, value: f64 },
     #[error("{file}: not a camera: {error} (line {line}, column {column})")]
     Json { file: String, error: String, line: usize, column: usize },
+    #[error("{file}: not a camera: {problem}")]
+    State { file: String, problem: String },
 }
 
 /// An eye on a sphere around the volume's centre. Degrees; defaults 0, 0, 1 and 30.
@@ -72,6 +74,17 @@ struct CameraFile {
     parallel_projection: bool,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     parallel_scale: Option<f64>,
+}
+
+impl CameraFile {
+    fn camera(self) -> Result<Camera, CameraError> {
+        let projection = if self.parallel_projection {
+            Projection::Parallel { parallel_scale: self.parallel_scale.unwrap_or(1.0) }
+        } else {
+            Projection::Perspective { view_angle: self.view_angle.unwrap_or(30.0) }
+        };
+        Camera::new(self.position.into(), self.focal_point.into(), self.view_up.into(), projection)
+    }
 }
 
 fn y_up() -> [f64; 3] {
@@ -163,12 +176,17 @@ impl Camera {
             line: e.line(),
             column: e.column(),
         })?;
-        let projection = if parsed.parallel_projection {
-            Projection::Parallel { parallel_scale: parsed.parallel_scale.unwrap_or(1.0) }
-        } else {
-            Projection::Perspective { view_angle: parsed.view_angle.unwrap_or(30.0) }
-        };
-        Self::new(parsed.position.into(), parsed.focal_point.into(), parsed.view_up.into(), projection)
+        parsed.camera()
+    }
+
+    /// As [`Camera::from_json`], of JSON that was parsed.
+    ///
+    /// # Errors
+    /// As that, without line and column.
+    pub fn from_value(file: &str, value: serde_json::Value) -> Result<Self, CameraError> {
+        let parsed: CameraFile = serde_json::from_value(value)
+            .map_err(|e| CameraError::State { file: file.to_owned(), problem: e.to_string() })?;
+        parsed.camera()
     }
 
     /// The camera in the file's keys.

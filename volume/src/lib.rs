@@ -4,6 +4,7 @@
 
 pub mod brick;
 pub mod camera;
+pub mod camera_file;
 pub mod chord;
 pub mod format;
 pub mod ids;

@@ -8,6 +8,7 @@ use super::{access, bytes, print};
 use crate::cli::RenderArgs;
 use crate::discovery::NodeList;
 use crate::failure::Failure;
+use crate::nothing_shows;
 use crate::plan::{Assignment, Shown, StoreFacts};
 use crate::session::{Session, SessionError};
 use crate::source::{Source, tell};
@@ -35,6 +36,9 @@ pub async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -> Resul
     let count = names.len();
     let choice = args.scene.scene(&store.manifest)?;
     let scene = &choice.scene;
+    if let Some(outlook) = nothing_shows::outlook(scene, &store.manifest) {
+        tracing::warn!("{}", outlook.in_words());
+    }
     let geometry = &store.manifest.geometry;
     let shown = Shown::in_scene(&store, scene);
     let assignment = Assignment::contiguous(&shown, count);

@@ -17,6 +17,7 @@ use crate::cli::{NodeArgs, RenderArgs};
 use crate::command::dry_run;
 use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
 use crate::failure::Failure;
+use crate::nothing_shows::{self, Outlook};
 use crate::output::{FrameOptions, FrameWriter, MAX_FRAMES, OutputFormat, hatched, write_json, write_manifest};
 use crate::scene_args::SceneChoice;
 use crate::session::{Frame, Session};
@@ -108,6 +109,10 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
     for note in &choice.notes {
         say(quiet, note)?;
     }
+    let outlook = nothing_shows::outlook(&choice.scene, &session.store().manifest);
+    if let Some(outlook) = &outlook {
+        tracing::warn!("{}", outlook.in_words());
+    }
     let orbit = args.orbit.unwrap_or(360.0);
     let cameras = args.camera_path.cameras(&choice.scene.camera, args.frames, orbit).map_err(Failure::usage)?;
     // One frame teaches nothing, nodes inside this process share its memory and cores, and an audit's frames are of another kind.
@@ -128,6 +133,7 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
     let mut manifests = Vec::new();
     let mut problems = Vec::new();
     let mut audits = Vec::new();
+    let mut empty = 0;
     let mut first_frame_ms = 0.0;
     for (i, camera) in cameras.into_iter().enumerate() {
         let mut one = choice.clone();
@@ -138,7 +144,12 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
         }
         problems.extend(frame.problems.iter().map(|p| format!("frame {i}: {p}")));
         writer.push(&hatched(&frame.picture, &frame.missing_tiles))?;
-        let manifest = manifest(&session, &one, &frame);
+        let mut manifest = manifest(&session, &one, &frame);
+        if frame.complete && nothing_shows::is_empty(&frame.picture) {
+            empty += 1;
+            manifest["empty"] = json!(true);
+            manifest["empty_because"] = json!(outlook.as_ref().map(Outlook::why));
+        }
         match writer.last_written() {
             Some(path) if !args.no_manifest => {
                 write_manifest(path, &manifest)?;
@@ -158,6 +169,9 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
         frames.push(frame.stats);
     }
     let written = writer.finish()?;
+    if let Some(text) = nothing_shows::afterwards(empty, frames.len(), outlook.as_ref()) {
+        tracing::warn!("{text}");
+    }
     if !manifests.is_empty() && !args.no_manifest {
         write_manifest(output, &json!({ "frames": manifests }))?;
     }

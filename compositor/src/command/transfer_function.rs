@@ -8,15 +8,14 @@ mod plot;
 use std::path::Path;
 
 use anyhow::anyhow;
-use brickcast_volume::store::Manifest;
 use brickcast_volume::transfer_function::suggest::{SuggestError, Suggestion, suggest};
-use brickcast_volume::transfer_function::{Colormap, OpacityPoint, Preset, default_opacities, describe_default};
+use brickcast_volume::transfer_function::{Colormap, Preset};
 
 use self::plot::Plot;
 use super::{print, say};
 use crate::failure::Failure;
 use crate::output::{OutputFormat, write_text};
-use crate::preset_file;
+use crate::preset_file::{self, Wanted};
 use crate::source::surveyed;
 use crate::transfer_function_args::{
     ConvertArgs, ShowArgs, SuggestArgs, TransferFunctionArgs, TransferFunctionCommand,
@@ -39,19 +38,13 @@ fn show(args: &ShowArgs, quiet: bool) -> Result<(), Failure> {
         return Err(Failure::usage(anyhow!("--output {}: a curve is drawn as a .png", output.display())));
     }
     let volume = args.volume.as_ref().map(|path| Ok::<_, Failure>(surveyed(path, &args.raw)?.manifest)).transpose()?;
-    let preset = preset_file::read(&args.file, args.transfer_function_range, default_of(volume.as_ref()))?;
+    let wanted = Wanted { name: args.preset.as_deref(), range: args.transfer_function_range };
+    let preset = preset_file::read(&args.file, wanted, volume.as_ref())?;
     let plot = Plot::new(&preset.function, preset.has_opacities || volume.is_some(), volume.as_ref());
 
     let mut lines = vec![heading(&args.file.display().to_string(), &preset)];
-    match &volume {
-        Some(m) if !preset.has_opacities => {
-            lines.push(format!("no opacities in it; {}", describe_default(m.otsu, m.quantile_999)));
-        }
-        None if !preset.has_opacities => {
-            lines
-                .push("no opacities in it: render gives it the volume's default, which --volume PATH shows".to_owned());
-        }
-        _ => {}
+    if volume.is_none() && !preset.has_opacities {
+        lines.push("no opacities in it: render gives it the volume's default, which --volume PATH shows".to_owned());
     }
     lines.extend(preset.notes.iter().cloned());
     if plot.has_opacities {
@@ -71,7 +64,8 @@ fn show(args: &ShowArgs, quiet: bool) -> Result<(), Failure> {
 
 fn convert(args: &ConvertArgs, quiet: bool) -> Result<(), Failure> {
     check_preset_target(&args.output, args.force)?;
-    let mut preset = preset_file::read(&args.input, args.transfer_function_range, default_of(None))?;
+    let wanted = Wanted { name: args.preset.as_deref(), range: args.transfer_function_range };
+    let mut preset = preset_file::read(&args.input, wanted, None)?;
     if preset.name.is_none() {
         preset.name = args.input.file_stem().map(|stem| stem.to_string_lossy().into_owned());
     }
@@ -102,15 +96,11 @@ fn suggested(args: &SuggestArgs, quiet: bool) -> Result<(), Failure> {
         return say(quiet, "keep it with --output FILE.json, for render --transfer-function FILE.json");
     };
     let name = args.volume.file_stem().map(|stem| format!("suggested for {}", stem.to_string_lossy()));
-    let preset = Preset { name, function: suggestion.function, has_opacities: true, notes: Vec::new() };
+    let preset =
+        Preset { name, function: suggestion.function, has_opacities: true, is_categorical: false, notes: Vec::new() };
     write_text(output, &preset.to_json())?;
     let shown = output.display();
     say(quiet, &format!("wrote {shown}; brickcast render {volume} --transfer-function {shown} -o picture.png"))
-}
-
-/// What a preset without opacities gets; without a volume, something that nobody sees.
-fn default_of(volume: Option<&Manifest>) -> Vec<OpacityPoint> {
-    volume.map_or_else(|| vec![OpacityPoint { x: 0.0, opacity: 0.0 }], |m| default_opacities(m.otsu, m.quantile_999))
 }
 
 /// A preset is hard to come by again: it is not overwritten by the way.
@@ -126,7 +116,7 @@ fn check_preset_target(path: &Path, force: bool) -> Result<(), Failure> {
 }
 
 fn heading(file: &str, preset: &Preset) -> String {
-    let name = preset.name.as_ref().map(|name| format!(" \"{name}\"")).unwrap_or_default();
+    let name = preset.name.as_ref().map(|name| format!(" {name:?}")).unwrap_or_default();
     let opacities = if preset.has_opacities { preset.function.opacities().len() } else { 0 };
     format!("{file}{name}: {} points of colour, {opacities} of opacity", preset.function.colors().len())
 }

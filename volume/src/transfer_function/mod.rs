@@ -5,10 +5,19 @@ pub mod colormap;
 mod colormap_tables;
 pub(crate) mod entry_codes;
 pub mod preset;
+mod preset_categorical;
+#[cfg(test)]
+mod preset_categorical_tests;
 mod preset_fields;
+mod preset_list;
+#[cfg(test)]
+mod preset_list_tests;
 #[cfg(test)]
 mod preset_tests;
 mod preset_write;
+mod preset_xml;
+#[cfg(test)]
+mod preset_xml_tests;
 mod resample;
 pub mod suggest;
 pub mod table;
@@ -20,8 +29,9 @@ pub mod window;
 pub use colormap::Colormap;
 pub use preset::{Preset, PresetError, PresetOptions};
 pub use preset_fields::PresetErrorKind;
+pub use preset_list::PresetList;
 pub use table::TransferTable;
-pub use window::{default_opacities, describe_default};
+pub use window::{default_opacities, describe_default, describe_default_opacities};
 
 /// A colour at a data value; straight (not premultiplied), display-referred, each channel in 0..=1.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,10 +1,10 @@
-//! Files of transfer functions: ParaView's colour-map presets, a JSON list of presets (the first one counts) or one bare
-//! preset; and 3D Slicer's volume properties.
-
-use serde_json::Value;
+//! Files of transfer functions: ParaView's colour-map presets, a list of presets or one bare preset, as JSON or in the older
+//! XML; and 3D Slicer's volume properties.
 
 use super::color_space::{ColorSpace, interpolate};
+use super::preset_categorical::{self as categorical, Categorical};
 use super::preset_fields::{self as fields, PresetErrorKind};
+use super::preset_list::{Entry, PresetList};
 use super::resample::{Node, Shape, resample, shaped};
 use super::volume_property;
 use super::{ColorPoint, MAX_POINTS, MAX_X, OpacityPoint, TransferFunction};
@@ -32,6 +32,8 @@ pub struct Preset {
     pub function: TransferFunction,
     /// False where the opacities are [`PresetOptions::default_opacities`]: worth telling the user.
     pub has_opacities: bool,
+    /// True where each colour is for one value and its neighbourhood: values between two labels are no labels.
+    pub is_categorical: bool,
     /// What the file holds and no picture shows, for people.
     pub notes: Vec<String>,
 }
@@ -45,17 +47,18 @@ pub struct PresetError {
 }
 
 impl Preset {
-    /// Parses the text of a preset; `file` is how errors call it.
+    /// Parses the text of a preset, the first of several; `file` is how errors call it.
     ///
     /// Keys: `RGBPoints` [x, r, g, b, ...], `Points` [x, opacity, midpoint, sharpness, ...], `ColorSpace` (RGB, Lab, HSV,
     /// Diverging, Step; absent: RGB), `HSVWrap` (absent: false, as ParaView writes it), `Name`. Others are ignored. A repeated
-    /// x is a step.
+    /// x is a step. A categorical preset has `IndexedColors` [r, g, b, ...], `Annotations` [value, label, ...] and perhaps
+    /// `IndexedOpacities` [opacity, ...].
     ///
     /// # Errors
     /// Malformed JSON (line and column), a wrong shape or value (JSON path), files and lists over the limits, a range to
     /// rescale to that is not `LO < HI`.
     pub fn from_json(file: &str, text: &str, options: &PresetOptions) -> Result<Self, PresetError> {
-        parse(text, options).map_err(|kind| PresetError { file: file.to_owned(), kind })
+        PresetList::from_json(file, text)?.choose(None, options)
     }
 
     /// Parses the text of a 3D Slicer volume property (`.vp`): its colours and scalar opacities. Lighting is left out, and
@@ -68,22 +71,16 @@ impl Preset {
         parse_property(text, options).map_err(|kind| PresetError { file: file.to_owned(), kind })
     }
 
-    /// Parses the text of either kind of file: [`Preset::from_volume_property`] where `file` ends in `.vp`, else
-    /// [`Preset::from_json`].
+    /// Parses the text of any kind of file, and takes its first preset: see [`PresetList`].
     ///
     /// # Errors
     /// As those.
     pub fn from_text(file: &str, text: &str, options: &PresetOptions) -> Result<Self, PresetError> {
-        let ending = file.rsplit_once('.').map(|(_, ending)| ending);
-        if ending.is_some_and(|ending| ending.eq_ignore_ascii_case("vp")) {
-            Self::from_volume_property(file, text, options)
-        } else {
-            Self::from_json(file, text, options)
-        }
+        PresetList::from_text(file, text)?.choose(None, options)
     }
 }
 
-fn parse_property(text: &str, options: &PresetOptions) -> Result<Preset, PresetErrorKind> {
+pub(super) fn parse_property(text: &str, options: &PresetOptions) -> Result<Preset, PresetErrorKind> {
     let property = volume_property::parse(text)?;
     let (mut colors, mut opacities) = (property.colors, Some(property.opacities));
     if let Some((lo, hi)) = options.rescale {
@@ -94,29 +91,60 @@ fn parse_property(text: &str, options: &PresetOptions) -> Result<Preset, PresetE
         name: None,
         function: function(&colors, ColorSpace::Rgb, opacities, &options.default_opacities)?,
         has_opacities: true,
+        is_categorical: false,
         notes: property.has_gradient_opacity.then(|| ignored.to_owned()).into_iter().collect(),
     })
 }
 
-fn parse(text: &str, options: &PresetOptions) -> Result<Preset, PresetErrorKind> {
-    if text.len() > MAX_BYTES {
-        return Err(PresetErrorKind::TooLong { bytes: text.len() });
-    }
-    // ParaView's own files start with a byte order mark on some systems.
-    let root: Value = serde_json::from_str(text.trim_start_matches('\u{feff}')).map_err(PresetErrorKind::json)?;
-    let (path, preset) = fields::first_preset(&root)?;
-    let space = fields::color_space(&path, preset)?;
-    let mut colors = fields::color_nodes(&path, preset)?;
-    let mut opacities = fields::opacity_nodes(&path, preset)?;
-    fields::check_curves(&path, space, &colors, opacities.as_deref())?;
-    if let Some((lo, hi)) = options.rescale {
-        rescale(&mut colors, &mut opacities, lo, hi)?;
-    }
+/// The fields of a preset, checked.
+enum Read {
+    Continuous { space: ColorSpace, colors: Vec<Node<3>>, opacities: Option<Vec<Node<1>>> },
+    Categorical(Categorical),
+}
 
-    let has_opacities = opacities.is_some();
-    let function = function(&colors, space, opacities, &options.default_opacities)?;
-    let name = preset.get("Name").and_then(Value::as_str).map(str::to_owned);
-    Ok(Preset { name, function, has_opacities, notes: Vec::new() })
+fn read(entry: &Entry) -> Result<Read, PresetErrorKind> {
+    let (path, preset) = (&entry.path, entry.object()?);
+    if categorical::is_categorical(preset) {
+        return categorical::read(path, preset).map(Read::Categorical);
+    }
+    let space = fields::color_space(path, preset)?;
+    let colors = fields::color_nodes(path, preset)?;
+    let opacities = fields::opacity_nodes(path, preset)?;
+    fields::check_curves(path, space, &colors, opacities.as_deref())?;
+    Ok(Read::Continuous { space, colors, opacities })
+}
+
+/// True where nothing is wrong with its fields.
+pub(super) fn is_usable(entry: &Entry) -> bool {
+    read(entry).is_ok()
+}
+
+pub(super) fn parse(entry: &Entry, options: &PresetOptions) -> Result<Preset, PresetErrorKind> {
+    let name = entry.name().map(str::to_owned);
+    match read(entry)? {
+        Read::Continuous { space, mut colors, mut opacities } => {
+            if let Some((lo, hi)) = options.rescale {
+                rescale(&mut colors, &mut opacities, lo, hi)?;
+            }
+            let has_opacities = opacities.is_some();
+            let function = function(&colors, space, opacities, &options.default_opacities)?;
+            Ok(Preset { name, function, has_opacities, is_categorical: false, notes: Vec::new() })
+        }
+        Read::Categorical(_) if options.rescale.is_some() => Err(fields::wrong(
+            entry.path.as_str(),
+            "the values of a categorical preset are labels: leave --transfer-function-range out",
+        )),
+        Read::Categorical(read) => {
+            let function = read.function()?;
+            Ok(Preset { name, function, has_opacities: true, is_categorical: true, notes: read.notes })
+        }
+    }
+}
+
+/// Nodes of opacity as a function; its colour is of no meaning.
+pub(super) fn opacities_of(nodes: &[Node<1>]) -> Result<TransferFunction, PresetErrorKind> {
+    let color = [Node { x: 0.0, values: [0.0; 3], midpoint: 0.5, sharpness: 0.0 }];
+    function(&color, ColorSpace::Rgb, Some(nodes.to_vec()), &[])
 }
 
 /// Nodes to what is linear in between; `default` where there are no opacities.

@@ -14,6 +14,12 @@ pub enum PresetErrorKind {
     TooLong { bytes: usize },
     #[error("malformed JSON at line {line}, column {column}: {error}")]
     Json { line: usize, column: usize, error: String },
+    #[error("malformed XML at line {line}, column {column}: {error}")]
+    Xml { line: usize, column: usize, error: String },
+    #[error("--preset {wanted}: {problem}")]
+    Choice { wanted: String, problem: String },
+    #[error("{problem}; {hint}")]
+    First { problem: Box<PresetErrorKind>, hint: String },
     #[error("{path}: {problem}")]
     Field { path: String, problem: String },
     #[error("line {line} ({name}): {problem}; expected {expected}")]
@@ -32,12 +38,12 @@ impl PresetErrorKind {
     }
 }
 
-fn wrong(path: impl Into<String>, problem: impl Into<String>) -> PresetErrorKind {
+pub(super) fn wrong(path: impl Into<String>, problem: impl Into<String>) -> PresetErrorKind {
     PresetErrorKind::Field { path: path.into(), problem: problem.into() }
 }
 
 /// The type of a value, in words.
-fn kind(value: &Value) -> &'static str {
+pub(super) fn kind(value: &Value) -> &'static str {
     match value {
         Value::Null => "null",
         Value::Bool(_) => "true or false",
@@ -45,19 +51,6 @@ fn kind(value: &Value) -> &'static str {
         Value::String(_) => "a string",
         Value::Array(_) => "a list",
         Value::Object(_) => "an object",
-    }
-}
-
-/// The first preset of a list, or the bare preset, with its path.
-pub(super) fn first_preset(root: &Value) -> Result<(String, &Map<String, Value>), PresetErrorKind> {
-    match root {
-        Value::Object(preset) => Ok((String::from("$"), preset)),
-        Value::Array(list) => match list.first() {
-            Some(Value::Object(preset)) => Ok((String::from("[0]"), preset)),
-            Some(other) => Err(wrong("[0]", format!("a preset is an object, not {}", kind(other)))),
-            None => Err(wrong("$", "the list holds no preset")),
-        },
-        other => Err(wrong("$", format!("a file holds a list of presets or one preset, not {}", kind(other)))),
     }
 }
 
@@ -93,9 +86,6 @@ pub(super) fn color_nodes(path: &str, preset: &Map<String, Value>) -> Result<Vec
             "a volume property of 3D Slicer as JSON (.vp.json); save it from Slicer as text (.vp)",
         ));
     }
-    if !preset.contains_key("RGBPoints") && preset.contains_key("IndexedColors") {
-        return Err(wrong(path, "a categorical preset (IndexedColors); use a continuous one, with RGBPoints"));
-    }
     let quads = quads(path, "RGBPoints", ["r", "g", "b"], preset)?;
     let quads = quads.ok_or_else(|| wrong(path, "has no RGBPoints: a list x, r, g, b, x, r, g, b, ... is needed"))?;
     Ok(quads.into_iter().map(|[x, r, g, b]| Node { x, values: [r, g, b], midpoint: 0.5, sharpness: 0.0 }).collect())
@@ -126,7 +116,7 @@ pub(super) fn check_curves(
     }
 }
 
-fn too_many(got: usize, most: usize) -> String {
+pub(super) fn too_many(got: usize, most: usize) -> String {
     format!("{got} points are more than {most}: thin the list out")
 }
 

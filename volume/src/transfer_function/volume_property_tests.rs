@@ -101,7 +101,7 @@ fn every_map_survives_being_written() {
         let opacities = vec![OpacityPoint { x: -0.1, opacity: 1.0 / 3.0 }, OpacityPoint { x: 1e-310, opacity: 1.0 }];
         let function = TransferFunction::new(map.points(), opacities).unwrap();
         let name = Some(format!("{map} \"quoted\" \\ \u{e9}\n"));
-        let preset = Preset { name, function, has_opacities: true, notes: vec![] };
+        let preset = Preset { name, function, has_opacities: true, is_categorical: false, notes: vec![] };
         assert_eq!(Preset::from_text("p.json", &preset.to_json(), &options()).as_ref(), Ok(&preset));
     }
 }
@@ -123,7 +123,8 @@ fn the_longest_lists_survive_being_written() {
     let colors = (0..65_536).map(|i| ColorPoint { x: x(i), rgb: [value(i), value(i) * 0.7, 1.0 - value(i)] }).collect();
     let opacities = (0..65_536).map(|i| OpacityPoint { x: x(i), opacity: value(i) }).collect();
     let function = TransferFunction::new(colors, opacities).unwrap();
-    let preset = Preset { name: Some("long".to_owned()), function, has_opacities: true, notes: vec![] };
+    let preset =
+        Preset { name: Some("long".to_owned()), function, has_opacities: true, is_categorical: false, notes: vec![] };
     assert_eq!(Preset::from_json("p.json", &preset.to_json(), &options()), Ok(preset));
 }
 
@@ -143,7 +144,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
     #[test]
     fn functions_survive_being_written(function in any_function()) {
-        let preset = Preset { name: Some("any".to_owned()), function, has_opacities: true, notes: vec![] };
+        let preset = Preset { name: Some("any".to_owned()), function, has_opacities: true, is_categorical: false, notes: vec![] };
         prop_assert_eq!(Preset::from_json("p.json", &preset.to_json(), &options()), Ok(preset));
     }
 

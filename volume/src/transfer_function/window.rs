@@ -46,19 +46,26 @@ pub fn default_opacities(otsu: f64, q999: f64) -> Vec<OpacityPoint> {
 /// The line that tells the user what the default function is and how to change it.
 #[must_use]
 pub fn describe_default(otsu: f64, q999: f64) -> String {
+    let (_, _, has_range) = default_range(otsu, q999);
+    let ramp = describe_default_opacities(otsu, q999);
+    let colors = if has_range { ", black to white" } else { "" };
+    format!("transfer function: {ramp}{colors}; change it with --window LO,HI --opacity X --colormap NAME")
+}
+
+/// The default function's opacities in words, where colours come from elsewhere.
+#[must_use]
+pub fn describe_default_opacities(otsu: f64, q999: f64) -> String {
     let (lo, hi, has_range) = default_range(otsu, q999);
-    let ramp = if has_range {
+    if has_range {
         format!(
-            "opacity 0 below {lo} (Otsu's threshold), then linear to {DEFAULT_OPACITY} at {hi} (the 99.9 % quantile), \
-             black to white"
+            "opacity 0 below {lo} (Otsu's threshold), then linear to {DEFAULT_OPACITY} at {hi} (the 99.9 % quantile)"
         )
     } else {
         format!(
             "opacity {DEFAULT_OPACITY} above {lo} (Otsu's threshold), 0 below, since the 99.9 % quantile {q999} leaves no \
              range above it"
         )
-    };
-    format!("transfer function: {ramp}; change it with --window LO,HI --opacity X --colormap NAME")
+    }
 }
 
 /// Where the default function rises, and whether the two numbers leave a range of their own. Bounded, so that the points
