@@ -83,7 +83,9 @@ fn with_shared(variant: RaycastVariant, kernel: &str) -> String {
         RaycastVariant::Exact => include_str!("../wgsl/shared/read_exact.wgsl"),
     };
     let (layout, ray) = (include_str!("../wgsl/shared/layout.wgsl"), include_str!("../wgsl/shared/ray.wgsl"));
-    [layout, ray, include_str!("../wgsl/shared/dispatch.wgsl"), read, kernel].concat()
+    let (dispatch, classify) =
+        (include_str!("../wgsl/shared/dispatch.wgsl"), include_str!("../wgsl/shared/classify.wgsl"));
+    [layout, ray, dispatch, read, classify, kernel].concat()
 }
 
 /// Which macrocells are empty; entry point `macrocell`.

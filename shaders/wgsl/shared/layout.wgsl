@@ -18,7 +18,8 @@ struct FrameUniform {
     shown: u32,
     region_first: f32,
     region_scale: f32,
-    reserved: vec2<u32>,
+    table_last: u32,
+    region_last: u32,
 }
 
 struct BrickUniform {

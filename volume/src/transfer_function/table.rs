@@ -1,30 +1,29 @@
-//! The table that the kernels read: straight colour and the opacity of one step, and which value ranges are empty.
+//! The table that the kernels read for single samples: straight colour and the opacity of one step, and which value ranges are
+//! empty.
 
 use super::TransferFunction;
-use super::entry_codes::EntryCodes;
+use super::codes::{Codes, EntryGrid, LAST_CODE};
+use super::empty::{Empty, counts};
 
-/// Entries of the kernels' table: linear between them.
+/// Entries of the kernels' table, at least: linear between them.
 pub const ENTRIES: usize = 4096;
-
-/// Bound of the error with which any kernel computes `code - c_first` in f32: two roundings of numbers up to 1, and those of
-/// code / 65535 in a texture unit.
-const CODE_ERROR: f64 = 4.0 * f32::EPSILON as f64;
 
 /// A transfer function sampled for one step length.
 ///
 /// Kernels read value codes `c` in 0..=1 (the stretched 16-bit code / 65535, i.e. `(v - lo) / (hi - lo)` over the store's
 /// range). Entry i of n stands at code `c_first + (c_last - c_first) i / (n - 1)`; between entries the table is linear,
-/// outside clamped. `[c_first, c_last]` covers where the function changes, so a narrow window keeps its full resolution.
+/// outside clamped. `[c_first, c_last]` covers where the function changes. Where 4,096 entries over that do not carry the
+/// function there are more, up to one for every code: it may be defined code by code.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TransferTable {
     /// Straight r, g, b and `1 - (1 - opacity)^(Delta / unit)`.
     pub entries: Vec<[f32; 4]>,
     /// Code of the first entry.
     pub c_first: f32,
-    /// Code of the last entry; greater than `c_first`.
+    /// Code of the last entry; greater than `c_first`, and up to one code beyond 1.
     pub c_last: f32,
-    /// `opaque_before[i]`: how many of the entries before i have opacity, or hide some that lies beside them.
-    opaque_before: Vec<u32>,
+    /// Codes that show nothing, ends included: of samples, and of slabs of the same function.
+    empty: Vec<[u16; 2]>,
 }
 
 impl TransferTable {
@@ -36,78 +35,48 @@ impl TransferTable {
         Self::with_entries(function, range, delta_over_unit, ENTRIES)
     }
 
-    /// The same with `entries` of them, at least 2. What is empty under it is empty under a
-    /// [`Preintegrated`](crate::preintegration::Preintegrated) of as many entries, too: slabs whose ends both lie in an
-    /// empty range of codes read exactly 0, in either direction.
+    /// The same beside a [`Preintegrated`](crate::preintegration::Preintegrated) of up to `entries` on each side (at least 2): what is
+    /// empty here is empty there, too. Slabs whose ends both lie in an empty range of codes read exactly 0, in either direction.
     #[must_use]
     pub fn with_entries(function: &TransferFunction, range: (f64, f64), delta_over_unit: f64, entries: usize) -> Self {
-        let codes = EntryCodes::new(function, range, entries);
-        let xs = codes.xs();
-        let entries: Vec<[f32; 4]> = xs
-            .iter()
-            .map(|&x| {
-                let [r, g, b] = function.color(x);
-                let alpha = opacity_of_step(function.opacity(x), delta_over_unit);
-                [r as f32, g as f32, b as f32, alpha as f32]
-            })
-            .collect();
-        let opaque_before = opaque_before(function, &xs, &entries);
-        Self { entries, c_first: codes.c_first, c_last: codes.c_last, opaque_before }
+        let codes = Codes::new(range);
+        let grid = EntryGrid::new(function, codes, |opacity| opacity_of_step(opacity, delta_over_unit));
+        let entry = |i: usize| {
+            let x = codes.x(grid.code(i));
+            let [r, g, b] = function.color(x);
+            let alpha = opacity_of_step(function.opacity(x), delta_over_unit);
+            [r as f32, g as f32, b as f32, alpha as f32]
+        };
+        let code = |i: usize| (grid.code(i) / LAST_CODE) as f32;
+        Self {
+            entries: (0..grid.count).map(entry).collect(),
+            c_first: code(0),
+            c_last: code(grid.count - 1),
+            empty: Empty::new(function, codes, entries.max(2), grid.stride.max(1.0) as u32).codes,
+        }
     }
 
-    /// True where every stretched code in `min..=max` (0..=65535), and every value between, has opacity 0, widened by one
-    /// entry on each side and by what f32 kernels may err.
+    /// Entries per code (0..=1).
+    #[must_use]
+    pub fn scale(&self) -> f32 {
+        self.entries.len().saturating_sub(1) as f32 / (self.c_last - self.c_first)
+    }
+
+    /// True where every stretched code in `min..=max` (0..=65535), and every value between, has opacity 0, as far as f32 kernels
+    /// may err.
     #[must_use]
     pub fn is_empty_over(&self, min: u16, max: u16) -> bool {
-        self.opaque_until(min.max(max)) == self.opaque_from(min.min(max))
+        let (min, max) = (min.min(max), min.max(max));
+        let next = self.empty.partition_point(|[_, last]| *last < max);
+        self.empty.get(next).is_some_and(|[first, _]| *first <= min)
     }
 
     /// The same for tables of ranges: codes `min..=max` are empty iff `counts[max][1] == counts[min][0]`. Sums of the counts
     /// of several tables say whether a range is empty under all of them.
     #[must_use]
     pub fn opaque_counts(&self) -> Vec<[u32; 2]> {
-        (0..=u16::MAX).map(|code| [self.opaque_from(code), self.opaque_until(code)]).collect()
+        counts(&self.empty)
     }
-
-    /// Opaque entries before all that `code` may read.
-    fn opaque_from(&self, code: u16) -> u32 {
-        let [from, _] = self.entries_about(code);
-        self.opaque_before[from.floor() as usize]
-    }
-
-    /// Opaque entries up to the last that `code` may read.
-    fn opaque_until(&self, code: u16) -> u32 {
-        let [_, to] = self.entries_about(code);
-        self.opaque_before[to.ceil() as usize + 1]
-    }
-
-    fn entries_about(&self, code: u16) -> [f64; 2] {
-        let last = (self.entries.len() - 1) as f64;
-        let width = f64::from(self.c_last) - f64::from(self.c_first);
-        let position = (f64::from(code) / 65535.0 - f64::from(self.c_first)) / width * last;
-        let margin = 1.0 + CODE_ERROR / width * last;
-        [(position - margin).clamp(0.0, last), (position + margin).clamp(0.0, last)]
-    }
-}
-
-/// Prefix sums of the entries with opacity. A spike between two entries counts as one of them: tables that integrate the
-/// function between entries see it, though none of the entries does. Not as the first or last entry, where it would stand for
-/// all values below or above.
-fn opaque_before(function: &TransferFunction, xs: &[f64], entries: &[[f32; 4]]) -> Vec<u32> {
-    let mut opaque: Vec<bool> = entries.iter().map(|e| e[3] > 0.0).collect();
-    let last = xs.len() - 1;
-    for point in function.opacities().iter().filter(|p| p.opacity > 0.0) {
-        let above = xs.partition_point(|&x| x < point.x);
-        if (1..=last).contains(&above) && !opaque[above - 1] && !opaque[above] {
-            opaque[if above == last { above - 1 } else { above }] = true;
-        }
-    }
-    let mut count = 0;
-    let sums = opaque.into_iter().map(|is| {
-        count += u32::from(is);
-        count
-    });
-    std::iter::once(0).chain(sums).collect()
 }
 
 /// `1 - (1 - a)^exponent`, also for an opacity of exactly 1 (which stays 1) and for very small ones.
