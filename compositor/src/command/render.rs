@@ -21,6 +21,7 @@ use crate::output::{FrameOptions, FrameWriter, MAX_FRAMES, OutputFormat, hatched
 use crate::scene_args::SceneChoice;
 use crate::session::{Frame, Session};
 use crate::source::{Source, short};
+use crate::table_note::table_note;
 use crate::{stats, style_json};
 
 /// # Errors
@@ -105,6 +106,10 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
     let choice = args.scene.scene(&session.store().manifest)?;
     for note in &choice.notes {
         say(quiet, note)?;
+    }
+    let (range, spacing) = (session.store().manifest.range, session.store().manifest.geometry.min_spacing());
+    if let Some(note) = table_note(&choice.scene, range, spacing) {
+        say(quiet, &note)?;
     }
     let orbit = args.orbit.unwrap_or(360.0);
     let cameras = args.camera_path.cameras(&choice.scene.camera, args.frames, orbit).map_err(Failure::usage)?;

@@ -101,22 +101,27 @@ mod tests {
 
     /// The table at a position in entries, as a kernel reads it.
     fn alpha_at(table: &TransferTable, position: f64) -> f64 {
-        let last = (ENTRIES - 1) as f64;
+        let last = (table.entries.len() - 1) as f64;
         let p = position.clamp(0.0, last);
-        let i = (p.floor() as usize).min(ENTRIES - 2);
+        let i = (p.floor() as usize).min(table.entries.len() - 2);
         let (a, b) = (f64::from(table.entries[i][3]), f64::from(table.entries[i + 1][3]));
         a + (b - a) * (p - i as f64)
+    }
+
+    /// Where a kernel finds a code.
+    fn position(table: &TransferTable, code: f64) -> f64 {
+        f64::from((code as f32 * (1.0 / 65535.0) - table.c_first) * table.scale())
     }
 
     /// Every code of `min..=max` and three values between neighbours, each also where an f32 kernel may find it.
     fn brute_force_is_empty(table: &TransferTable, min: u16, max: u16) -> bool {
         let width = f64::from(table.c_last) - f64::from(table.c_first);
-        let slack = 2.0 * f64::from(f32::EPSILON) / width * (ENTRIES - 1) as f64;
+        let last = (table.entries.len() - 1) as f64;
+        let slack = 2.0 * f64::from(f32::EPSILON) / width * last;
         (u32::from(min) * 4..=u32::from(max) * 4).all(|quarter| {
             let code = f64::from(quarter) / (4.0 * 65535.0);
-            let exact = (code - f64::from(table.c_first)) / width * (ENTRIES - 1) as f64;
-            let single = (code as f32 - table.c_first) / (table.c_last - table.c_first) * (ENTRIES - 1) as f32;
-            [exact - slack, exact, exact + slack, f64::from(single)].into_iter().all(|p| alpha_at(table, p) == 0.0)
+            let exact = (code - f64::from(table.c_first)) / width * last;
+            [exact - slack, exact, exact + slack, position(table, code * 65535.0)].into_iter().all(|p| alpha_at(table, p) == 0.0)
         })
     }
 
@@ -128,7 +133,7 @@ mod tests {
         }
         assert!((opacity_of_step(1e-12, 0.5) / 0.5e-12 - 1.0).abs() < 1e-9);
         let table = TransferTable::build(&function(&[(0.0, 0.0), (1.0, 1.0)]), (0.0, 1.0), 0.5);
-        assert_eq!((table.entries[0][3], table.entries[ENTRIES - 1][3]), (0.0, 1.0));
+        assert_eq!((table.entries[0][3], alpha_at(&table, position(&table, 65535.0))), (0.0, 1.0));
         assert!(table.entries.iter().flatten().all(|v| (0.0..=1.0).contains(v)));
     }
 
@@ -140,7 +145,8 @@ mod tests {
         {
             let f = TransferFunction::window(lo, hi, 0.8, Colormap::Turbo).unwrap();
             let table = TransferTable::build(&f, (0.0, 65535.0), 1.0);
-            assert!(table.c_last > table.c_first && table.c_first >= 0.0 && table.c_last <= 1.0);
+            assert!(table.c_last > table.c_first && table.c_first >= 0.0 && table.c_last <= 65536.0 / 65535.0);
+            assert!(table.entries.len() > ENTRIES);
             for code in (0..=65535).step_by(7).chain([1, 99, 100, 101, 1234, 1235, 65534, 65535]) {
                 let position = (f64::from(code) / 65535.0 - f64::from(table.c_first))
                     / (f64::from(table.c_last) - f64::from(table.c_first))
@@ -159,7 +165,8 @@ mod tests {
             let f = TransferFunction::window(lo, hi, 1.0, Colormap::Viridis).unwrap();
             let table = TransferTable::build(&f, (0.0, 65535.0), 0.5);
             assert_eq!(table.entries[0][3], 0.0);
-            let below = (lo - 2.0).floor() as u16;
+            // Ends of what is empty lie on multiples of up to 16 codes.
+            let below = (lo - 18.0).floor() as u16;
             assert!(table.is_empty_over(0, below), "{lo}");
             assert!(!table.is_empty_over(0, (lo + 2.0).ceil() as u16), "{lo}");
         }
@@ -181,7 +188,7 @@ mod tests {
         let at = 30_000.0_f64;
         let f = function(&[(at, 0.0), (at.next_up(), 1.0), (at + 50.0, 1.0), ((at + 50.0).next_up(), 0.0)]);
         let table = TransferTable::build(&f, (0.0, 65535.0), 1.0);
-        assert!(table.is_empty_over(0, 29_999) && table.is_empty_over(30_051, 65_535));
+        assert!(table.is_empty_over(0, 29_999) && table.is_empty_over(30_066, 65_535));
         assert!(!table.is_empty_over(0, 30_001) && !table.is_empty_over(30_025, 30_025));
     }
 
@@ -192,11 +199,53 @@ mod tests {
         for at in [20_001.0, 30_000.0, 39_999.0] {
             let f = function(&[&[(20_000.0, 0.0)][..], &spike(at), &[(40_001.0, 0.0)]].concat());
             let table = TransferTable::with_entries(&f, (0.0, 65535.0), 1.0, 256);
-            assert!(table.entries.iter().all(|e| e[3] == 0.0));
             assert!(table.is_empty_over(0, 19_000) && table.is_empty_over(41_000, 65_535), "{at}");
             let code = at as u16;
             assert!(!table.is_empty_over(code, code) && !table.is_empty_over(code, code + 1), "{at}");
         }
+    }
+
+    /// A table is the function at every whole code, wherever and however narrow its features are.
+    fn assert_carried(f: &TransferFunction, codes: impl Iterator<Item = u32>) {
+        let table = TransferTable::build(f, (0.0, 65535.0), 0.5);
+        let last = table.entries.len() - 1;
+        for code in codes {
+            let at = position(&table, f64::from(code)).clamp(0.0, last as f64);
+            let i = (at as usize).min(last - 1);
+            let (x, t) = (f64::from(code), at - i as f64);
+            let [r, g, b] = f.color(x);
+            for (c, want) in [r, g, b, opacity_of_step(f.opacity(x), 0.5)].into_iter().enumerate() {
+                let (low, high) = (f64::from(table.entries[i][c]), f64::from(table.entries[i + 1][c]));
+                // Codes in f32 err by less than a hundredth of a code.
+                assert!((low + (high - low) * t - want).abs() < 1e-2, "code {code}, channel {c}: {low} {high} {want}");
+            }
+        }
+    }
+
+    #[test]
+    fn narrow_peaks_are_carried_whatever_else_is_written_out() {
+        let peak = [(29_995.0, 0.0), (30_000.0, 1.0), (30_005.0, 0.0)];
+        let far = [(50_000.0, 0.0), (50_001.0, 1.0), (50_002.0, 0.0)];
+        let with_ends = [&[(0.0, 0.0)][..], &peak, &[(65_535.0, 0.0)]].concat();
+        for points in [&peak[..], &with_ends, &[&peak[..], &far].concat()] {
+            assert_carried(&function(points), (29_980..30_020).chain(49_990..50_010).chain((0..65_536).step_by(991)));
+        }
+    }
+
+    #[test]
+    fn functions_may_be_defined_code_by_code() {
+        let value = |code: u32, salt: u32| f64::from((code ^ salt).wrapping_mul(2_654_435_761) >> 8) / f64::from(1 << 24);
+        let opacities = (0..65_536).map(|i| OpacityPoint { x: f64::from(i), opacity: value(i, 1) }).collect();
+        let color = |i: u32| ColorPoint { x: f64::from(i), rgb: [value(i, 2), value(i, 3), value(i, 4)] };
+        let f = TransferFunction::new((0..65_536).map(color).collect(), opacities).unwrap();
+        assert_carried(&f, (0..65_536).step_by(7).chain([65_534, 65_535]));
+    }
+
+    #[test]
+    fn smooth_functions_take_no_more_than_they_need() {
+        let f = TransferFunction::window(20_000.0, 45_000.0, 0.8, Colormap::Viridis).unwrap();
+        let table = TransferTable::build(&f, (0.0, 65535.0), 0.5);
+        assert!((4097..8194).contains(&table.entries.len()), "{}", table.entries.len());
     }
 
     fn piecewise() -> impl Strategy<Value = TransferFunction> {
@@ -224,7 +273,7 @@ mod tests {
         fn clearly_empty_ranges_are_found(f in piecewise(), start: u16, length in 0..3000_u16) {
             let table = TransferTable::build(&f, (0.0, 1000.0), 1.0);
             let end = start.saturating_add(length);
-            let wider = (f64::from(table.c_last - table.c_first) * 65535.0 / (ENTRIES - 1) as f64 * 3.0).ceil() as u16 + 1;
+            let wider = 16 + 16 + 2;
             let (from, to) = (start.saturating_sub(wider), end.saturating_add(wider));
             // A spike between two entries is not empty, though this table does not show it.
             let hidden = |p: &OpacityPoint| p.opacity > 0.0 && (f64::from(from)..=f64::from(to)).contains(&(p.x * 65.535));
