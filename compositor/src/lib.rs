@@ -43,6 +43,7 @@ pub mod source;
 pub mod stats;
 pub mod style_args;
 mod style_json;
+mod table_note;
 mod tls_words;
 pub mod transfer_function_args;
 mod worker;

@@ -23,14 +23,15 @@ run() {
 # Where the points of a function lie, as shares of the range.
 functions() {
     case $1 in
-        smooth|spiky) lo=0 hi=1 ;;
+        smooth|spiky|peak) lo=0 hi=1 ;;
+        window) lo=0.3 hi=0.6 ;;
         slab) lo=0.49 hi=0.51 ;;
         edge) lo=0.49 hi=0.51 ;;
     esac
     awk -v lo=$lo -v hi=$hi -v most="$2" 'BEGIN { printf "%.3f,%.3f", lo * most, hi * most }'
 }
 
-for function in smooth spiky slab; do
+for function in smooth spiky slab window peak; do
     for volume in engine bonsai; do
         run $volume 255 $function --backend cpu --size 512x512 --repeat 5
     done

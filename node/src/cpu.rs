@@ -227,7 +227,7 @@ impl Raycaster for CpuRaycaster {
         let emptiness = self.emptiness.get(scene);
         let tables =
             Tables { table: &scene.table.entries, region: scene.region_table.as_ref().map(|t| &t.entries[..]) };
-        let integrals = scene.style.as_ref().map(|style| style.integrals(&frame, tables));
+        let integrals = scene.style.as_ref().map(|style| style.integrals(tables));
         let reads = Reads { frame: &frame, tables: &tables, integrals: integrals.as_ref() };
         jobs.par_iter().map(|job| render_job(scene, &reads, emptiness.as_ref(), job)).collect()
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use brickcast_shaders::twin::accelerated::Tables;
 use brickcast_shaders::twin::integral::Integrals;
 use brickcast_shaders::twin::slab::SlabTable;
-use brickcast_shaders::{FrameUniform, Kinds, Light, StyleUniform};
+use brickcast_shaders::{Kinds, Light, StyleUniform};
 use brickcast_volume::Geometry;
 use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::style::{Lighting, Mode, Style};
@@ -60,21 +60,11 @@ impl KernelStyle {
         })
     }
 
-    /// What rays on the processor read: `frame` is the scene's, `tables` those for single samples.
+    /// What rays on the processor read: `tables` are those for single samples.
     #[must_use]
-    pub(crate) fn integrals<'a>(&'a self, frame: &FrameUniform, tables: Tables<'a>) -> Integrals<'a> {
-        let slabs = self.slabs.as_ref().map(|[outside, inside]| {
-            [
-                self.slab_table(outside, frame.table_first, frame.table_scale),
-                self.slab_table(inside, frame.region_first, frame.region_scale),
-            ]
-        });
+    pub(crate) fn integrals<'a>(&'a self, tables: Tables<'a>) -> Integrals<'a> {
+        let slabs = self.slabs.as_ref().map(|kinds| kinds.each_ref().map(|s| SlabTable::new(s, self.slab_entries(s))));
         Integrals { tables, slabs, style: &self.uniform, kinds: self.kinds }
-    }
-
-    fn slab_table<'a>(&self, slabs: &'a Preintegrated, first: f32, scale: f32) -> SlabTable<'a> {
-        let [front, back] = self.slab_entries(slabs);
-        SlabTable { size: slabs.size, front, back, shown_before: &slabs.shown_before, first, scale }
     }
 
     /// The one or two tables that the kernel reads of `slabs`.

@@ -44,9 +44,12 @@ pub struct FrameUniform {
     /// As `table_first` and `table_scale` of the table for samples in regions; where there is none, the first table's.
     pub region_first: f32,
     pub region_scale: f32,
+    /// The last entry of either table.
+    pub table_last: u32,
+    pub region_last: u32,
     /// 1: values are those of the nearest voxel, never between.
     pub nearest: u32,
-    pub reserved: u32,
+    pub reserved: [u32; 3],
 }
 
 /// [`FrameUniform::shown`] for samples outside regions.
@@ -112,7 +115,7 @@ impl FrameUniform {
     /// `early_termination` in (0, 1]; 1 switches it off: not even rays of opacity 1 stop.
     #[must_use]
     pub fn new(view: &KernelView, table: &TransferTable, early_termination: f32) -> Self {
-        let last = table.entries.len().saturating_sub(1) as f32;
+        let last = table.entries.len().saturating_sub(1) as u32;
         Self {
             eye: view.eye.into(),
             step: view.step,
@@ -127,13 +130,15 @@ impl FrameUniform {
             width: view.width as i32,
             height: view.height as i32,
             table_first: table.c_first,
-            table_scale: last / (table.c_last - table.c_first),
+            table_scale: table.scale(),
             fan: view.fan.into(),
             shown: SHOWS_RESIDUAL | SHOWS_REGIONS,
             region_first: table.c_first,
-            region_scale: last / (table.c_last - table.c_first),
+            region_scale: table.scale(),
+            table_last: last,
+            region_last: last,
             nearest: 0,
-            reserved: 0,
+            reserved: [0; 3],
         }
     }
 
@@ -153,9 +158,9 @@ impl FrameUniform {
             RegionView::Residual => SHOWS_RESIDUAL,
         };
         if let Some(table) = table {
-            let last = table.entries.len().saturating_sub(1) as f32;
             self.region_first = table.c_first;
-            self.region_scale = last / (table.c_last - table.c_first);
+            self.region_scale = table.scale();
+            self.region_last = table.entries.len().saturating_sub(1) as u32;
         }
         self
     }

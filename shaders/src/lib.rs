@@ -86,7 +86,9 @@ fn with_shared(variant: RaycastVariant, kernel: &str) -> String {
     };
     let holes = include_str!("../wgsl/shared/holes.wgsl");
     let (layout, ray) = (include_str!("../wgsl/shared/layout.wgsl"), include_str!("../wgsl/shared/ray.wgsl"));
-    [layout, ray, include_str!("../wgsl/shared/dispatch.wgsl"), holes, read, kernel].concat()
+    let (dispatch, classify) =
+        (include_str!("../wgsl/shared/dispatch.wgsl"), include_str!("../wgsl/shared/classify.wgsl"));
+    [layout, ray, dispatch, holes, read, classify, kernel].concat()
 }
 
 /// Which macrocells are empty; entry point `macrocell`.

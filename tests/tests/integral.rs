@@ -183,6 +183,51 @@ fn gpu_styles_agree_at_a_whole_step() {
     check_all(Backend::Gpu, 1.0);
 }
 
+/// Functions that no table of evenly spaced entries carries, in a volume of ramps and in one of alloys: sampled, in slabs, lit
+/// in each way.
+fn check_functions(backend: Backend, step: f64, filter: Filter, tolerance: &Tolerance) {
+    let Some(raycaster) = product::raycaster(backend, "functions against the referee") else { return };
+    let mut shown = 0;
+    for scene in [scenes::resized(scenes::oblique(step), [40, 32]), scenes::alloys(step)] {
+        for (function, transfer) in scenes::functions() {
+            let mut scene = scene.clone();
+            scene.truth.transfer = transfer;
+            let sampled = Case { name: "sampled", truth: referee::Style::default(), style: Style::default() };
+            let slabs = cases(&scene).into_iter().filter(|case| case.truth.preintegrated && case.truth.planes.is_empty());
+            for Case { name, truth, style } in slabs.filter(|c| c.truth.surfaces.is_empty()).chain([sampled]) {
+                let want = render_styled(&scene.truth, &truth);
+                let excused = scene.excused(&want);
+                shown += usize::from(want.picture.max_alpha() > 0.02);
+                let loaded = product::load_styled(raycaster, &scene, 16, &style).with_filter(filter);
+                let what = format!("{backend:?}, {filter:?}, {function}, {name}: {}", scene.name);
+                let (picture, _) = loaded.render(&scene);
+                let d = assert_within_where(&what, &want.picture, &picture, tolerance, |i| !excused[i]);
+                eprintln!("{what}: max {:.3}/255, mean {:.4}/255", d.max * 255.0, d.mean * 255.0);
+            }
+        }
+    }
+    assert!(shown > 40, "{shown} pictures show something");
+}
+
+/// In full precision the maximum bounds hold for all functions.
+const STEEP: Tolerance = Tolerance { outlier_share: 2e-3, ..Tolerance::GPU_AGAINST_TWIN };
+
+#[test]
+fn cpu_functions_agree_at_half_a_step() {
+    check_functions(Backend::Cpu, 0.5, Filter::Exact, &STEEP);
+}
+
+#[test]
+fn cpu_functions_agree_at_a_whole_step() {
+    check_functions(Backend::Cpu, 1.0, Filter::Exact, &STEEP);
+}
+
+#[test]
+fn gpu_functions_agree_at_a_whole_step() {
+    check_functions(Backend::Gpu, 1.0, Filter::Exact, &STEEP);
+    check_functions(Backend::Gpu, 1.0, Filter::Hardware, &Tolerance::STEEP_HARDWARE_FILTER);
+}
+
 /// The comparison would notice what is easily got wrong: each mistake is far outside the tolerance in some case.
 #[test]
 fn mistakes_are_noticed() {

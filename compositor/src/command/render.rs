@@ -22,6 +22,7 @@ use crate::output::{FrameOptions, FrameWriter, MAX_FRAMES, OutputFormat, hatched
 use crate::scene_args::SceneChoice;
 use crate::session::{Frame, Session};
 use crate::source::{Source, short};
+use crate::table_note::table_note;
 use crate::{stats, style_json};
 
 /// # Errors
@@ -112,6 +113,10 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
     let outlook = nothing_shows::outlook(&choice.scene, &session.store().manifest);
     if let Some(outlook) = &outlook {
         tracing::warn!("{}", outlook.in_words());
+    }
+    let (range, spacing) = (session.store().manifest.range, session.store().manifest.geometry.min_spacing());
+    if let Some(note) = table_note(&choice.scene, range, spacing) {
+        say(quiet, &note)?;
     }
     let orbit = args.orbit.unwrap_or(360.0);
     let cameras = args.camera_path.cameras(&choice.scene.camera, args.frames, orbit).map_err(Failure::usage)?;

@@ -192,15 +192,11 @@ impl Kernel {
         volume_layout: &wgpu::BindGroupLayout,
     ) -> Self {
         let filtered = variant == RaycastVariant::Hardware;
-        // Loads take two dimensions: OpenGL has no other.
-        let table = if filtered { wgpu::TextureViewDimension::D1 } else { wgpu::TextureViewDimension::D2 };
-        let mut entries = vec![
-            entry(0, constants(SCENE_BYTES, false)),
-            entry(1, texture(table, filtered)),
-            entry(3, texture(table, filtered)),
-        ];
-        let slabs = || texture(wgpu::TextureViewDimension::D2, filtered);
-        entries.extend((5..9).map(|binding| entry(binding, slabs())));
+        let d2 = wgpu::TextureViewDimension::D2;
+        let mut entries = vec![entry(0, constants(SCENE_BYTES, false))];
+        // Tables of samples and warps are loaded, whatever the variant.
+        entries.extend([1, 3, 9, 10].map(|binding| entry(binding, texture(d2, false))));
+        entries.extend((5..9).map(|binding| entry(binding, texture(d2, filtered))));
         if filtered {
             entries.push(entry(2, BindingType::Sampler(wgpu::SamplerBindingType::Filtering)));
         }

@@ -192,7 +192,7 @@ impl Raycaster for GpuRaycaster {
 
     fn render(&self, scene: &KernelScene, jobs: &[Job]) -> Result<Vec<JobImage>, RaycastError> {
         let limits = &self.gpu.limits;
-        check_jobs(scene, jobs, limits.max_texture_dimension_1d.min(limits.max_texture_dimension_2d))?;
+        check_jobs(scene, jobs, limits.max_texture_dimension_2d.saturating_mul(tables::ROW as u32))?;
         let emptiness = self.emptiness.get(scene);
         let call = Call {
             gpu: &self.gpu,

@@ -46,66 +46,80 @@ impl FrameTables {
 
     pub(super) fn bytes(&self) -> u64 {
         let samples: usize = self.samples.iter().map(|table| table.entries.len()).sum();
-        let slabs: usize = self.slabs.iter().flat_map(|(_, slabs)| slabs).map(|slabs| 2 * slabs.total.len()).sum();
+        let of_slabs = |slabs: &Arc<Preintegrated>| 2 * slabs.total.len() + slabs.warp.len();
+        let slabs: usize = self.slabs.iter().flat_map(|(_, slabs)| slabs).map(of_slabs).sum();
         (samples + slabs) as u64 * ENTRY_BYTES
     }
 
-    /// Views by binding of group 0; `filtered` for the hardware variant.
+    /// Views by binding of group 0; slabs `filtered` for the hardware variant.
     pub(super) fn views(&self, gpu: &Gpu, filtered: bool) -> Vec<(u32, wgpu::TextureView)> {
-        let line = if filtered { wgpu::TextureDimension::D1 } else { wgpu::TextureDimension::D2 };
-        let d2 = wgpu::TextureDimension::D2;
-        let samples = |table: &TransferTable| view(gpu, filtered, line, table.entries.len(), &table.entries);
+        let samples = |table: &TransferTable| line(gpu, TextureFormat::Rgba32Float, &table.entries);
         let [outside, inside] = &self.samples;
         let first = samples(outside);
         let second = if Arc::ptr_eq(outside, inside) { first.clone() } else { samples(inside) };
         let mut views = vec![(1, first), (3, second)];
-        let nothing = view(gpu, filtered, d2, 1, &[[0.0; 4]]);
+        let nothing = square(gpu, filtered, 1, &[[0.0; 4]]);
         let Some((style, [outside, inside])) = &self.slabs else {
             views.extend((5..9).map(|binding| (binding, nothing.clone())));
+            let straight = line(gpu, TextureFormat::Rg32Float, &[[0.0_f32; 2]]);
+            views.extend([(9, straight.clone()), (10, straight)]);
             return views;
         };
-        let pair = |slabs: &Preintegrated| {
-            style.slab_entries(slabs).map(|entries| {
-                if entries.is_empty() { nothing.clone() } else { view(gpu, filtered, d2, slabs.size, entries) }
-            })
+        let all = |slabs: &Preintegrated| {
+            let [front, back] = style.slab_entries(slabs).map(|entries| {
+                if entries.is_empty() { nothing.clone() } else { square(gpu, filtered, slabs.size, entries) }
+            });
+            [front, back, line(gpu, TextureFormat::Rg32Float, &slabs.warp)]
         };
-        let [front, back] = pair(outside);
-        let inner = if Arc::ptr_eq(outside, inside) { [front.clone(), back.clone()] } else { pair(inside) };
-        views.extend([(5, front), (6, back)]);
-        views.extend((7..9).zip(inner));
+        let [front, back, warp] = all(outside);
+        let inner = if Arc::ptr_eq(outside, inside) {
+            [front.clone(), back.clone(), warp.clone()]
+        } else {
+            all(inside)
+        };
+        views.extend([(5, front), (6, back), (9, warp)]);
+        views.extend([7, 8, 10].into_iter().zip(inner));
         views
     }
 }
 
-/// A texture `width` entries wide.
-fn view(
-    gpu: &Gpu,
-    filtered: bool,
-    dimension: wgpu::TextureDimension,
-    width: usize,
-    entries: &[[f32; 4]],
-) -> wgpu::TextureView {
+/// Texels of a line to a row, at most: no adapter takes all of them in one. Kernels know it.
+pub(super) const ROW: usize = 1024;
+
+/// A line of texels, cut into rows; the last one is filled up.
+fn line<T: bytemuck::Pod>(gpu: &Gpu, format: TextureFormat, texels: &[T]) -> wgpu::TextureView {
+    let width = texels.len().min(ROW);
+    let mut bytes = bytemuck::cast_slice::<T, u8>(texels).to_vec();
+    bytes.resize(texels.len().next_multiple_of(width) * size_of::<T>(), 0);
+    texture(gpu, format, width, &bytes)
+}
+
+/// Slabs, `width` nodes each way.
+fn square(gpu: &Gpu, filtered: bool, width: usize, entries: &[[f32; 4]]) -> wgpu::TextureView {
     // GPUs filter half floats at full speed and full ones at a half or a quarter; software is faster without decoding.
-    let (format, bytes) = if filtered && !gpu.is_float_table_faster {
+    if filtered && !gpu.is_float_table_faster {
         let halves: Vec<[f16; 4]> = entries.iter().map(|e| e.map(f16::from_f32)).collect();
-        (TextureFormat::Rgba16Float, bytemuck::cast_slice(&halves).to_vec())
-    } else {
-        (TextureFormat::Rgba32Float, bytemuck::cast_slice(entries).to_vec())
-    };
-    let height = (entries.len() / width) as u32;
+        return texture(gpu, TextureFormat::Rgba16Float, width, bytemuck::cast_slice(&halves));
+    }
+    texture(gpu, TextureFormat::Rgba32Float, width, bytemuck::cast_slice(entries))
+}
+
+/// A texture `width` texels wide.
+fn texture(gpu: &Gpu, format: TextureFormat, width: usize, bytes: &[u8]) -> wgpu::TextureView {
+    let bytes_per_row = format.block_copy_size(None).map(|bytes| bytes * width as u32);
+    let height = bytes_per_row.map_or(1, |row| bytes.len() as u32 / row);
     let size = wgpu::Extent3d { width: width as u32, height, depth_or_array_layers: 1 };
     let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
         label: Some("transfer function"),
         size,
         mip_level_count: 1,
         sample_count: 1,
-        dimension,
+        dimension: wgpu::TextureDimension::D2,
         format,
         usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST,
         view_formats: &[],
     });
-    let bytes_per_row = format.block_copy_size(None).map(|bytes| bytes * width as u32);
     let rows = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row, rows_per_image: Some(height) };
-    gpu.queue.write_texture(texture.as_image_copy(), &bytes, rows, size);
+    gpu.queue.write_texture(texture.as_image_copy(), bytes, rows, size);
     texture.create_view(&wgpu::TextureViewDescriptor::default())
 }

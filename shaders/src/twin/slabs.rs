@@ -228,10 +228,7 @@ mod tests {
             let mut brick = BrickUniform::of_boxes(&owned, &stored);
             (brick.cell_lo, brick.cell_shift, brick.map_mask) = (cells.lo.into(), 2, MAP_EMPTY);
             let style = StyleUniform::new(&scene, &geometry, (0.0, 1.0));
-            let front = slabs.total.as_slice();
-            let (first, scale) = (frame.table_first, frame.table_scale);
-            let shown_before = &slabs.shown_before[..];
-            let slab = SlabTable { size: slabs.size, front, back: &[], shown_before, first, scale };
+            let slab = SlabTable::new(&slabs, [&slabs.total, &[]]);
             let tables = Tables { table: &table.entries, region: None };
             let with = Integrals { tables, slabs: Some([slab; 2]), style: &style, kinds: SLABS_ALONE };
             for map in [None, Some((map.as_slice(), cells.dims.into()))] {

@@ -22,8 +22,7 @@ fn table(from: f64) -> TransferTable {
 }
 
 fn frame_of(table: &TransferTable, step: f32) -> FrameUniform {
-    let table_scale = (table.entries.len() - 1) as f32 / (table.c_last - table.c_first);
-    FrameUniform { table_first: table.c_first, table_scale, ..frame(step) }
+    FrameUniform { table_first: table.c_first, table_scale: table.scale(), ..frame(step) }
 }
 
 /// Faint waves with a few bright grains.

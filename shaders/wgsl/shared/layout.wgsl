@@ -18,8 +18,10 @@ struct FrameUniform {
     shown: u32,
     region_first: f32,
     region_scale: f32,
+    table_last: u32,
+    region_last: u32,
     nearest: u32,
-    reserved: u32,
+    reserved: array<u32, 3>,
 }
 
 struct BrickUniform {

@@ -1,7 +1,5 @@
-// Volume and transfer function by loads and own interpolation, in the form a + (b - a) t, which returns equal ends
+// The volume by loads and own interpolation, in the form a + (b - a) t, which returns equal ends
 // unchanged. Weights come from the global position, so that they are the same in every brick.
-@group(0) @binding(1) var table: texture_2d<f32>;
-@group(0) @binding(3) var region_table: texture_2d<f32>;
 @group(2) @binding(0) var volume: texture_3d<f32>;
 
 // What does not change along a ray.
@@ -9,15 +7,10 @@ struct Reader {
     // Subtract from a global position + 0.5, rounded down, for the texel of the support's low corner.
     first_texel: vec3<i32>,
     last_corner: vec3<i32>,
-    last_entry: i32,
 }
 
 fn new_reader(brick: BrickUniform) -> Reader {
-    return Reader(
-        brick.stored_lo + 1,
-        vec3<i32>(brick.stored_dims) - 2,
-        i32(textureDimensions(table).x) - 1,
-    );
+    return Reader(brick.stored_lo + 1, vec3<i32>(brick.stored_dims) - 2);
 }
 
 fn load(texel: vec3<i32>, x: i32, y: i32, z: i32) -> f32 {
@@ -53,23 +46,4 @@ fn read_volume(reader: Reader, p_voxel: vec3<f32>) -> f32 {
     let y0z1 = between(load(c, 0, 0, 1), load(c, 1, 0, 1), w.x);
     let y1z1 = between(load(c, 0, 1, 1), load(c, 1, 1, 1), w.x);
     return between(between(y0z0, y1z0, w.y), between(y0z1, y1z1, w.y), w.z);
-}
-
-// Straight colour and opacity of one step.
-fn classify(reader: Reader, frame: FrameUniform, code: f32) -> vec4<f32> {
-    let entry = clamp((code - frame.table_first) * frame.table_scale, 0.0, f32(reader.last_entry));
-    let i = min(i32(entry), reader.last_entry - 1);
-    let a = textureLoad(table, vec2(i, 0), 0);
-    let b = textureLoad(table, vec2(i + 1, 0), 0);
-    return a + (b - a) * (entry - f32(i));
-}
-
-// The same by the table for samples in regions.
-fn classify_region(reader: Reader, frame: FrameUniform, code: f32) -> vec4<f32> {
-    let last_entry = i32(textureDimensions(region_table).x) - 1;
-    let entry = clamp((code - frame.region_first) * frame.region_scale, 0.0, f32(last_entry));
-    let i = min(i32(entry), last_entry - 1);
-    let a = textureLoad(region_table, vec2(i, 0), 0);
-    let b = textureLoad(region_table, vec2(i + 1, 0), 0);
-    return a + (b - a) * (entry - f32(i));
 }

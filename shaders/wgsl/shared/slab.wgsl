@@ -36,17 +36,35 @@ fn of_length(slab: vec4<f32>, length: f32) -> vec4<f32> {
     return vec4(slab.rgb * scale, longer);
 }
 
-fn look_up(is_back: bool, in_region: bool, front: f32, back: f32) -> vec4<f32> {
+// Where a code stands among the nodes of the slabs: all blocks are 65,536 codes.
+fn node_of(warp: texture_2d<f32>, code: f32) -> f32 {
+    let dims = textureDimensions(warp);
+    let blocks = dims.x * dims.y;
+    let at = clamp(code * (f32(blocks) * (65535.0 / 65536.0)), 0.0, f32(blocks));
+    let i = min(u32(at), blocks - 1u);
+    let block = textureLoad(warp, vec2(i % dims.x, i / dims.x), 0);
+    return block.x + (at - f32(i)) * block.y;
+}
+
+// Of the back value in x, of the front value in y.
+fn nodes_of(in_region: bool, front: f32, back: f32) -> vec2<f32> {
+    if REGIONS && in_region {
+        return vec2(node_of(region_warp, back), node_of(region_warp, front));
+    }
+    return vec2(node_of(warp, back), node_of(warp, front));
+}
+
+fn look_up(is_back: bool, in_region: bool, nodes: vec2<f32>) -> vec4<f32> {
     if REGIONS && in_region {
         if is_back {
-            return slab_of(region_slab_back, frame.region_first, frame.region_scale, front, back);
+            return slab_of(region_slab_back, nodes);
         }
-        return slab_of(region_slab_front, frame.region_first, frame.region_scale, front, back);
+        return slab_of(region_slab_front, nodes);
     }
     if is_back {
-        return slab_of(slab_back, frame.table_first, frame.table_scale, front, back);
+        return slab_of(slab_back, nodes);
     }
-    return slab_of(slab_front, frame.table_first, frame.table_scale, front, back);
+    return slab_of(slab_front, nodes);
 }
 
 // A slab, looked up already, under the light of the cut by which the ray enters.
@@ -68,7 +86,8 @@ fn slab_between(
     back: ptr<function, End>,
     length: f32,
 ) -> vec4<f32> {
-    let slab = look_up(false, in_region, (*front).code, (*back).code);
+    let nodes = nodes_of(in_region, (*front).code, (*back).code);
+    let slab = look_up(false, in_region, nodes);
     if slab.a <= 0.0 {
         return vec4(0.0);
     }
@@ -77,7 +96,7 @@ fn slab_between(
     }
     var color = slab.rgb;
     if LIGHT == 1u {
-        let far = look_up(true, in_region, (*front).code, (*back).code);
+        let far = look_up(true, in_region, nodes);
         if !(*front).is_lit {
             (*front).light = light_at(reader, ray, place_at(ray, (*front).k));
             (*front).is_lit = true;
@@ -98,7 +117,7 @@ fn slab_between(
         color = min(slab.rgb * light.x + slab.a * light.y, vec3(slab.a));
     }
     if LIGHT == 3u {
-        let far = look_up(true, in_region, (*front).code, (*back).code);
+        let far = look_up(true, in_region, nodes);
         var light = UNLIT;
         if !((*front).is_lit && (*back).is_lit) {
             let k = (*front).k + ((*back).k - (*front).k) * (far.a / slab.a);
@@ -111,9 +130,10 @@ fn slab_between(
 
 // n slabs, both ends of each deep in one region, where nothing is lit; premultiplied.
 fn flat_slabs(in_region: bool, code: f32, n: f32) -> vec4<f32> {
-    var slab = look_up(false, in_region, code, code);
+    let nodes = nodes_of(in_region, code, code);
+    var slab = look_up(false, in_region, nodes);
     if LIGHT == 1u || LIGHT == 3u {
-        slab = vec4(slab.rgb + look_up(true, in_region, code, code).rgb, slab.a);
+        slab = vec4(slab.rgb + look_up(true, in_region, nodes).rgb, slab.a);
     }
     return of_length(slab, n);
 }

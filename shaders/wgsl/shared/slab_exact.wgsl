@@ -1,7 +1,7 @@
-// A slab of one step between two codes, by loads and own interpolation.
-fn slab_of(slabs: texture_2d<f32>, first: f32, scale: f32, front: f32, back: f32) -> vec4<f32> {
+// A slab of one step between two nodes (x at its back, y at its front), by loads and own interpolation.
+fn slab_of(slabs: texture_2d<f32>, nodes: vec2<f32>) -> vec4<f32> {
     let last = vec2<i32>(textureDimensions(slabs)) - 1;
-    let entry = clamp((vec2(back, front) - first) * scale, vec2(0.0), vec2<f32>(last));
+    let entry = clamp(nodes, vec2(0.0), vec2<f32>(last));
     let i = min(vec2<i32>(entry), last - 1);
     let w = entry - vec2<f32>(i);
     let a = textureLoad(slabs, i, 0);

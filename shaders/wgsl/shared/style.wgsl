@@ -27,10 +27,13 @@ fn load_frame() -> FrameUniform {
     return scene_data.frame;
 }
 
-// Slabs by entry of the back value (x) and of the front value (y): premultiplied colour and opacity of one step. With
+// Slabs by node of the back value (x) and of the front value (y): premultiplied colour and opacity of one step. With
 // interpolated light the first is the front end's, with the whole opacity, the second the back end's, with its part of it.
 @group(0) @binding(5) var slab_front: texture_2d<f32>;
 @group(0) @binding(6) var slab_back: texture_2d<f32>;
 // The same for slabs in regions.
 @group(0) @binding(7) var region_slab_front: texture_2d<f32>;
 @group(0) @binding(8) var region_slab_back: texture_2d<f32>;
+// By block of codes: the node coordinate at its start (r), and what it grows by to its end (g).
+@group(0) @binding(9) var warp: texture_2d<f32>;
+@group(0) @binding(10) var region_warp: texture_2d<f32>;

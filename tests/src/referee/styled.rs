@@ -7,7 +7,7 @@ use super::clip::{Segment, clip, owned_samples};
 use super::march::{Gathered, Rendering, by_rows};
 use super::{Ray, Scene};
 
-/// Slices of a slab.
+/// Slices of a slab, and more where the function has points close together.
 const SLICES: usize = 200;
 
 /// Phong's model; `range` is what codes 0 to 1 stand for, by which gradients are measured.
@@ -238,16 +238,18 @@ impl March<'_> {
             _ => (v0, v1),
         };
         let transfer = &self.scene.transfer;
-        let exponent = self.scene.delta() / self.scene.unit * length / SLICES as f64;
+        let units = self.scene.delta() / self.scene.unit * length;
+        // Middle and width of each, as shares of the slab.
+        let cuts = transfer.cuts(v0, v1, SLICES);
+        let slices = || cuts.windows(2).map(|w| (0.5 * (w[0] + w[1]), w[1] - w[0]));
         let place = self.style.light.map_or(LightAt::Ends, |light| light.at);
         let at = match place {
             LightAt::Ends => 0.0,
             LightAt::Middle => 0.5,
             LightAt::Centroid => {
                 let (mut through, mut light, mut moment) = (1.0, 0.0, 0.0);
-                for i in 0..SLICES {
-                    let u = (i as f64 + 0.5) / SLICES as f64;
-                    let alpha = 1.0 - (1.0 - transfer.opacity(v0 + (v1 - v0) * u)).powf(exponent);
+                for (u, width) in slices() {
+                    let alpha = 1.0 - (1.0 - transfer.opacity(v0 + (v1 - v0) * u)).powf(units * width);
                     light += through * alpha;
                     moment += through * alpha * u;
                     through *= 1.0 - alpha;
@@ -259,10 +261,9 @@ impl March<'_> {
         let once = cut.unwrap_or_else(|| self.light(k + length * at));
         let ends = (self.light(k), self.light(k + length));
         let mut slab = [0.0; 4];
-        for i in 0..SLICES {
-            let u = (i as f64 + 0.5) / SLICES as f64;
+        for (u, width) in slices() {
             let value = v0 + (v1 - v0) * u;
-            let alpha = 1.0 - (1.0 - transfer.opacity(value)).powf(exponent);
+            let alpha = 1.0 - (1.0 - transfer.opacity(value)).powf(units * width);
             let (factor, glint) = if place != LightAt::Ends || cut.is_some() {
                 once
             } else if self.style.mistake == Some(Mistake::FrontLight) {

@@ -24,6 +24,23 @@ impl Transfer {
     pub fn opacity(&self, value: f64) -> f64 {
         interpolate(&self.opacities, value, |a, b, t| a * (1.0 - t) + b * t)
     }
+
+    /// Where to cut what runs evenly from `from` to `to` into slices over each of which the function is all but straight: shares of
+    /// the way, from 0 to 1. `even` slices, cut at the function's points, and more between points that are close together.
+    #[must_use]
+    pub fn cuts(&self, from: f64, to: f64, even: usize) -> Vec<f64> {
+        let points = self.colors.iter().map(|p| p.0).chain(self.opacities.iter().map(|p| p.0));
+        let mut inside: Vec<f64> = points.map(|x| (x - from) / (to - from)).filter(|u| *u > 0.0 && *u < 1.0).collect();
+        inside.sort_by(f64::total_cmp);
+        let mut cuts: Vec<f64> = (0..=even).map(|i| i as f64 / even as f64).collect();
+        for pair in inside.windows(2).filter(|pair| (pair[1] - pair[0]) * (even as f64) < 24.0) {
+            cuts.extend((1..24).map(|i| pair[0] + (pair[1] - pair[0]) * f64::from(i) / 24.0));
+        }
+        cuts.extend(inside);
+        cuts.sort_by(f64::total_cmp);
+        cuts.dedup();
+        cuts
+    }
 }
 
 fn interpolate<T: Copy>(points: &[(f64, T)], value: f64, mix: impl Fn(T, T, f64) -> T) -> T {

@@ -8,25 +8,31 @@ use super::{Element, Elements};
 /// Elements are composited one behind the other, from the front. A slab of one entry is that entry itself.
 #[must_use]
 pub fn slab(elements: &Elements, length: f64, front: usize, back: usize) -> [[f64; 4]; 2] {
-    let count = front.abs_diff(back);
-    if count == 0 {
+    if front == back {
         let entry = &elements.entries[front];
         let opacity = entry.opacity(length);
         let total = premultiplied(entry.color, opacity);
         let depth = mean_depth(&elements.entries[front], length);
         return [total, total.map(|v| depth * v)];
     }
-    let share = length / count as f64;
-    let (mut total, mut weighted, mut through) = ([0.0; 4], [0.0; 4], 1.0);
-    for k in 0..count {
-        let element = &elements.between[if front < back { front + k } else { front - 1 - k }];
+    let (low, high) = (front.min(back), front.max(back));
+    let width = f64::from(elements.nodes[high] - elements.nodes[low]);
+    let mut pieces: Vec<_> = elements.pieces[elements.first[low]..elements.first[high]].to_vec();
+    if front > back {
+        pieces.reverse();
+    }
+    let (mut total, mut weighted, mut through, mut passed) = ([0.0; 4], [0.0; 4], 1.0, 0.0);
+    for (_, wide, element) in pieces {
+        let wide = f64::from(wide) / width;
+        let share = length * wide;
         let own = premultiplied(element.color, element.opacity(share));
-        let weight = (k as f64 + mean_depth(element, share)) / count as f64;
+        let weight = passed + mean_depth(&element, share) * wide;
         for c in 0..4 {
             total[c] += through * own[c];
             weighted[c] += through * own[c] * weight;
         }
         through *= 1.0 - own[3];
+        passed += wide;
     }
     [total, weighted]
 }

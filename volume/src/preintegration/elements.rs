@@ -1,7 +1,8 @@
 //! A transfer function, cut into pieces of which each is taken as homogeneous.
 
+use super::nodes::{PARTS, place};
 use crate::transfer_function::TransferFunction;
-use crate::transfer_function::entry_codes::EntryCodes;
+use crate::transfer_function::codes::{Codes, points};
 
 /// Opacity per unit is cut off here: beyond, a slab's opacity would not depend on its length.
 pub const MAX_OPACITY: f64 = 1.0 - 1e-6;
@@ -27,40 +28,68 @@ impl Element {
     }
 }
 
-/// n entries and the n - 1 elements between them.
+/// n nodes and the elements between them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Elements {
-    /// Code of the first entry.
-    pub c_first: f32,
-    /// Code of the last entry.
-    pub c_last: f32,
-    /// The function at the entries, n at least 2.
+    /// Places of the nodes in parts of a code ([`PARTS`]), ascending, n at least 2.
+    pub nodes: Vec<u32>,
+    /// The function at the nodes.
     pub entries: Vec<Element>,
-    /// `between[x]`: the mean from entry x to entry x + 1.
-    pub between: Vec<Element>,
+    /// Ascending and without gaps: place where it starts, width (both in parts), and the function's mean over it.
+    pub pieces: Vec<(u32, u32, Element)>,
+    /// By node: the piece that starts there.
+    pub first: Vec<usize>,
 }
 
+/// The widest piece: colours and opacities change little over it.
+const WIDEST: u32 = 64 * PARTS;
+
 impl Elements {
-    /// `function` over the store's `range` (lo, hi in data units) at `entries` values, at least 2.
-    ///
-    /// The mean of an element is that of the function itself, not of its two entries: a spike between them counts with its
-    /// area. Optical depth is averaged, and colour weighted by it: what finer and finer elements tend to.
+    /// `function` over the store's `range` (lo, hi in data units) with up to `entries` nodes, at least 2, where slabs of `length`
+    /// opacity units need them.
     #[must_use]
-    pub fn of(function: &TransferFunction, range: (f64, f64), entries: usize) -> Self {
-        let codes = EntryCodes::new(function, range, entries);
-        let xs = codes.xs();
-        let points = function.colors().iter().map(|p| p.x).chain(function.opacities().iter().map(|p| p.x));
-        let mut kinks: Vec<f64> = points.collect();
+    pub fn of(function: &TransferFunction, range: (f64, f64), length: f64, entries: usize) -> Self {
+        let codes = Codes::new(range);
+        Self::at(function, codes, place(function, codes, length, entries.max(2)).nodes)
+    }
+
+    /// With these nodes. The mean of an element is that of the function itself, not of its two ends: a spike between them counts
+    /// with its area. Optical depth is averaged, and colour weighted by it: what finer and finer elements tend to.
+    pub(super) fn at(function: &TransferFunction, codes: Codes, nodes: Vec<u32>) -> Self {
+        let x = |place: u32| codes.x(f64::from(place) / f64::from(PARTS));
+        let mut kinks: Vec<f64> = points(function).collect();
         kinks.sort_by(f64::total_cmp);
-        let mut rest = kinks.as_slice();
-        let mut between = Vec::with_capacity(codes.count - 1);
-        for ends in xs.windows(2) {
-            rest = &rest[rest.partition_point(|&x| x <= ends[0])..];
-            let inside = rest.partition_point(|&x| x < ends[1]);
-            between.push(mean(function, ends[0], &rest[..inside], ends[1]));
+        let (mut pieces, mut first) = (Vec::with_capacity(2 * nodes.len()), Vec::with_capacity(nodes.len()));
+        for ends in nodes.windows(2) {
+            first.push(pieces.len());
+            let width = ends[1] - ends[0];
+            let (from, to) = (x(ends[0]), x(ends[1]));
+            let inside = kinks.partition_point(|&k| k <= from)..kinks.partition_point(|&k| k < to);
+            let one = |x: f64| (function.color(x), function.opacity(x));
+            let is_even = inside.is_empty() && (one(from) == one(to) || one(from).1.max(one(to).1) == 0.0);
+            let part = if is_even { width } else { (width / 2).clamp(1, WIDEST) };
+            for place in (ends[0]..ends[1]).step_by(part as usize) {
+                let (from, to) = (x(place), x(place + part));
+                let inside = kinks.partition_point(|&k| k <= from)..kinks.partition_point(|&k| k < to);
+                let inside = kinks.get(inside).unwrap_or_default();
+                pieces.push((place, part, mean(function, from, inside, to)));
+            }
         }
-        let entries = xs.iter().map(|&x| Element::of(function.color(x), function.opacity(x))).collect();
-        Self { c_first: codes.c_first, c_last: codes.c_last, entries, between }
+        first.push(pieces.len());
+        let at = |&place: &u32| Element::of(function.color(x(place)), function.opacity(x(place)));
+        Self { entries: nodes.iter().map(at).collect(), nodes, pieces, first }
+    }
+
+    /// Optical depth of a path of one opacity unit per part of a code, up to each node.
+    pub(super) fn depths(&self) -> Vec<f64> {
+        let mut sum = 0.0;
+        let cells = self.first.windows(2).map(|w| {
+            for (_, width, element) in &self.pieces[w[0]..w[1]] {
+                sum -= element.log_transparency * f64::from(*width);
+            }
+            sum
+        });
+        std::iter::once(0.0).chain(cells).collect()
     }
 }
 
@@ -102,7 +131,7 @@ const GAUSS: [(f64, f64); 5] = [
 ];
 
 /// Colour and opacity both linear from one end to the other.
-fn mean_of_piece((c0, a0): ([f64; 3], f64), (c1, a1): ([f64; 3], f64)) -> Element {
+pub(super) fn mean_of_piece((c0, a0): ([f64; 3], f64), (c1, a1): ([f64; 3], f64)) -> Element {
     let (u0, u1) = (1.0 - a0.min(MAX_OPACITY), 1.0 - a1.min(MAX_OPACITY));
     if a0 == a1 {
         return Element::of(std::array::from_fn(|c| 0.5 * (c0[c] + c1[c])), a0);

@@ -1,13 +1,18 @@
-//! Incremental subrange integration (Lum, Wilson and Ma 2004, "Incremental subrange integration"; here over both directions
-//! at once): all slabs that run through L elements, for one L after the other, in O(n) each.
+//! All slabs between n nodes in O(n^2), after Lum, Wilson and Ma 2004 ("Incremental subrange integration"), for nodes that do not
+//! stand at equal distances.
 //!
-//! For one L every element has one opacity, whatever the slab. The elements are cut into bins of L; a slab of L elements is
-//! either a bin, or the end of one bin and the start of the next. Ends (`ends`) are integrated backwards through a bin and
-//! kept, starts forwards through the next bin, and joined with the end that completes them at once.
+//! Where two slabs are of one width, an element has one opacity in both, so that sums over elements can be shared. Widths differ
+//! here from pair to pair, so they are taken in bands: for the widths at both ends of a band all slabs of the band are
+//! integrated, as if each were that wide, and between the two the straight colour (colour over opacity), which is all but
+//! constant within a band, is interpolated. Opacity is known in closed form.
+//!
+//! For one width, cells are gathered in bins no wider than the narrowest slab. A slab is the end of a bin, up to two whole
+//! bins, and the start of another; ends and starts are summed once.
 
 use rayon::prelude::*;
 
 use super::Elements;
+use super::nodes::ALL;
 
 /// An entry of a table, of red, green, blue and opacity.
 pub(super) trait Entry: Copy + Send + Sync {
@@ -28,75 +33,107 @@ impl Entry for [f64; 4] {
     }
 }
 
-/// Lengths of which all slabs are made before they go to their places: a row takes that many neighbours at a time.
-const BAND: usize = 16;
+/// Bands to an octave of widths.
+const BANDS: u32 = 8;
 /// Rows that a thread takes at once.
 const ROWS: usize = 16;
 
-/// What an element gives off per opacity: r, g, b, 1 and, where lit, the same again, to be multiplied by its place.
-type Glow<const N: usize> = [f64; N];
-
-/// The slabs of one length: K entries for the slab with entry i at its lower end, up (front at i) and down (back at i).
-struct Diagonal<const K: usize, E> {
-    up: Vec<[E; K]>,
-    down: Vec<[E; K]>,
-}
-
-/// Subranges that end where a bin ends.
+/// What a run of elements gives off from the front on, per channel (r, g, b, 1 and, where lit, the same times its place), and what
+/// it lets through.
 #[derive(Clone, Copy)]
-struct BinEnd<const N: usize> {
-    up: [f64; N],
-    down: [f64; N],
+struct Run<const N: usize> {
+    light: [f64; N],
     through: f64,
 }
 
-/// What one thread needs for one length.
-struct Scratch<const N: usize> {
-    opacity: Vec<f64>,
-    /// [`mean_depth`] of each element.
-    depths: Vec<f64>,
-    ends: Vec<BinEnd<N>>,
+impl<const N: usize> Run<N> {
+    const NOTHING: Self = Self { light: [0.0; N], through: 1.0 };
+
+    #[inline(always)]
+    fn then(&self, next: &Self) -> Self {
+        let light = std::array::from_fn(|k| self.light[k] + self.through * next.light[k]);
+        Self { light, through: self.through * next.through }
+    }
 }
 
-impl<const N: usize> Scratch<N> {
-    fn new(elements: usize) -> Self {
-        let end = BinEnd { up: [0.0; N], down: [0.0; N], through: 1.0 };
-        Self { opacity: vec![0.0; elements], depths: vec![0.5; elements], ends: vec![end; elements] }
-    }
+/// Going up (the front is the lower end) and down.
+type Both<const N: usize> = [Run<N>; 2];
+
+/// Sums for slabs of one width.
+struct Sums<const N: usize> {
+    /// From the start of a node's bin to the node.
+    starts: Vec<Both<N>>,
+    /// From a node to the end of its bin.
+    ends: Vec<Both<N>>,
+    bins: Vec<Both<N>>,
+}
+
+/// Widths of slabs that are made at a time, in parts of a code, and the ends between which they are interpolated.
+struct Band {
+    widths: std::ops::Range<u32>,
+    ends: [f64; 2],
+    /// Binary logarithm of the widest bin.
+    bin: u32,
+}
+
+fn bands(narrowest: u32) -> impl Iterator<Item = Band> {
+    let octaves = narrowest.ilog2()..=ALL.ilog2();
+    octaves.flat_map(|bin| {
+        let end = move |k: u32| f64::from(1_u32 << bin) * (f64::from(k) / f64::from(BANDS)).exp2();
+        (0..BANDS).filter_map(move |k| {
+            let (lo, hi) = (end(k), end(k + 1));
+            let widths = lo.ceil() as u32..(hi.ceil() as u32).min(ALL + 1);
+            let one = f64::from(widths.start);
+            let ends = if widths.len() == 1 { [one, one] } else { [lo, hi] };
+            (!widths.is_empty()).then_some(Band { widths, ends, bin })
+        })
+    })
 }
 
 /// The tables of all n^2 slabs, index front * n + back. `<4, 1>`: total; `<8, 3>`: total, front-weighted, back-weighted, packed
 /// as [`super::Lit`] says.
 pub(super) fn integrate<const N: usize, const K: usize, E: Entry>(elements: &Elements, length: f64) -> [Vec<E>; K] {
-    let n = elements.entries.len();
-    let m = n - 1;
-    let glow: Vec<Glow<N>> = elements.between.iter().map(|e| glow_of(e.color)).collect();
-    let logs: Vec<f64> = elements.between.iter().map(|e| e.log_transparency * length).collect();
-    let nothing = [E::pack([0.0; 4]); K];
+    let nodes = &elements.nodes;
+    let n = nodes.len();
     let mut tables: [Vec<E>; K] = std::array::from_fn(|_| vec![E::pack([0.0; 4]); n * n]);
-    let mut band: Vec<Diagonal<K, E>> =
-        (0..BAND.min(m)).map(|_| Diagonal { up: vec![nothing; n], down: vec![nothing; n] }).collect();
-    for first in (1..=m).step_by(BAND) {
-        let lengths = BAND.min(m + 1 - first);
-        band[..lengths].par_iter_mut().enumerate().for_each_init(
-            || Scratch::new(m),
-            |scratch, (k, diagonal)| diagonal.fill(first + k, &glow, &logs, scratch),
-        );
-        scatter(&mut tables, &band[..lengths], first, n);
+    let mut rows: Vec<Vec<&mut [E]>> = (0..n).map(|_| Vec::with_capacity(K)).collect();
+    for table in &mut tables {
+        rows.iter_mut().zip(table.chunks_mut(n)).for_each(|(rows, row)| rows.push(row));
+    }
+    let narrowest = nodes.windows(2).map(|w| w[1] - w[0]).min().unwrap_or(ALL);
+    let depths = elements.depths();
+    for band in bands(narrowest) {
+        let bin_of = bins_of(nodes, band.bin);
+        let sums = |width: f64| Sums::<N>::new(elements, &bin_of, length / width);
+        let near = || sums(band.ends[0]);
+        let far = || (band.ends[0] != band.ends[1]).then(|| sums(band.ends[1]));
+        let (near, far) = rayon::join(near, far);
+        let far = far.as_ref().unwrap_or(&near);
+        let slabs = Slabs { nodes, depths: &depths, bin_of: &bin_of, band: &band, sums: [&near, far], length };
+        rows.par_iter_mut().enumerate().with_min_len(ROWS).for_each(|(i, row)| slabs.fill::<K, E>(i, row));
     }
     for (i, entry) in elements.entries.iter().enumerate() {
         let opacity = entry.opacity(length);
         let depth = mean_depth(-entry.log_transparency * length, opacity);
-        let total: [f64; N] = glow_of::<N>(entry.color).map(|v| v * opacity);
-        let packed = pack::<N, K, E>(&total, |_, t| depth * t);
-        for (table, value) in tables.iter_mut().zip(packed) {
-            table[i * n + i] = value;
+        let total = glow_of::<4>(entry.color).map(|v| v * opacity);
+        for (row, value) in rows[i].iter_mut().zip(pack::<K, E>(total, total.map(|v| v * depth))) {
+            row[i] = value;
         }
     }
     tables
 }
 
-fn glow_of<const N: usize>([r, g, b]: [f64; 3]) -> Glow<N> {
+/// By node: the bin of the cell that starts there.
+fn bins_of(nodes: &[u32], bin: u32) -> Vec<usize> {
+    let mut count = 0;
+    let starts = nodes.windows(2).map(|w| {
+        count += usize::from(w[0] >> bin != w[1] >> bin);
+        count
+    });
+    std::iter::once(0).chain(starts).collect()
+}
+
+fn glow_of<const N: usize>([r, g, b]: [f64; 3]) -> [f64; N] {
     let channels = [r, g, b, 1.0];
     std::array::from_fn(|k| channels[k % 4])
 }
@@ -110,106 +147,126 @@ pub(super) fn mean_depth(depth: f64, opacity: f64) -> f64 {
     if depth < 1e-2 { 0.5 - depth / 12.0 + depth.powi(3) / 720.0 } else { 1.0 / depth - (1.0 - opacity) / opacity }
 }
 
-/// `back` makes the back-weighted part of a channel from its globally weighted and its whole integral.
 #[inline(always)]
-fn pack<const N: usize, const K: usize, E: Entry>(sum: &[f64; N], back: impl Fn(f64, f64) -> f64) -> [E; K] {
-    let total = [sum[0], sum[1], sum[2], sum[3]];
-    let weighted: [f64; 4] =
-        std::array::from_fn(|c| if N == 8 { back(sum[4 + c], total[c]).max(0.0).min(total[c]) } else { 0.0 });
+fn pack<const K: usize, E: Entry>(total: [f64; 4], weighted: [f64; 4]) -> [E; K] {
+    let weighted: [f64; 4] = std::array::from_fn(|c| weighted[c].max(0.0).min(total[c]));
     let front = [total[0] - weighted[0], total[1] - weighted[1], total[2] - weighted[2], total[3]];
     std::array::from_fn(|k| E::pack([total, front, weighted][k]))
 }
 
-/// What element `x` gives off in a slab with its front below it and in one with its front above: weighted by how far from entry
-/// 0 the light comes from.
+impl<const N: usize> Sums<N> {
+    /// `share`: opacity units to a part of a code.
+    fn new(elements: &Elements, bin_of: &[usize], share: f64) -> Self {
+        let n = bin_of.len();
+        let nothing = [Run::NOTHING; 2];
+        let count = bin_of.last().map_or(0, |last| last + 1);
+        let mut sums = Self { starts: vec![nothing; n], ends: vec![nothing; n], bins: vec![nothing; count] };
+        let of = |piece: &(u32, u32, super::Element)| own::<N>(piece, share);
+        let pieces: Vec<Option<Both<N>>> = elements.pieces.iter().map(of).collect();
+        let cell = |i: usize| pieces[elements.first[i]..elements.first[i + 1]].iter().flatten();
+        let mut run = nothing;
+        for i in 0..n - 1 {
+            sums.starts[i] = run;
+            for [up, down] in cell(i) {
+                run = [run[0].then(up), down.then(&run[1])];
+            }
+            if bin_of[i + 1] != bin_of[i] {
+                sums.bins[bin_of[i]] = run;
+                run = nothing;
+            }
+        }
+        let mut run = nothing;
+        for i in (0..n - 1).rev() {
+            if bin_of[i + 1] != bin_of[i] {
+                run = nothing;
+            }
+            for [up, down] in cell(i).rev() {
+                run = [up.then(&run[0]), run[1].then(down)];
+            }
+            sums.ends[i] = run;
+        }
+        sums
+    }
+}
+
+/// One element, seen from below and from above; none where it is clear.
 #[inline(always)]
-fn own_light<const N: usize>(glow: &Glow<N>, opacity: f64, x: usize, depth: f64) -> ([f64; N], [f64; N]) {
-    let (up, down) = (x as f64 + depth, (x + 1) as f64 - depth);
-    let weighted =
-        |place: f64| std::array::from_fn(|k| if k < 4 { glow[k] * opacity } else { glow[k] * opacity * place });
-    (weighted(up), weighted(down))
+fn own<const N: usize>((at, width, element): &(u32, u32, super::Element), share: f64) -> Option<Both<N>> {
+    let depth = -element.log_transparency * f64::from(*width) * share;
+    if depth == 0.0 {
+        return None;
+    }
+    let opacity = -(-depth).exp_m1();
+    let glow = glow_of::<N>(element.color);
+    let (from, width) = (f64::from(*at), f64::from(*width));
+    let inward = if N == 8 { mean_depth(depth, opacity) * width } else { 0.0 };
+    let seen = |place: f64| {
+        let light = std::array::from_fn(|k| if k < 4 { glow[k] * opacity } else { glow[k] * opacity * place });
+        Run { light, through: 1.0 - opacity }
+    };
+    Some([seen(from + inward), seen(from + width - inward)])
 }
 
-impl<const K: usize, E: Entry> Diagonal<K, E> {
-    /// All slabs through `count` elements. `logs`: ln of each element's transparency over the whole slab.
-    fn fill<const N: usize>(&mut self, count: usize, glow: &[Glow<N>], logs: &[f64], scratch: &mut Scratch<N>) {
-        let m = glow.len();
-        let share = 1.0 / count as f64;
-        for ((opacity, depth), log) in scratch.opacity.iter_mut().zip(&mut scratch.depths).zip(logs) {
-            // Most of a function is often clear.
-            *opacity = if *log == 0.0 { 0.0 } else { -(log * share).exp_m1() };
-            if N == 8 {
-                *depth = mean_depth(-log * share, *opacity);
-            }
-        }
-        let (opacity, depths, ends) = (&scratch.opacity[..m], &scratch.depths[..m], &mut scratch.ends[..m]);
-        for bin in (0..m).step_by(count) {
-            let end = (bin + count).min(m);
-            let (mut up, mut down, mut through) = ([0.0; N], [0.0; N], 1.0);
-            for x in bin..end {
-                let (a, t) = (opacity[x], 1.0 - opacity[x]);
-                let (own_up, own_down) = own_light(&glow[x], a, x, depths[x]);
-                for k in 0..N {
-                    up[k] += through * own_up[k];
-                    down[k] = own_down[k] + t * down[k];
-                }
-                through *= t;
-                let Some(i) = (x + 1).checked_sub(count) else { continue };
-                let (low, high) = (i as f64, (i + count) as f64);
-                let (mut whole_up, mut whole_down) = (up, down);
-                if x + 1 < bin + count {
-                    let lower = &ends[i];
-                    for k in 0..N {
-                        whole_up[k] = lower.up[k] + lower.through * up[k];
-                        whole_down[k] = down[k] + through * lower.down[k];
-                    }
-                }
-                // Lum, Wilson and Ma 2004: W(x) = (x - i) / (j - i), so that i times the whole is taken off.
-                self.up[i] = pack(&whole_up, |g, t| (g - low * t) * share);
-                self.down[i] = pack(&whole_down, |g, t| (high * t - g) * share);
-            }
-            if end == m {
-                break;
-            }
-            let (mut up, mut down, mut through) = ([0.0; N], [0.0; N], 1.0);
-            for x in (bin..end).rev() {
-                let (a, t) = (opacity[x], 1.0 - opacity[x]);
-                let (own_up, own_down) = own_light(&glow[x], a, x, depths[x]);
-                for k in 0..N {
-                    up[k] = own_up[k] + t * up[k];
-                    down[k] += through * own_down[k];
-                }
-                through *= t;
-                ends[x] = BinEnd { up, down, through };
-            }
-        }
-    }
+struct Slabs<'a, const N: usize> {
+    nodes: &'a [u32],
+    depths: &'a [f64],
+    bin_of: &'a [usize],
+    band: &'a Band,
+    sums: [&'a Sums<N>; 2],
+    length: f64,
 }
 
-/// The slabs through `first`, `first + 1`, ... elements to their places.
-fn scatter<const K: usize, E: Entry>(tables: &mut [Vec<E>; K], band: &[Diagonal<K, E>], first: usize, n: usize) {
-    let mut rows: Vec<Vec<&mut [E]>> = (0..n.div_ceil(ROWS)).map(|_| Vec::with_capacity(K)).collect();
-    for table in tables.iter_mut() {
-        for (rows, block) in rows.iter_mut().zip(table.chunks_mut(ROWS * n)) {
-            rows.push(block);
+impl<const N: usize> Slabs<'_, N> {
+    /// The slabs of the band with their front at node `i`.
+    fn fill<const K: usize, E: Entry>(&self, i: usize, row: &mut [&mut [E]]) {
+        let (at, nodes, bin_of) = (self.nodes[i], self.nodes, self.bin_of);
+        let place = |place: u32| nodes.partition_point(|&node| node < place);
+        let above = place(at.saturating_add(self.band.widths.start))..place(at.saturating_add(self.band.widths.end));
+        let (mut runs, mut bin) = (self.sums.map(|sums| sums.ends[i][0]), bin_of[i] + 1);
+        for j in above {
+            while bin < bin_of[j] {
+                runs = [0, 1].map(|k| runs[k].then(&self.sums[k].bins[bin][0]));
+                bin += 1;
+            }
+            let whole = [0, 1].map(|k| runs[k].then(&self.sums[k].starts[j][0]).light);
+            self.put::<K, E>((i, j), whole, row);
+        }
+        let Some(top) = (at + 1).checked_sub(self.band.widths.start) else { return };
+        let below = place((at + 1).saturating_sub(self.band.widths.end))..place(top);
+        let (mut runs, mut bin) = (self.sums.map(|sums| sums.starts[i][1]), bin_of[i]);
+        for j in below.rev() {
+            while bin > bin_of[j] + 1 {
+                bin -= 1;
+                runs = [0, 1].map(|k| runs[k].then(&self.sums[k].bins[bin][1]));
+            }
+            let whole = [0, 1].map(|k| runs[k].then(&self.sums[k].ends[j][1]).light);
+            self.put::<K, E>((i, j), whole, row);
         }
     }
-    rows.par_iter_mut().enumerate().for_each(|(block, tables)| {
-        for row in 0..tables[0].len() / n {
-            let i = block * ROWS + row;
-            for (k, diagonal) in band.iter().enumerate() {
-                let count = first + k;
-                if i + count < n {
-                    for (table, value) in tables.iter_mut().zip(diagonal.up[i]) {
-                        table[row * n + i + count] = value;
-                    }
-                }
-                if i >= count {
-                    for (table, value) in tables.iter_mut().zip(diagonal.down[i - count]) {
-                        table[row * n + i - count] = value;
-                    }
-                }
-            }
+
+    /// `whole`: what the slab gives off at either end of the band.
+    #[inline(always)]
+    fn put<const K: usize, E: Entry>(&self, (i, j): (usize, usize), whole: [[f64; N]; 2], row: &mut [&mut [E]]) {
+        let (low, high) = (i.min(j), i.max(j));
+        let (from, to) = (f64::from(self.nodes[low]), f64::from(self.nodes[high]));
+        let opacity = -(-(self.depths[high] - self.depths[low]) / (to - from) * self.length).exp_m1();
+        if opacity <= 0.0 || whole[0][3] <= 0.0 || whole[1][3] <= 0.0 {
+            return;
         }
-    });
+        let [near, far] = self.band.ends;
+        let t = if near == far { 0.0 } else { (to - from - near) / (far - near) };
+        let scale = [(1.0 - t) * opacity / whole[0][3], t * opacity / whole[1][3]];
+        let total: [f64; 4] = std::array::from_fn(|c| whole[0][c] * scale[0] + whole[1][c] * scale[1]);
+        let weighted: [f64; 4] = std::array::from_fn(|c| {
+            if N < 8 {
+                return 0.0;
+            }
+            // Lum, Wilson and Ma 2004: W(x) = (x - i) / (j - i), so that i times the whole is taken off.
+            let place = whole[0][4 + c] * scale[0] + whole[1][4 + c] * scale[1];
+            (if i < j { place - from * total[c] } else { to * total[c] - place }) / (to - from)
+        });
+        for (row, value) in row.iter_mut().zip(pack::<K, E>(total, weighted)) {
+            row[j] = value;
+        }
+    }
 }

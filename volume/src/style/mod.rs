@@ -213,8 +213,8 @@ impl Style {
         crate::brick::GHOST_SAMPLED + self.reach(step) + self.gradient_radius()
     }
 
-    /// Entries of the transfer function tables by which the scene's pixels and its empty space are told: those of the
-    /// pre-integration, where there is one.
+    /// Nodes, at most, of the tables of slabs by which the scene's empty space is told; without pre-integration there are none to
+    /// keep to.
     #[must_use]
     pub fn table_entries(&self) -> usize {
         match self.integration {

@@ -1,9 +1,10 @@
 //! Transfer functions: piecewise linear colour and opacity over the volume's own data units.
 
+pub(crate) mod codes;
 pub mod color_space;
 pub mod colormap;
 mod colormap_tables;
-pub(crate) mod entry_codes;
+pub(crate) mod empty;
 pub mod preset;
 mod preset_categorical;
 #[cfg(test)]

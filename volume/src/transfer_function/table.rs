@@ -1,30 +1,29 @@
-//! The table that the kernels read: straight colour and the opacity of one step, and which value ranges are empty.
+//! The table that the kernels read for single samples: straight colour and the opacity of one step, and which value ranges are
+//! empty.
 
 use super::TransferFunction;
-use super::entry_codes::EntryCodes;
+use super::codes::{Codes, EntryGrid, LAST_CODE};
+use super::empty::{Empty, counts};
 
-/// Entries of the kernels' table: linear between them.
+/// Entries of the kernels' table, at least: linear between them.
 pub const ENTRIES: usize = 4096;
-
-/// Bound of the error with which any kernel computes `code - c_first` in f32: two roundings of numbers up to 1, and those of
-/// code / 65535 in a texture unit.
-const CODE_ERROR: f64 = 4.0 * f32::EPSILON as f64;
 
 /// A transfer function sampled for one step length.
 ///
 /// Kernels read value codes `c` in 0..=1 (the stretched 16-bit code / 65535, i.e. `(v - lo) / (hi - lo)` over the store's
 /// range). Entry i of n stands at code `c_first + (c_last - c_first) i / (n - 1)`; between entries the table is linear,
-/// outside clamped. `[c_first, c_last]` covers where the function changes, so a narrow window keeps its full resolution.
+/// outside clamped. `[c_first, c_last]` covers where the function changes. Where 4,096 entries over that do not carry the
+/// function there are more, up to one for every code: it may be defined code by code.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TransferTable {
     /// Straight r, g, b and `1 - (1 - opacity)^(Delta / unit)`.
     pub entries: Vec<[f32; 4]>,
     /// Code of the first entry.
     pub c_first: f32,
-    /// Code of the last entry; greater than `c_first`.
+    /// Code of the last entry; greater than `c_first`, and up to one code beyond 1.
     pub c_last: f32,
-    /// `opaque_before[i]`: how many of the entries before i have opacity, or hide some that lies beside them.
-    opaque_before: Vec<u32>,
+    /// Codes that show nothing, ends included: of samples, and of slabs of the same function.
+    empty: Vec<[u16; 2]>,
 }
 
 impl TransferTable {
@@ -36,78 +35,48 @@ impl TransferTable {
         Self::with_entries(function, range, delta_over_unit, ENTRIES)
     }
 
-    /// The same with `entries` of them, at least 2. What is empty under it is empty under a
-    /// [`Preintegrated`](crate::preintegration::Preintegrated) of as many entries, too: slabs whose ends both lie in an
-    /// empty range of codes read exactly 0, in either direction.
+    /// The same beside a [`Preintegrated`](crate::preintegration::Preintegrated) of up to `entries` on each side (at least 2): what is
+    /// empty here is empty there, too. Slabs whose ends both lie in an empty range of codes read exactly 0, in either direction.
     #[must_use]
     pub fn with_entries(function: &TransferFunction, range: (f64, f64), delta_over_unit: f64, entries: usize) -> Self {
-        let codes = EntryCodes::new(function, range, entries);
-        let xs = codes.xs();
-        let entries: Vec<[f32; 4]> = xs
-            .iter()
-            .map(|&x| {
-                let [r, g, b] = function.color(x);
-                let alpha = opacity_of_step(function.opacity(x), delta_over_unit);
-                [r as f32, g as f32, b as f32, alpha as f32]
-            })
-            .collect();
-        let opaque_before = opaque_before(function, &xs, &entries);
-        Self { entries, c_first: codes.c_first, c_last: codes.c_last, opaque_before }
+        let codes = Codes::new(range);
+        let grid = EntryGrid::new(function, codes, |opacity| opacity_of_step(opacity, delta_over_unit));
+        let entry = |i: usize| {
+            let x = codes.x(grid.code(i));
+            let [r, g, b] = function.color(x);
+            let alpha = opacity_of_step(function.opacity(x), delta_over_unit);
+            [r as f32, g as f32, b as f32, alpha as f32]
+        };
+        let code = |i: usize| (grid.code(i) / LAST_CODE) as f32;
+        Self {
+            entries: (0..grid.count).map(entry).collect(),
+            c_first: code(0),
+            c_last: code(grid.count - 1),
+            empty: Empty::new(function, codes, entries.max(2), grid.stride.max(1.0) as u32).codes,
+        }
     }
 
-    /// True where every stretched code in `min..=max` (0..=65535), and every value between, has opacity 0, widened by one
-    /// entry on each side and by what f32 kernels may err.
+    /// Entries per code (0..=1).
+    #[must_use]
+    pub fn scale(&self) -> f32 {
+        self.entries.len().saturating_sub(1) as f32 / (self.c_last - self.c_first)
+    }
+
+    /// True where every stretched code in `min..=max` (0..=65535), and every value between, has opacity 0, as far as f32 kernels
+    /// may err.
     #[must_use]
     pub fn is_empty_over(&self, min: u16, max: u16) -> bool {
-        self.opaque_until(min.max(max)) == self.opaque_from(min.min(max))
+        let (min, max) = (min.min(max), min.max(max));
+        let next = self.empty.partition_point(|[_, last]| *last < max);
+        self.empty.get(next).is_some_and(|[first, _]| *first <= min)
     }
 
     /// The same for tables of ranges: codes `min..=max` are empty iff `counts[max][1] == counts[min][0]`. Sums of the counts
     /// of several tables say whether a range is empty under all of them.
     #[must_use]
     pub fn opaque_counts(&self) -> Vec<[u32; 2]> {
-        (0..=u16::MAX).map(|code| [self.opaque_from(code), self.opaque_until(code)]).collect()
+        counts(&self.empty)
     }
-
-    /// Opaque entries before all that `code` may read.
-    fn opaque_from(&self, code: u16) -> u32 {
-        let [from, _] = self.entries_about(code);
-        self.opaque_before[from.floor() as usize]
-    }
-
-    /// Opaque entries up to the last that `code` may read.
-    fn opaque_until(&self, code: u16) -> u32 {
-        let [_, to] = self.entries_about(code);
-        self.opaque_before[to.ceil() as usize + 1]
-    }
-
-    fn entries_about(&self, code: u16) -> [f64; 2] {
-        let last = (self.entries.len() - 1) as f64;
-        let width = f64::from(self.c_last) - f64::from(self.c_first);
-        let position = (f64::from(code) / 65535.0 - f64::from(self.c_first)) / width * last;
-        let margin = 1.0 + CODE_ERROR / width * last;
-        [(position - margin).clamp(0.0, last), (position + margin).clamp(0.0, last)]
-    }
-}
-
-/// Prefix sums of the entries with opacity. A spike between two entries counts as one of them: tables that integrate the
-/// function between entries see it, though none of the entries does. Not as the first or last entry, where it would stand for
-/// all values below or above.
-fn opaque_before(function: &TransferFunction, xs: &[f64], entries: &[[f32; 4]]) -> Vec<u32> {
-    let mut opaque: Vec<bool> = entries.iter().map(|e| e[3] > 0.0).collect();
-    let last = xs.len() - 1;
-    for point in function.opacities().iter().filter(|p| p.opacity > 0.0) {
-        let above = xs.partition_point(|&x| x < point.x);
-        if (1..=last).contains(&above) && !opaque[above - 1] && !opaque[above] {
-            opaque[if above == last { above - 1 } else { above }] = true;
-        }
-    }
-    let mut count = 0;
-    let sums = opaque.into_iter().map(|is| {
-        count += u32::from(is);
-        count
-    });
-    std::iter::once(0).chain(sums).collect()
 }
 
 /// `1 - (1 - a)^exponent`, also for an opacity of exactly 1 (which stays 1) and for very small ones.
@@ -132,22 +101,27 @@ mod tests {
 
     /// The table at a position in entries, as a kernel reads it.
     fn alpha_at(table: &TransferTable, position: f64) -> f64 {
-        let last = (ENTRIES - 1) as f64;
+        let last = (table.entries.len() - 1) as f64;
         let p = position.clamp(0.0, last);
-        let i = (p.floor() as usize).min(ENTRIES - 2);
+        let i = (p.floor() as usize).min(table.entries.len() - 2);
         let (a, b) = (f64::from(table.entries[i][3]), f64::from(table.entries[i + 1][3]));
         a + (b - a) * (p - i as f64)
+    }
+
+    /// Where a kernel finds a code.
+    fn position(table: &TransferTable, code: f64) -> f64 {
+        f64::from((code as f32 * (1.0 / 65535.0) - table.c_first) * table.scale())
     }
 
     /// Every code of `min..=max` and three values between neighbours, each also where an f32 kernel may find it.
     fn brute_force_is_empty(table: &TransferTable, min: u16, max: u16) -> bool {
         let width = f64::from(table.c_last) - f64::from(table.c_first);
-        let slack = 2.0 * f64::from(f32::EPSILON) / width * (ENTRIES - 1) as f64;
+        let last = (table.entries.len() - 1) as f64;
+        let slack = 2.0 * f64::from(f32::EPSILON) / width * last;
         (u32::from(min) * 4..=u32::from(max) * 4).all(|quarter| {
             let code = f64::from(quarter) / (4.0 * 65535.0);
-            let exact = (code - f64::from(table.c_first)) / width * (ENTRIES - 1) as f64;
-            let single = (code as f32 - table.c_first) / (table.c_last - table.c_first) * (ENTRIES - 1) as f32;
-            [exact - slack, exact, exact + slack, f64::from(single)].into_iter().all(|p| alpha_at(table, p) == 0.0)
+            let exact = (code - f64::from(table.c_first)) / width * last;
+            [exact - slack, exact, exact + slack, position(table, code * 65535.0)].into_iter().all(|p| alpha_at(table, p) == 0.0)
         })
     }
 
@@ -159,7 +133,7 @@ mod tests {
         }
         assert!((opacity_of_step(1e-12, 0.5) / 0.5e-12 - 1.0).abs() < 1e-9);
         let table = TransferTable::build(&function(&[(0.0, 0.0), (1.0, 1.0)]), (0.0, 1.0), 0.5);
-        assert_eq!((table.entries[0][3], table.entries[ENTRIES - 1][3]), (0.0, 1.0));
+        assert_eq!((table.entries[0][3], alpha_at(&table, position(&table, 65535.0))), (0.0, 1.0));
         assert!(table.entries.iter().flatten().all(|v| (0.0..=1.0).contains(v)));
     }
 
@@ -171,7 +145,8 @@ mod tests {
         {
             let f = TransferFunction::window(lo, hi, 0.8, Colormap::Turbo).unwrap();
             let table = TransferTable::build(&f, (0.0, 65535.0), 1.0);
-            assert!(table.c_last > table.c_first && table.c_first >= 0.0 && table.c_last <= 1.0);
+            assert!(table.c_last > table.c_first && table.c_first >= 0.0 && table.c_last <= 65536.0 / 65535.0);
+            assert!(table.entries.len() > ENTRIES);
             for code in (0..=65535).step_by(7).chain([1, 99, 100, 101, 1234, 1235, 65534, 65535]) {
                 let position = (f64::from(code) / 65535.0 - f64::from(table.c_first))
                     / (f64::from(table.c_last) - f64::from(table.c_first))
@@ -190,7 +165,8 @@ mod tests {
             let f = TransferFunction::window(lo, hi, 1.0, Colormap::Viridis).unwrap();
             let table = TransferTable::build(&f, (0.0, 65535.0), 0.5);
             assert_eq!(table.entries[0][3], 0.0);
-            let below = (lo - 2.0).floor() as u16;
+            // Ends of what is empty lie on multiples of up to 16 codes.
+            let below = (lo - 18.0).floor() as u16;
             assert!(table.is_empty_over(0, below), "{lo}");
             assert!(!table.is_empty_over(0, (lo + 2.0).ceil() as u16), "{lo}");
         }
@@ -212,7 +188,7 @@ mod tests {
         let at = 30_000.0_f64;
         let f = function(&[(at, 0.0), (at.next_up(), 1.0), (at + 50.0, 1.0), ((at + 50.0).next_up(), 0.0)]);
         let table = TransferTable::build(&f, (0.0, 65535.0), 1.0);
-        assert!(table.is_empty_over(0, 29_999) && table.is_empty_over(30_051, 65_535));
+        assert!(table.is_empty_over(0, 29_999) && table.is_empty_over(30_066, 65_535));
         assert!(!table.is_empty_over(0, 30_001) && !table.is_empty_over(30_025, 30_025));
     }
 
@@ -223,11 +199,53 @@ mod tests {
         for at in [20_001.0, 30_000.0, 39_999.0] {
             let f = function(&[&[(20_000.0, 0.0)][..], &spike(at), &[(40_001.0, 0.0)]].concat());
             let table = TransferTable::with_entries(&f, (0.0, 65535.0), 1.0, 256);
-            assert!(table.entries.iter().all(|e| e[3] == 0.0));
             assert!(table.is_empty_over(0, 19_000) && table.is_empty_over(41_000, 65_535), "{at}");
             let code = at as u16;
             assert!(!table.is_empty_over(code, code) && !table.is_empty_over(code, code + 1), "{at}");
         }
+    }
+
+    /// A table is the function at every whole code, wherever and however narrow its features are.
+    fn assert_carried(f: &TransferFunction, codes: impl Iterator<Item = u32>) {
+        let table = TransferTable::build(f, (0.0, 65535.0), 0.5);
+        let last = table.entries.len() - 1;
+        for code in codes {
+            let at = position(&table, f64::from(code)).clamp(0.0, last as f64);
+            let i = (at as usize).min(last - 1);
+            let (x, t) = (f64::from(code), at - i as f64);
+            let [r, g, b] = f.color(x);
+            for (c, want) in [r, g, b, opacity_of_step(f.opacity(x), 0.5)].into_iter().enumerate() {
+                let (low, high) = (f64::from(table.entries[i][c]), f64::from(table.entries[i + 1][c]));
+                // Codes in f32 err by less than a hundredth of a code.
+                assert!((low + (high - low) * t - want).abs() < 1e-2, "code {code}, channel {c}: {low} {high} {want}");
+            }
+        }
+    }
+
+    #[test]
+    fn narrow_peaks_are_carried_whatever_else_is_written_out() {
+        let peak = [(29_995.0, 0.0), (30_000.0, 1.0), (30_005.0, 0.0)];
+        let far = [(50_000.0, 0.0), (50_001.0, 1.0), (50_002.0, 0.0)];
+        let with_ends = [&[(0.0, 0.0)][..], &peak, &[(65_535.0, 0.0)]].concat();
+        for points in [&peak[..], &with_ends, &[&peak[..], &far].concat()] {
+            assert_carried(&function(points), (29_980..30_020).chain(49_990..50_010).chain((0..65_536).step_by(991)));
+        }
+    }
+
+    #[test]
+    fn functions_may_be_defined_code_by_code() {
+        let value = |code: u32, salt: u32| f64::from((code ^ salt).wrapping_mul(2_654_435_761) >> 8) / f64::from(1 << 24);
+        let opacities = (0..65_536).map(|i| OpacityPoint { x: f64::from(i), opacity: value(i, 1) }).collect();
+        let color = |i: u32| ColorPoint { x: f64::from(i), rgb: [value(i, 2), value(i, 3), value(i, 4)] };
+        let f = TransferFunction::new((0..65_536).map(color).collect(), opacities).unwrap();
+        assert_carried(&f, (0..65_536).step_by(7).chain([65_534, 65_535]));
+    }
+
+    #[test]
+    fn smooth_functions_take_no_more_than_they_need() {
+        let f = TransferFunction::window(20_000.0, 45_000.0, 0.8, Colormap::Viridis).unwrap();
+        let table = TransferTable::build(&f, (0.0, 65535.0), 0.5);
+        assert!((4097..8194).contains(&table.entries.len()), "{}", table.entries.len());
     }
 
     fn piecewise() -> impl Strategy<Value = TransferFunction> {
@@ -255,7 +273,7 @@ mod tests {
         fn clearly_empty_ranges_are_found(f in piecewise(), start: u16, length in 0..3000_u16) {
             let table = TransferTable::build(&f, (0.0, 1000.0), 1.0);
             let end = start.saturating_add(length);
-            let wider = (f64::from(table.c_last - table.c_first) * 65535.0 / (ENTRIES - 1) as f64 * 3.0).ceil() as u16 + 1;
+            let wider = 16 + 16 + 2;
             let (from, to) = (start.saturating_sub(wider), end.saturating_add(wider));
             // A spike between two entries is not empty, though this table does not show it.
             let hidden = |p: &OpacityPoint| p.opacity > 0.0 && (f64::from(from)..=f64::from(to)).contains(&(p.x * 65.535));
