@@ -13,6 +13,7 @@ use super::halo_write::{VoxelHalos, WrittenHalos};
 use super::hash::ContentHash;
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
 use super::manifest_file::MAX_TEXT;
+use super::histogram::Histogram;
 use super::no_data::{Fill, NoData, with_room_below};
 use super::{noise, notes};
 use super::plane_read::CodePlanes;
