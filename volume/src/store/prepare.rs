@@ -13,8 +13,7 @@ use super::halo_write::{VoxelHalos, WrittenHalos};
 use super::hash::ContentHash;
 use super::histogram::Histogram;
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
-use super::manifest_file::MAX_TEXT;
-use super::notes;
+use super::notes::{self, bare_name, shortened};
 use super::plane_read::CodePlanes;
 use super::prepare_options::{Phase, PrepareOptions, PrepareSummary, Progress};
 use super::profile::{
@@ -366,21 +365,6 @@ impl Job<'_> {
 /// The bounds of the data; a constant volume gets a width of one, or of what a large value needs to have a width at all.
 fn default_range(min: f64, max: f64) -> (f64, f64) {
     if min < max && check_range(min, max).is_ok() { (min, max) } else { (min, min + (min.abs() * 1e-6).max(1.0)) }
-}
-
-/// The last component of a path of either kind: manifests carry no directories of the machine that made them.
-fn bare_name(path: &str) -> String {
-    shortened(path.rsplit(['/', '\\']).next().unwrap_or(path))
-}
-
-/// Cut at a character to what a manifest may hold.
-fn shortened(text: &str) -> String {
-    text.chars()
-        .scan(0, |bytes, c| {
-            *bytes += c.len_utf8();
-            (*bytes <= MAX_TEXT).then_some(c)
-        })
-        .collect()
 }
 
 /// An error rather than an abort where a header promises planes of more voxels than fit.
