@@ -116,7 +116,7 @@ pub struct RawArgs {
     /// Voxels per axis of a raw file, x fastest
     #[arg(long, value_name = "X,Y,Z", value_parser = triple::<u32>)]
     pub dims: Option<[u32; 3]>,
-    /// Voxel type of a raw file: uint8, int8, uint16, int16, uint32, int32, float32
+    /// Voxel type of a raw file: uint8, int8, uint16, int16, uint32, int32, float32, uint64, int64, float64
     #[arg(long = "type", value_name = "TYPE")]
     pub voxel_type: Option<String>,
     /// Byte order of a raw file: little or big

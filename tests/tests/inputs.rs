@@ -42,8 +42,6 @@ fn replaced_data_of_a_detached_header_is_noticed_however_it_is_named() {
     ] {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
-        let line = String::from_utf8(line.clone())
-            .map_or(line, |text| text.replacen("Data File :", "Data File:", 1).into_bytes());
         std::fs::write(at.join(name), [head.as_bytes(), &line].concat()).unwrap();
         write_data(at, files, &voxels(true, 200));
         let old = render(at, &[name], "cache");

@@ -2,7 +2,7 @@
 //! from foreign files and nodes, and go to terminals.
 
 use super::error::ManifestError;
-use super::manifest_file::field;
+use super::manifest_file::{MAX_TEXT, field};
 
 /// The most notes that a manifest holds.
 pub const MAX_NOTES: usize = 32;
@@ -61,6 +61,21 @@ pub(super) fn checked(notes: Vec<String>) -> Result<Vec<String>, ManifestError> 
         }
     }
     Ok(notes)
+}
+
+/// The last component of a path of either kind: manifests carry no directories of the machine that made them.
+pub(super) fn bare_name(path: &str) -> String {
+    shortened(path.rsplit(['/', '\\']).next().unwrap_or(path))
+}
+
+/// Cut at a character to what a manifest may hold.
+pub(super) fn shortened(text: &str) -> String {
+    text.chars()
+        .scan(0, |bytes, c| {
+            *bytes += c.len_utf8();
+            (*bytes <= MAX_TEXT).then_some(c)
+        })
+        .collect()
 }
 
 #[cfg(test)]

@@ -12,10 +12,10 @@ use super::halo_manifest::HaloEntry;
 use super::halo_write::{VoxelHalos, WrittenHalos};
 use super::hash::ContentHash;
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
-use super::manifest_file::MAX_TEXT;
 use super::histogram::Histogram;
 use super::no_data::{Fill, NoData, with_room_below};
-use super::{noise, notes};
+use super::noise;
+use super::notes::{self, bare_name, shortened};
 use super::plane_read::CodePlanes;
 use super::prepare_options::{Phase, PrepareOptions, PrepareSummary, Progress};
 use super::profile::{
@@ -431,21 +431,6 @@ fn make_one<T: Voxel>(ordinals: &[u16], voxels: &mut [T]) {
         let first = T::at(*first);
         voxels.iter_mut().filter(|v| others.contains(&v.ordinal())).for_each(|v| *v = first);
     }
-}
-
-/// The last component of a path of either kind: manifests carry no directories of the machine that made them.
-fn bare_name(path: &str) -> String {
-    shortened(path.rsplit(['/', '\\']).next().unwrap_or(path))
-}
-
-/// Cut at a character to what a manifest may hold.
-fn shortened(text: &str) -> String {
-    text.chars()
-        .scan(0, |bytes, c| {
-            *bytes += c.len_utf8();
-            (*bytes <= MAX_TEXT).then_some(c)
-        })
-        .collect()
 }
 
 /// An error rather than an abort where a header promises planes of more voxels than fit.
