@@ -220,7 +220,7 @@ fn missing_and_malformed_fields_are_named_with_their_line() {
     refused_header(&[("o", "space origin: (1,2,3")], &["(1,0,0)"]);
     refused_header(&[("d", "space directions: none (1,0,0) (0,1,0)")], &["none"]);
     refused_header(&[("d", "space directions: (1,0,0) (0,1,0)")], &["three vectors"]);
-    refused_header(&[("d", "space directions: (0,0,0) (0,1,0) (0,0,1)")], &["spacing [0"]);
+    refused_header(&[("d", "space directions: (0,0,0) (0,1,0) (0,0,1)")], &["axis 0 has the vector"]);
 }
 
 #[test]
