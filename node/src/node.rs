@@ -303,12 +303,9 @@ impl Node {
         }
         let integral = choice.kinds();
         let with = move |features| Features { integral, ..features };
-        let mut features: HashSet<Features> = wanted.iter().map(|w| with(w.key.recipe.features())).collect();
-        if store.store.manifest().no_data.is_some() {
-            // Some bricks may lack data, others not; those that do never leap.
-            let lacking = features.iter().map(|f| Features { holes: true, leap: false, ..*f });
-            features.extend(lacking.collect::<Vec<_>>());
-        }
+        let may_lack = store.store.manifest().no_data.is_some();
+        let features: HashSet<Features> =
+            wanted.iter().flat_map(|w| w.key.recipe.all_features(may_lack)).map(with).collect();
         let mut load = LoadMeter::default();
         load.add(
             self.in_turn(&caller, move |node| {

@@ -30,4 +30,12 @@ impl Recipe {
             integral: None,
         }
     }
+
+    /// The same of bricks with and without holes, where voxels of the store may lack data; bricks with holes never leap.
+    #[must_use]
+    pub fn all_features(&self, may_lack_data: bool) -> Vec<Features> {
+        let whole = self.features();
+        let holed = may_lack_data.then_some(Features { holes: true, leap: false, ..whole });
+        std::iter::once(whole).chain(holed).collect()
+    }
 }

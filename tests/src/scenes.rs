@@ -4,6 +4,10 @@ use glam::DVec3;
 
 use crate::referee::{self, Camera, Lens, Transfer, Volume};
 
+mod holed;
+
+pub use holed::holed;
+
 /// A scene with the 16-bit codes that the product reads. The referee's values are those that the codes stand for, so that only
 /// arithmetic can differ.
 #[derive(Debug, Clone)]
@@ -388,32 +392,6 @@ pub fn behind_the_eye() -> Scene {
     camera.focal_point = camera.position * 2.0 - camera.focal_point;
     scene.name = "behind the eye".to_owned();
     scene
-}
-
-/// `scene` with holes in which there is no data: a ball, a whole brick of 8 with all that its samples read, a layer before the face
-/// of bricks, and single voxels, some of them at the volume's faces.
-#[must_use]
-pub fn holed(mut scene: Scene) -> Scene {
-    let [nx, ny, nz] = scene.truth.volume.dims;
-    let is_hole = |x: usize, y: usize, z: usize| {
-        let away = |a: usize, b: usize| (a as f64 - b as f64).powi(2);
-        let ball = away(x, nx / 2) + away(y, ny / 2) + away(z, nz / 2) < 14.0;
-        let brick = (5..20).contains(&x) && (5..19).contains(&y) && z < 10;
-        let layer = x == 23 && y % 5 > 1;
-        ball || brick || layer || (3 * x + 5 * y + 11 * z) % 127 == 0
-    };
-    let (mut i, (low, high)) = (0, scene.range);
-    for z in 0..nz {
-        for y in 0..ny {
-            for x in 0..nx {
-                let code = if is_hole(x, y, z) { 0 } else { scene.codes[i].max(1) };
-                let value = low + (high - low) * f64::from(code) / 65535.0;
-                (scene.codes[i], scene.truth.volume.values[i]) = (code, if code == 0 { f64::NAN } else { value });
-                i += 1;
-            }
-        }
-    }
-    Scene { name: format!("{}, with holes", scene.name), has_holes: true, ..scene }
 }
 
 /// `scene` as a picture of another size.

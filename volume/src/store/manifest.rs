@@ -97,6 +97,16 @@ impl NotFinite {
     pub fn total(&self) -> u64 {
         self.nan.saturating_add(self.negative_infinity).saturating_add(self.positive_infinity)
     }
+
+    /// What became of infinite voxels, for people.
+    pub(super) fn words(&self) -> Option<String> {
+        let Self { negative_infinity, positive_infinity, .. } = self;
+        (*negative_infinity > 0 || *positive_infinity > 0).then(|| {
+            format!(
+                "{negative_infinity} -Inf voxels became the smallest value, {positive_infinity} +Inf voxels the largest"
+            )
+        })
+    }
 }
 
 /// Hashes of the files that every store has.

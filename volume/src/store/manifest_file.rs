@@ -20,7 +20,7 @@ pub(super) const VERSION: u64 = 5;
 /// Read as well: it lacks keys that may be left out.
 const OLDEST: u64 = 4;
 /// The longest text in a manifest, in bytes.
-pub(super) const MAX_TEXT: usize = 255;
+const MAX_TEXT: usize = 255;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -130,6 +130,16 @@ fn checked_text(name: &'static str, text: String) -> Result<String, ManifestErro
         n if n > MAX_TEXT => Err(field(name, format!("{n} bytes, at most {MAX_TEXT} are allowed"))),
         _ => Ok(text),
     }
+}
+
+/// Cut at a character to what a manifest may hold.
+pub(super) fn shortened(text: &str) -> String {
+    text.chars()
+        .scan(0, |bytes, c| {
+            *bytes += c.len_utf8();
+            (*bytes <= MAX_TEXT).then_some(c)
+        })
+        .collect()
 }
 
 /// Finite and not descending.

@@ -3,9 +3,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::error::ManifestError;
+use super::error::{ManifestError, StoreError};
+use super::histogram::Histogram;
 use super::manifest_file::field;
-use super::voxel::StoredType;
+use super::quantise::Scan;
+use super::voxel::{StoredType, Voxel};
 use crate::format::VoxelType;
 
 /// The code of voxels without data, in stores that have some.
@@ -102,6 +104,48 @@ impl Fill {
             is_one.then_some(ordinal as u16)
         };
         self.values.iter().filter_map(ordinal).collect()
+    }
+}
+
+/// The stored numbers, as ordinals, of voxels without data; the first becomes that of all.
+#[derive(Debug, Clone)]
+pub(super) struct Missing {
+    ordinals: Vec<u16>,
+    /// How many are NaN.
+    nan: u64,
+}
+
+impl Missing {
+    /// `scan` of sources that are mapped to 16 bits.
+    pub(super) fn new(fill: &Fill, stored_type: StoredType, scan: Option<&Scan>) -> Self {
+        match scan {
+            None => Self { ordinals: fill.ordinals(stored_type), nan: 0 },
+            Some(scan) if scan.no_data > 0 => Self { ordinals: vec![0], nan: scan.not_finite.nan },
+            Some(_) => Self { ordinals: Vec::new(), nan: 0 },
+        }
+    }
+
+    pub(super) fn ordinal(&self) -> Option<u16> {
+        self.ordinals.first().copied()
+    }
+
+    /// Gives all of `voxels` that lack data the same number.
+    pub(super) fn make_one<T: Voxel>(&self, voxels: &mut [T]) {
+        if let [first, others @ ..] = &self.ordinals[..]
+            && !others.is_empty()
+        {
+            let first = T::at(*first);
+            voxels.iter_mut().filter(|v| others.contains(&v.ordinal())).for_each(|v| *v = first);
+        }
+    }
+
+    /// Takes them out of the histogram of all voxels; how many they are.
+    pub(super) fn leave_out(&self, histogram: &mut Histogram) -> Result<u64, StoreError> {
+        let (voxels, nan) = (self.ordinal().map_or(0, |ordinal| histogram.leave_out(ordinal)), self.nan);
+        if histogram.total() == 0 {
+            return Err(StoreError::NothingHoldsData { voxels, nan, fill: voxels.saturating_sub(nan) });
+        }
+        Ok(voxels)
     }
 }
 

@@ -12,8 +12,7 @@ use super::halo_manifest::HaloEntry;
 use super::halo_write::{VoxelHalos, WrittenHalos};
 use super::hash::ContentHash;
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
-use super::histogram::Histogram;
-use super::no_data::{Fill, NoData, with_room_below};
+use super::no_data::{Fill, Missing, NoData, with_room_below};
 use super::noise;
 use super::notes::{self, bare_name, shortened};
 use super::plane_read::CodePlanes;
@@ -30,7 +29,7 @@ use super::shard_table::{self, ShardRecord};
 use super::shard_write::ShardWriter;
 use super::shell::has_halos;
 use super::statistics::Statistics;
-use super::value_map::{ValueMap, check_range};
+use super::value_map::{ValueMap, check_range, default_range};
 use super::voxel::{StoredType, Voxel, read_le};
 use super::workdir::WorkDir;
 use super::zarr_json;
@@ -110,7 +109,7 @@ pub fn survey(source: &mut dyn VolumeSource, progress: &mut dyn FnMut(Progress))
             Some((_, q)) => job.count(&mut pass, |bytes, out| q.map(header.voxel_type, &fill, bytes, out))?,
         },
     };
-    let no_data = job.leave_out_no_data(&mut statistics.histogram)?;
+    let no_data = job.no_data().leave_out(&mut statistics.histogram)?;
     let mut manifest = job.manifest(&statistics, no_data)?;
     manifest.notes = notes::kept(job.notes(&manifest));
     Ok(manifest)
@@ -194,9 +193,9 @@ impl Job<'_> {
         let (plane, nz) = (dims[0] * dims[1], self.header.geometry.dims().z);
         let mut slab = zeroed_slab::<T>(plane * dims[2].min(CHUNK_EDGE as usize))?;
         let mut writer = ShardWriter::new(root, StoreArray::Voxels, self.shards, dims);
-        let no_data = self.no_data_ordinals();
+        let no_data = self.no_data();
         let mut statistics = Statistics::new(StoredType::of(self.header.voxel_type));
-        let mut ranges = RangeBuilder::new(self.grid, no_data.first().copied());
+        let mut ranges = RangeBuilder::new(self.grid, no_data.ordinal());
         let halos = has_halos(self.grid.brick_size());
         let mut halos = halos.then(|| VoxelHalos::create(&root.join(HALOS_FILE), self.grid)).transpose()?;
         for (cz, z0) in (0..nz).step_by(CHUNK_EDGE as usize).enumerate() {
@@ -205,16 +204,21 @@ impl Job<'_> {
             for (z, out) in (z0..).zip(slab.chunks_exact_mut(plane)) {
                 pass.report(Phase::Write, z);
                 convert(pass.next_plane(z)?, out);
-                make_one(&no_data, out);
+                no_data.make_one(out);
             }
-            statistics.add([dims[0], dims[1]], &slab, no_data.first().copied());
+            statistics.add([dims[0], dims[1]], &slab, no_data.ordinal());
             ranges.add(z0, &slab);
             writer.add(cz as u32, &slab)?;
             halos.as_mut().map(|h| h.add(z0..z0 + planes, &slab)).transpose()?;
         }
         let halos = halos.map(VoxelHalos::finish).transpose()?;
-        let no_data = self.leave_out_no_data(&mut statistics.histogram)?;
+        let no_data = no_data.leave_out(&mut statistics.histogram)?;
         Ok(Gathered { statistics, no_data, ranges, shards: writer.finish(), halos })
+    }
+
+    /// The stored numbers of voxels without data.
+    fn no_data(&self) -> Missing {
+        Missing::new(self.fill, StoredType::of(self.header.voxel_type), self.mapping.as_ref().map(|(scan, _)| scan))
     }
 
     /// Reads every plane for its statistics only.
@@ -227,37 +231,18 @@ impl Job<'_> {
         let plane = nx as usize * ny as usize;
         // Two planes: noise is told by what differs between them.
         let mut slab = zeroed_slab::<T>(plane * nz.min(2) as usize)?;
-        let no_data = self.no_data_ordinals();
+        let no_data = self.no_data();
         let mut statistics = Statistics::new(StoredType::of(self.header.voxel_type));
         for z0 in (0..nz).step_by(2) {
             slab.truncate(plane * (nz - z0).min(2) as usize);
             for (z, out) in (z0..).zip(slab.chunks_exact_mut(plane)) {
                 pass.report(Phase::Scan, z);
                 convert(pass.next_plane(z)?, out);
-                make_one(&no_data, out);
+                no_data.make_one(out);
             }
-            statistics.add([nx as usize, ny as usize], &slab, no_data.first().copied());
+            statistics.add([nx as usize, ny as usize], &slab, no_data.ordinal());
         }
         Ok(statistics)
-    }
-
-    /// The stored numbers, as ordinals, of voxels without data; the first becomes that of all.
-    fn no_data_ordinals(&self) -> Vec<u16> {
-        match &self.mapping {
-            None => self.fill.ordinals(StoredType::of(self.header.voxel_type)),
-            Some((scan, _)) if scan.no_data > 0 => vec![0],
-            Some(_) => Vec::new(),
-        }
-    }
-
-    /// Takes voxels without data out of the histogram of all; how many they are.
-    fn leave_out_no_data(&self, histogram: &mut Histogram) -> Result<u64, StoreError> {
-        let no_data = self.no_data_ordinals().first().map_or(0, |ordinal| histogram.leave_out(*ordinal));
-        if histogram.total() == 0 {
-            let nan = self.mapping.map_or(0, |(scan, _)| scan.not_finite.nan);
-            return Err(StoreError::NothingHoldsData { voxels: no_data, nan, fill: no_data - nan });
-        }
-        Ok(no_data)
     }
 
     /// Finds regions in the voxels just written, where they were asked for.
@@ -342,8 +327,7 @@ impl Job<'_> {
         let stored_type = StoredType::of(self.header.voxel_type);
         let (scale, offset, lossless) = self.mapping.map_or((1.0, 0.0, true), |(_, q)| (q.scale, q.offset, q.lossless));
         // Only scale and offset count before the range is known.
-        let missing = self.no_data_ordinals().first().map(|ordinal| i32::from(*ordinal) + stored_type.min());
-        let missing = missing.filter(|_| no_data > 0);
+        let missing = self.no_data().ordinal().filter(|_| no_data > 0).map(|o| i32::from(o) + stored_type.min());
         let unstretched = ValueMap { stored_type, scale, offset, range: (0.0, 1.0), no_data: missing };
         let value = |ordinal: u16| unstretched.value_of_ordinal(f64::from(ordinal));
         let (first, last) = histogram.bounds();
@@ -408,30 +392,11 @@ impl Job<'_> {
                 scan.rounded
             ));
         }
-        let NotFinite { negative_infinity, positive_infinity, .. } = m.not_finite;
-        if negative_infinity + positive_infinity > 0 {
-            notes.push(format!(
-                "{negative_infinity} -Inf voxels became the smallest value, {positive_infinity} +Inf voxels the largest"
-            ));
-        }
+        notes.extend(m.not_finite.words());
         notes
     }
 }
 
-/// The bounds of the data; a constant volume gets a width of one, or of what a large value needs to have a width at all.
-fn default_range(min: f64, max: f64) -> (f64, f64) {
-    if min < max && check_range(min, max).is_ok() { (min, max) } else { (min, min + (min.abs() * 1e-6).max(1.0)) }
-}
-
-/// Voxels of any of these ordinals get the first one.
-fn make_one<T: Voxel>(ordinals: &[u16], voxels: &mut [T]) {
-    if let [first, others @ ..] = ordinals
-        && !others.is_empty()
-    {
-        let first = T::at(*first);
-        voxels.iter_mut().filter(|v| others.contains(&v.ordinal())).for_each(|v| *v = first);
-    }
-}
 
 /// An error rather than an abort where a header promises planes of more voxels than fit.
 fn zeroed_slab<T: Voxel>(voxels: usize) -> Result<Vec<T>, StoreError> {

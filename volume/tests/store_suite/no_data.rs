@@ -15,7 +15,7 @@ fn is_hole([x, y, z]: [u32; 3]) -> bool {
     let away = |a: u32, b: i32| (a as i32 - b).pow(2);
     let ball = away(x, 22) + away(y, 9) + away(z, 20) < 30;
     let brick = (22..36).contains(&x) && y >= 14 && (14..28).contains(&z);
-    ball || brick || z == 16 || (x * 7 + y * 13 + z * 29) % 61 == 0
+    ball || brick || z == 16 || (x * 7 + y * 13 + z * 29).is_multiple_of(61)
 }
 
 /// Values that 16 bits or a float hold; `fill` in the holes.
