@@ -248,8 +248,9 @@ fn looked_up_slabs_are_the_integral() {
             let [mean, mean_back] = sums.map(|sum| sum / f64::from(count) * 255.0);
             let [worst, worst_back] = worst.map(|w| w * 255.0);
             eprintln!("{name}, {length}: {} nodes, {} blocks; mean {mean:.4} {mean_back:.4}, worst {worst:.3} {worst_back:.3} of 255", p.size, p.warp.len());
-            assert!(mean < 0.05 && mean_back < 0.05, "{name}, {length}: mean {mean} {mean_back}");
-            assert!(worst < 1.0 && worst_back < 1.0, "{name}, {length}: worst {worst} {worst_back}");
+            assert!(mean < 0.1 && mean_back < 0.1, "{name}, {length}: mean {mean} {mean_back}");
+            // Both ends within one code of a peak of ten.
+            assert!(worst < 2.0 && worst_back < 2.0, "{name}, {length}: worst {worst} {worst_back}");
         }
     }
 }
@@ -329,7 +330,7 @@ fn elements_hold_the_mean_of_the_function() {
                 depth += l;
                 color = [0, 1, 2].map(|c| color[c] + l * f.color(at)[c]);
             }
-            assert!((element.log_transparency - depth).abs() < 4e-3, "{place} of {n}: {element:?} {depth}");
+            assert!((element.log_transparency - depth).abs() < 5e-3 * (1.0 - depth), "{place} of {n}: {element:?} {depth}");
             if depth < -1e-3 {
                 let want = color.map(|c| c / depth);
                 assert!(element.color.iter().zip(want).all(|(g, w)| (g - w).abs() < 4e-3), "{place}: {element:?}");

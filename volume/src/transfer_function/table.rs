@@ -148,10 +148,8 @@ mod tests {
             assert!(table.c_last > table.c_first && table.c_first >= 0.0 && table.c_last <= 65536.0 / 65535.0);
             assert!(table.entries.len() > ENTRIES);
             for code in (0..=65535).step_by(7).chain([1, 99, 100, 101, 1234, 1235, 65534, 65535]) {
-                let position = (f64::from(code) / 65535.0 - f64::from(table.c_first))
-                    / (f64::from(table.c_last) - f64::from(table.c_first))
-                    * (ENTRIES - 1) as f64;
-                let (got, want) = (alpha_at(&table, position), f.opacity(f64::from(code)));
+                let at = position(&table, f64::from(code));
+                let (got, want) = (alpha_at(&table, at), f.opacity(f64::from(code)));
                 assert!((got - want).abs() < 1e-3, "window {lo},{hi}, code {code}: {got} {want}");
             }
         }
