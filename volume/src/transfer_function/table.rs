@@ -121,7 +121,9 @@ mod tests {
         (u32::from(min) * 4..=u32::from(max) * 4).all(|quarter| {
             let code = f64::from(quarter) / (4.0 * 65535.0);
             let exact = (code - f64::from(table.c_first)) / width * last;
-            [exact - slack, exact, exact + slack, position(table, code * 65535.0)].into_iter().all(|p| alpha_at(table, p) == 0.0)
+            [exact - slack, exact, exact + slack, position(table, code * 65535.0)]
+                .into_iter()
+                .all(|p| alpha_at(table, p) == 0.0)
         })
     }
 
@@ -232,7 +234,8 @@ mod tests {
 
     #[test]
     fn functions_may_be_defined_code_by_code() {
-        let value = |code: u32, salt: u32| f64::from((code ^ salt).wrapping_mul(2_654_435_761) >> 8) / f64::from(1 << 24);
+        let value =
+            |code: u32, salt: u32| f64::from((code ^ salt).wrapping_mul(2_654_435_761) >> 8) / f64::from(1 << 24);
         let opacities = (0..65_536).map(|i| OpacityPoint { x: f64::from(i), opacity: value(i, 1) }).collect();
         let color = |i: u32| ColorPoint { x: f64::from(i), rgb: [value(i, 2), value(i, 3), value(i, 4)] };
         let f = TransferFunction::new((0..65_536).map(color).collect(), opacities).unwrap();
