@@ -319,7 +319,10 @@ pub fn functions() -> Vec<(&'static str, Transfer)> {
         ("window", Transfer { colors: all.clone(), opacities: opacities(&[(20_000.3, 0.0), (40_000.7, 0.5)]) }),
         (
             "band",
-            Transfer { colors: all.clone(), opacities: opacities(&[(30_000.0, 0.0), (30_500.0, 0.9), (31_000.0, 0.0)]) },
+            Transfer {
+                colors: all.clone(),
+                opacities: opacities(&[(30_000.0, 0.0), (30_500.0, 0.9), (31_000.0, 0.0)]),
+            },
         ),
         ("peak", Transfer { colors: all.clone(), opacities: ends(&peak(30_000.0)) }),
         ("alloys", Transfer { colors: alloys, opacities: ends(&[peak(30_000.0), peak(30_040.0)].concat()) }),

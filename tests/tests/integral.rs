@@ -197,7 +197,8 @@ fn check_functions(backend: Backend, step: f64, filter: Filter, tolerance: &Tole
             let mut scene = scene.clone();
             scene.truth.transfer = transfer;
             let sampled = Case { name: "sampled", truth: referee::Style::default(), style: Style::default() };
-            let slabs = cases(&scene).into_iter().filter(|case| case.truth.preintegrated && case.truth.planes.is_empty());
+            let slabs =
+                cases(&scene).into_iter().filter(|case| case.truth.preintegrated && case.truth.planes.is_empty());
             for Case { name, truth, style } in slabs.filter(|c| c.truth.surfaces.is_empty()).chain([sampled]) {
                 let want = render_styled(&scene.truth, &truth);
                 let excused = scene.excused(&want);

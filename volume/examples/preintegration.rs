@@ -34,7 +34,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             None,
         ];
         if n <= BRUTE_FORCE_UP_TO {
-            let elements = Elements::of(&function, (0.0, 1.0), n);
+            let elements = Elements::of(&function, (0.0, 1.0), LENGTH, n);
             let ms = timed(|| brute_force::table(&elements, LENGTH));
             row[4] = Some((ms, ms));
         }

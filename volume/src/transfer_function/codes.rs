@@ -106,8 +106,7 @@ pub(crate) fn points(function: &TransferFunction) -> impl Iterator<Item = f64> {
 /// The codes between which the function changes; points between which it does not count for nothing.
 fn changes(function: &TransferFunction, codes: Codes) -> (f64, f64) {
     let colors = function.colors().windows(2).filter(|w| w[0].rgb != w[1].rgb).map(|w| [w[0].x, w[1].x]);
-    let opacities =
-        function.opacities().windows(2).filter(|w| w[0].opacity != w[1].opacity).map(|w| [w[0].x, w[1].x]);
+    let opacities = function.opacities().windows(2).filter(|w| w[0].opacity != w[1].opacity).map(|w| [w[0].x, w[1].x]);
     let (first, last) = colors.chain(opacities).fold((f64::MAX, f64::MIN), |(a, b), [x, y]| (a.min(x), b.max(y)));
     if codes.is_one_value() || first > last {
         return (0.0, LAST_CODE);
