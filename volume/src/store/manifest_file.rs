@@ -132,16 +132,6 @@ fn checked_text(name: &'static str, text: String) -> Result<String, ManifestErro
     }
 }
 
-/// Cut at a character to what a manifest may hold.
-pub(super) fn shortened(text: &str) -> String {
-    text.chars()
-        .scan(0, |bytes, c| {
-            *bytes += c.len_utf8();
-            (*bytes <= MAX_TEXT).then_some(c)
-        })
-        .collect()
-}
-
 /// Finite and not descending.
 fn check_ascending(name: &'static str, values: &[f64]) -> Result<(), ManifestError> {
     let good = values.iter().all(|v| v.is_finite()) && values.is_sorted();
