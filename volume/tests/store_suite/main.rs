@@ -13,3 +13,4 @@ mod outcome;
 mod regions;
 mod round_trip;
 mod support;
+mod tiles;
