@@ -23,6 +23,7 @@ mod jail;
 mod label_planes;
 mod manifest;
 mod manifest_file;
+mod memory;
 mod pass;
 mod plane_read;
 mod prepare;

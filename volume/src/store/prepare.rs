@@ -14,6 +14,7 @@ use super::hash::ContentHash;
 use super::histogram::Histogram;
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
 use super::manifest_file::MAX_TEXT;
+use super::memory;
 use super::pass::Pass;
 use super::plane_read::CodePlanes;
 use super::prepare_options::{Phase, PrepareOptions, PrepareSummary, Progress};
@@ -61,7 +62,10 @@ pub fn prepare(
     if let Some((lo, hi)) = options.range {
         check_range(lo, hi)?;
     }
-    options.regions.as_ref().map(segment::checked).transpose()?;
+    if let Some(regions) = &options.regions {
+        segment::checked(regions)?;
+        memory::check_regions(&grid)?;
+    }
     let work = WorkDir::create(out, options.force)?;
     let tiles = Tiles::new(&grid, options.tile_voxels);
     let mut pass = Pass::new(source, &header, progress);
