@@ -2,8 +2,9 @@
 //!
 //! A plan changes nothing in the picture: chunks are joined at the canonical merge tree's nodes whoever renders them.
 
+use brickcast_node::recipe::Recipe;
 use brickcast_volume::merge::MergeTree;
-use brickcast_volume::regions::{BrickFacts, SceneTables, drawn, within_reach};
+use brickcast_volume::regions::{BrickFacts, Drawn, SceneTables, drawn, within_reach};
 use brickcast_volume::scene::Scene;
 use brickcast_volume::store::{BrickRanges, Manifest};
 use brickcast_volume::transfer_function::TransferTable;
@@ -38,28 +39,41 @@ pub struct Shown {
     boxes: Vec<Option<OwnedBox>>,
 }
 
+/// Of every brick, x fastest: how it is drawn, and whether it has regions; nothing where it shows nothing.
+fn drawn_in_scene(store: &StoreFacts, scene: &Scene) -> Vec<Option<(Drawn, bool)>> {
+    let (grid, reach) = (store.manifest.grid, scene.style.reach(scene.step));
+    let geometry = &store.manifest.geometry;
+    let delta = scene.step * geometry.min_spacing();
+    let (range, ratio) = (store.manifest.range, delta / scene.opacity_unit);
+    let entries = scene.style.table_entries();
+    let table = |function| TransferTable::with_entries(function, range, ratio, entries);
+    let (main, region) = (table(&scene.transfer_function), scene.region_transfer_function.as_ref().map(table));
+    let surfaces = scene.style.surface_codes(range);
+    let tables = SceneTables::new(scene, &surfaces, &main, region.as_ref());
+    let of_brick = |brick| {
+        let (raw, facts) = within_reach(&grid, &store.ranges.0, store.facts.as_deref(), brick, reach);
+        let drawn = drawn(scene, &tables, geometry, &grid.owned_box(brick), raw, facts.as_ref())?;
+        Some((drawn, facts.is_some_and(|f| f.has_regions)))
+    };
+    grid.bricks().map(of_brick).collect()
+}
+
+/// Bytes that a node with texels of `texel_bytes` would hold of each brick, x fastest; 0 where it shows nothing.
+#[must_use]
+pub fn planned_bytes(store: &StoreFacts, scene: &Scene, texel_bytes: u64) -> Vec<u64> {
+    let grid = store.manifest.grid;
+    let bytes = |(brick, drawn): (_, Option<(Drawn, bool)>)| {
+        let (drawn, has_regions) = drawn?;
+        Some(Recipe::planned_bytes(scene, &grid.owned_box(brick), &drawn, has_regions, texel_bytes))
+    };
+    grid.bricks().zip(drawn_in_scene(store, scene)).map(|brick| bytes(brick).unwrap_or(0)).collect()
+}
+
 impl Shown {
     /// The bricks that a scene's transfer function shows, by the very table that the kernels read.
     #[must_use]
     pub fn in_scene(store: &StoreFacts, scene: &Scene) -> Self {
-        let tree = store.tree();
-        let geometry = &store.manifest.geometry;
-        let delta = scene.step * geometry.min_spacing();
-        let (range, ratio) = (store.manifest.range, delta / scene.opacity_unit);
-        let entries = scene.style.table_entries();
-        let table = |function| TransferTable::with_entries(function, range, ratio, entries);
-        let (main, region) = (table(&scene.transfer_function), scene.region_transfer_function.as_ref().map(table));
-        let surfaces = scene.style.surface_codes(range);
-        let tables = SceneTables::new(scene, &surfaces, &main, region.as_ref());
-        let (grid, reach) = (tree.grid(), scene.style.reach(scene.step));
-        let bricks: Vec<bool> = grid
-            .bricks()
-            .map(|brick| {
-                let (raw, facts) = within_reach(&grid, &store.ranges.0, store.facts.as_deref(), brick, reach);
-                drawn(scene, &tables, geometry, &grid.owned_box(brick), raw, facts.as_ref()).is_some()
-            })
-            .collect();
-        Self::of(tree, bricks)
+        Self::of(store.tree(), drawn_in_scene(store, scene).iter().map(Option::is_some).collect())
     }
 
     /// `bricks` says of each brick, x fastest, whether it is shown.

@@ -213,6 +213,7 @@ pub fn prepare_input(
 /// A phase, before the name of what is prepared.
 fn words(phase: Phase) -> &'static str {
     match phase {
+        Phase::Unpack => "unpacking",
         Phase::Scan | Phase::Write | Phase::Finish => "preparing",
         Phase::Flood => "flood filling",
         Phase::Distances => "distances of",

@@ -22,14 +22,11 @@ use crate::raycaster::{
     check_jobs, new_pixels,
 };
 use crate::recipe::Recipe;
-use crate::texels::{PreparedBrick, PreparedCells, expected_bytes};
+use crate::texels::{CELL_BYTES, PreparedBrick, PreparedCells, expected_bytes};
 use crate::worth::Occupancy;
 
 /// Tile edge in pixels: small enough that threads stay busy to the end, large enough that a brick's voxels are reused.
 const TILE: usize = 32;
-
-/// Bytes of a macrocell: its range and its texel of the map.
-const CELL_BYTES: u64 = 8;
 
 /// Renders with rayon's global pool. Every pixel is computed alone, so pictures do not depend on the number of threads.
 #[derive(Debug)]

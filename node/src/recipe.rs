@@ -1,6 +1,12 @@
 //! What of a brick is put into the backend's memory. Bricks of different recipes are different resident bricks.
 
+use brickcast_volume::OwnedBox;
+use brickcast_volume::regions::{Drawn, guard_width};
+use brickcast_volume::scene::{Filter, Leap, RegionView, Scene};
+
 use crate::raycaster::Features;
+use crate::render::knows_only_region;
+use crate::texels::{CELL_BYTES, HOMOGENEOUS_BYTES, reached};
 
 /// Everything that the texels of a resident brick depend on, the store apart.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
@@ -18,6 +24,56 @@ pub struct Recipe {
 }
 
 impl Recipe {
+    /// Of a brick that is drawn from V' or not, in a scene.
+    #[must_use]
+    pub fn of(scene: &Scene, flattened: bool, has_regions: bool) -> Self {
+        let acceleration = &scene.acceleration;
+        let radius = scene.style.gradient_radius();
+        let homogeneous = match acceleration.leap {
+            // What a cube is flattened by has no bound on surfaces and gradients, and is no label.
+            Leap::Macrocells(range)
+                if scene.style.surfaces.is_empty() && radius == 0 && scene.filter != Filter::Nearest =>
+            {
+                Some((f64::from(range) * 65535.0) as u16)
+            }
+            Leap::Off | Leap::Regions | Leap::Macrocells(_) => None,
+        };
+        let shows_kinds = scene.region_view != RegionView::All || scene.region_transfer_function.is_some();
+        Self {
+            // Steps are at most 16 voxels: 33.
+            guard: flattened.then(|| guard_width(scene.step, radius) as u8),
+            radius: radius as u8,
+            macrocell: (acceleration.skip_empty || homogeneous.is_some())
+                .then(|| acceleration.macrocell.voxels() as u8),
+            homogeneous,
+            region_flags: shows_kinds && has_regions,
+        }
+    }
+
+    /// Bytes that a node with texels of `texel_bytes` holds of a brick that is drawn in a scene, macrocells included; at most so
+    /// many where the brick may turn out to need no region flags.
+    #[must_use]
+    pub fn planned_bytes(scene: &Scene, owned: &OwnedBox, drawn: &Drawn, has_regions: bool, texel_bytes: u64) -> u64 {
+        let ghost = scene.style.ghost(scene.step);
+        if drawn.only_region.is_some() && knows_only_region(ghost) {
+            return texel_bytes;
+        }
+        let recipe = Self::of(scene, drawn.flattened, has_regions);
+        let stored = owned.stored(ghost);
+        let cells = recipe.cell_edge().map_or(0, |edge| {
+            let (reached, edge) = (reached(owned, &stored), u32::from(edge));
+            let dims = (reached.hi + (edge - 1)) / edge - reached.lo / edge;
+            let homogeneous = if recipe.homogeneous.is_some() { HOMOGENEOUS_BYTES } else { 0 };
+            dims.as_u64vec3().element_product() * (CELL_BYTES + homogeneous)
+        });
+        stored.voxel_count() * (texel_bytes + u64::from(recipe.region_flags)) + cells
+    }
+
+    /// Voxels per edge of the macrocells that such a brick has.
+    pub(crate) fn cell_edge(&self) -> Option<u8> {
+        self.macrocell.or(self.homogeneous.map(|_| 4))
+    }
+
     /// What of the kernel such a brick takes; some bricks take less (those without leap voxels).
     #[must_use]
     pub fn features(&self) -> Features {

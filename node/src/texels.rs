@@ -81,7 +81,7 @@ impl<'a> PreparedBrick<'a> {
             Flags::EveryVoxel => RegionFlags::EveryVoxel,
             Flags::Some(_) => RegionFlags::Texture,
         } as u32;
-        let edge = recipe.macrocell.or(recipe.homogeneous.map(|_| 4));
+        let edge = recipe.cell_edge();
         let reached = reached(owned, &voxels.stored);
         let cells = edge.map(|edge| cells_of(&reached, input, &texels, means.as_deref(), edge)).transpose()?;
         if let Some(cells) = &cells {
@@ -111,11 +111,13 @@ impl<'a> PreparedBrick<'a> {
     }
 }
 
-const HOMOGENEOUS_BYTES: u64 = 4;
+/// Bytes of a macrocell in either backend: its range and its texel of the map.
+pub(crate) const CELL_BYTES: u64 = 8;
+pub(crate) const HOMOGENEOUS_BYTES: u64 = 4;
 
 /// [`PreparedBrick::bytes`] before there is a brick.
 pub(crate) fn expected_bytes(stored_voxels: u64, recipe: Recipe, texel_bytes: u64, cell_bytes: u64) -> u64 {
-    let edge = recipe.macrocell.or(recipe.homogeneous.map(|_| 4));
+    let edge = recipe.cell_edge();
     let cells = edge.map_or(0, |edge| {
         // Cells that share a voxel with the box, which is a cube in nearly all cases.
         let along = ((stored_voxels as f64).cbrt() / f64::from(edge.max(1))).floor() as u64 + 1;
@@ -125,7 +127,7 @@ pub(crate) fn expected_bytes(stored_voxels: u64, recipe: Recipe, texel_bytes: u6
 }
 
 /// Where rays of the brick may read a position: one voxel within the stored box, whose last voxel is only interpolated with.
-fn reached(owned: &OwnedBox, stored: &brickcast_volume::StoredBox) -> OwnedBox {
+pub(crate) fn reached(owned: &OwnedBox, stored: &brickcast_volume::StoredBox) -> OwnedBox {
     let lo = (stored.lo + 1).max(IVec3::ZERO).as_uvec3();
     OwnedBox { lo: lo.min(owned.lo), hi: (stored.hi - 1).as_uvec3().max(owned.hi) }
 }

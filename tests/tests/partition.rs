@@ -7,11 +7,11 @@ use std::time::Duration;
 
 use brickcast::cli::BackendArg;
 use brickcast::embedded::{EmbeddedNodes, Kernel};
-use brickcast::plan::{Assignment, Share};
+use brickcast::plan::{Assignment, Share, planned_bytes};
 use brickcast::session::{Frame, Session, StoreChoice};
 use brickcast_volume::camera::{Camera, Orbit, Projection};
 use brickcast_volume::format::{self, RawHints};
-use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
+use brickcast_volume::scene::{Acceleration, Filter, Leap, MacrocellEdge, RegionView, Scene, Transport};
 use brickcast_volume::store::{PrepareOptions, Store, prepare};
 use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Mode, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
@@ -413,4 +413,34 @@ fn a_small_memory_budget_changes_no_bit() {
         }
         assert!(frames[0] == frames[1]);
     });
+}
+
+/// What `--dry-run` says a node would hold is what it holds: voxels and ghost layers, and macrocells, a fifth of them.
+#[tokio::test(flavor = "multi_thread")]
+async fn planned_memory_is_what_nodes_hold() {
+    let folder = tempfile::tempdir().unwrap();
+    let input = volume_file(folder.path());
+    let kernel = Kernel::open(BackendArg::Cpu).unwrap();
+    // Bricks that are no cubes at the high ends, too.
+    for brick_size in [16, 64] {
+        let store = store(folder.path(), &input, brick_size);
+        let plain = scene(&store, cameras(&store)[0].1, (16, 16), false);
+        let accelerated = |leap, macrocell| Acceleration { skip_empty: true, leap, macrocell, ..plain.acceleration };
+        let variants = [
+            Scene { acceleration: Acceleration { skip_empty: false, ..plain.acceleration }, ..plain.clone() },
+            Scene { acceleration: accelerated(Leap::Off, MacrocellEdge::Four), ..plain.clone() },
+            Scene { acceleration: accelerated(Leap::Macrocells(0.05), MacrocellEdge::Eight), ..plain.clone() },
+            Scene { style: Style { shading: Some(Phong::default()), ..Style::default() }, ..plain.clone() },
+        ];
+        for scene in variants {
+            let nodes = EmbeddedNodes::start(&kernel, 2, store.path(), 1 << 30).await.unwrap();
+            let open = || Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash()));
+            let mut session = open().await.unwrap();
+            session.load(&scene).await.unwrap();
+            let held: u64 = open().await.unwrap().members().map(|(_, node)| node.memory_used).sum();
+            let planned: u64 = planned_bytes(session.store(), &scene, 2).iter().sum();
+            let apart = held.abs_diff(planned) as f64 / held as f64;
+            assert!(held > 0 && apart < 0.01, "{:?}: {held} bytes held, {planned} planned", scene.acceleration);
+        }
+    }
 }

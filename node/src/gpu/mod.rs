@@ -26,7 +26,7 @@ use crate::raycaster::{
     BackendInfo, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, ResidentBrick, check_jobs,
 };
 use crate::recipe::Recipe;
-use crate::texels::{PreparedBrick, expected_bytes};
+use crate::texels::{CELL_BYTES, PreparedBrick, expected_bytes};
 use device::Gpu;
 use kernel::Kernels;
 use readback::{Call, Scratch};
@@ -157,7 +157,7 @@ impl Raycaster for GpuRaycaster {
     }
 
     fn brick_bytes(&self, stored_voxels: u64, recipe: Recipe) -> u64 {
-        expected_bytes(stored_voxels, recipe, self.kernels.voxel_bytes(), upload::CELL_BYTES)
+        expected_bytes(stored_voxels, recipe, self.kernels.voxel_bytes(), CELL_BYTES)
     }
 
     fn upload(&self, owned: OwnedBox, input: &BrickInput<'_>) -> Result<Arc<dyn ResidentBrick>, RaycastError> {

@@ -12,11 +12,8 @@ use super::device::Gpu;
 use super::kernel::Kernels;
 use crate::emptiness::Emptiness;
 use crate::raycaster::{Features, KernelScene, RaycastError, ResidentBrick};
-use crate::texels::PreparedBrick;
+use crate::texels::{CELL_BYTES, PreparedBrick};
 use crate::worth::Occupancy;
-
-/// Bytes of a macrocell: its range and its texel of the map.
-pub(super) const CELL_BYTES: u64 = 8;
 
 /// A brick's textures, bound once.
 #[derive(Debug)]

@@ -6,8 +6,8 @@ use brickcast_shaders::Kinds;
 use brickcast_volume::BrickIndex;
 use brickcast_volume::brick::RANGE_MARGIN;
 use brickcast_volume::preintegration::Preintegrated;
-use brickcast_volume::regions::{Drawn, SceneTables, drawn, guard_width, within_reach};
-use brickcast_volume::scene::{Filter, Leap, RegionView, Scene};
+use brickcast_volume::regions::{Drawn, SceneTables, drawn, within_reach};
+use brickcast_volume::scene::Scene;
 use brickcast_volume::store::Store;
 use brickcast_volume::transfer_function::TransferTable;
 
@@ -85,7 +85,7 @@ impl<'a> BrickChoice<'a> {
         let tables = SceneTables::new(self.scene, &self.surfaces, &self.main, self.region.as_deref());
         let drawn = drawn(self.scene, &tables, &manifest.geometry, &owned, raw, facts)?;
         let ghost = style.ghost(self.scene.step);
-        let recipe = self.recipe(&drawn, facts.is_some_and(|f| f.has_regions));
+        let recipe = Recipe::of(self.scene, drawn.flattened, facts.is_some_and(|f| f.has_regions));
         let brick = u32::try_from(linear).unwrap_or(u32::MAX);
         let key = BrickKey { store: self.store.hash(), brick, ghost, recipe };
         let bytes = match drawn.only_region {
@@ -93,29 +93,5 @@ impl<'a> BrickChoice<'a> {
             _ => raycaster.brick_bytes(owned.stored(ghost).voxel_count(), recipe),
         };
         Some(Chosen { wanted: Wanted { key, bytes }, drawn })
-    }
-
-    fn recipe(&self, drawn: &Drawn, has_regions: bool) -> Recipe {
-        let acceleration = &self.scene.acceleration;
-        let radius = self.scene.style.gradient_radius();
-        let homogeneous = match acceleration.leap {
-            // What a cube is flattened by has no bound on surfaces and gradients, and is no label.
-            Leap::Macrocells(range)
-                if self.scene.style.surfaces.is_empty() && radius == 0 && self.scene.filter != Filter::Nearest =>
-            {
-                Some((f64::from(range) * 65535.0) as u16)
-            }
-            Leap::Off | Leap::Regions | Leap::Macrocells(_) => None,
-        };
-        let shows_kinds = self.scene.region_view != RegionView::All || self.region.is_some();
-        Recipe {
-            // Steps are at most 16 voxels: 33.
-            guard: drawn.flattened.then(|| guard_width(self.scene.step, radius) as u8),
-            radius: radius as u8,
-            macrocell: (acceleration.skip_empty || homogeneous.is_some())
-                .then(|| acceleration.macrocell.voxels() as u8),
-            homogeneous,
-            region_flags: shows_kinds && has_regions,
-        }
     }
 }

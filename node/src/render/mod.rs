@@ -24,7 +24,7 @@ use crate::raycaster::Raycaster;
 use crate::residency::Residency;
 use crate::stores::OpenStore;
 pub(crate) use batch::load_bricks;
-pub(crate) use choice::BrickChoice;
+pub(crate) use choice::{BrickChoice, knows_only_region};
 
 use batch::Batches;
 use plan::FramePlan;

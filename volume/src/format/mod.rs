@@ -70,6 +70,26 @@ pub trait VolumeSource: Send + std::fmt::Debug {
     /// # Errors
     /// Truncated data, a broken compressed stream.
     fn read_planes(&mut self, count: u32, planes: &mut Vec<u8>) -> Result<(), FormatError>;
+
+    /// Replaces `piece` by the voxels that come next: whole voxels, `most` bytes where so many are left. A source that cannot
+    /// stop within a plane gives the whole next one.
+    ///
+    /// # Errors
+    /// As [`VolumeSource::read_planes`].
+    fn read_piece(&mut self, most: usize, piece: &mut Vec<u8>) -> Result<(), FormatError> {
+        let _ = most;
+        self.read_planes(1, piece)
+    }
+
+    /// Makes `voxel`, counted x fastest, the next one that [`VolumeSource::read_piece`] gives. False where the source goes in
+    /// order only; then nothing has changed.
+    ///
+    /// # Errors
+    /// The file cannot be opened again.
+    fn seek(&mut self, voxel: u64) -> Result<bool, FormatError> {
+        let _ = voxel;
+        Ok(false)
+    }
 }
 
 /// One line of the table of formats.

@@ -1,4 +1,4 @@
-//! The one reader behind all formats that end in voxels in file order, raw or coded: whole z-planes, little endian.
+//! The one reader behind all formats that end in voxels in file order, raw or coded: planes or pieces of them, little endian.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -39,7 +39,8 @@ pub(super) struct PlaneSource {
     plane_bytes: u64,
     /// `None` before the first read.
     stream: Option<Stream>,
-    next_plane: u32,
+    /// Bytes of voxels that were read.
+    done: u64,
 }
 
 impl PlaneSource {
@@ -51,7 +52,7 @@ impl PlaneSource {
         let voxel_bytes = header.voxel_type.bytes() as u64;
         // At most 2^44 voxels (Geometry) of 8 bytes: no overflow.
         let plane_bytes = u64::from(dims.x) * u64::from(dims.y) * voxel_bytes;
-        let source = Self { header, location, files, file_bytes, plane_bytes, stream: None, next_plane: 0 };
+        let source = Self { header, location, files, file_bytes, plane_bytes, stream: None, done: 0 };
         source.check_length()?;
         Ok(source)
     }
@@ -137,7 +138,7 @@ impl PlaneSource {
         let memory = |_| FormatError::Memory {
             path: self.location.path.clone(),
             bytes: want,
-            planes: (want / self.plane_bytes) as u32,
+            planes: want.div_ceil(self.plane_bytes) as u32,
             dims: self.header.geometry.dims().to_array(),
         };
         if self.location.coding == Coding::Raw {
@@ -161,6 +162,32 @@ impl PlaneSource {
                 });
             }
         }
+        Ok(())
+    }
+
+    /// Replaces `out` by the next `want` bytes, fewer only at the volume's end.
+    fn read(&mut self, want: u64, out: &mut Vec<u8>) -> Result<(), FormatError> {
+        out.clear();
+        let want = want.min(self.expected_bytes() - self.done);
+        if want == 0 {
+            return Ok(());
+        }
+        // Taken, so that after an error the next read starts no second stream at a wrong place.
+        let mut stream = match self.stream.take() {
+            Some(stream) => stream,
+            None if self.done == 0 => self.start_stream()?,
+            None => return Err(self.failed(0, io::Error::other("an earlier read failed; rewind first"))),
+        };
+        let done = self.done;
+        self.done += want;
+        self.fill(&mut stream, want, done, out)?;
+        if self.done == self.expected_bytes() {
+            self.check_end(&mut stream)?;
+        }
+        if self.location.endian == Endian::Big {
+            swap_bytes(out, self.header.voxel_type.bytes());
+        }
+        self.stream = Some(stream);
         Ok(())
     }
 
@@ -197,35 +224,32 @@ impl VolumeSource for PlaneSource {
 
     fn rewind(&mut self) -> Result<(), FormatError> {
         self.stream = None;
-        self.next_plane = 0;
+        self.done = 0;
         self.stream = Some(self.start_stream()?);
         Ok(())
     }
 
     fn read_planes(&mut self, count: u32, planes: &mut Vec<u8>) -> Result<(), FormatError> {
-        planes.clear();
-        let depth = self.header.geometry.dims().z;
-        let count = count.min(depth - self.next_plane);
-        if count == 0 {
-            return Ok(());
+        self.read(self.plane_bytes * u64::from(count), planes)
+    }
+
+    fn read_piece(&mut self, most: usize, piece: &mut Vec<u8>) -> Result<(), FormatError> {
+        let voxel = self.header.voxel_type.bytes();
+        self.read((most / voxel * voxel).max(voxel) as u64, piece)
+    }
+
+    fn seek(&mut self, voxel: u64) -> Result<bool, FormatError> {
+        if self.location.coding != Coding::Raw {
+            return Ok(false);
         }
-        // Taken, so that after an error the next read starts no second stream at a wrong plane.
-        let mut stream = match self.stream.take() {
-            Some(stream) => stream,
-            None if self.next_plane == 0 => self.start_stream()?,
-            None => return Err(self.failed(0, io::Error::other("an earlier read failed; rewind first"))),
-        };
-        let done = self.plane_bytes * u64::from(self.next_plane);
-        self.next_plane += count;
-        self.fill(&mut stream, self.plane_bytes * u64::from(count), done, planes)?;
-        if self.next_plane == depth {
-            self.check_end(&mut stream)?;
+        let mut stream = self.stream.take().map_or_else(|| self.start_stream(), Ok)?;
+        let bytes = (voxel * self.header.voxel_type.bytes() as u64).min(self.expected_bytes());
+        if let Stream::Raw(file) = &mut stream {
+            let sought = file.seek(SeekFrom::Start(self.location.start + bytes));
+            sought.map_err(|reason| FormatError::io(&self.location.path, "read", reason))?;
         }
-        if self.location.endian == Endian::Big {
-            swap_bytes(planes, self.header.voxel_type.bytes());
-        }
-        self.stream = Some(stream);
-        Ok(())
+        (self.stream, self.done) = (Some(stream), bytes);
+        Ok(true)
     }
 }
 

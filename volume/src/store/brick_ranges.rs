@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use super::error::{RangesError, StoreError};
 use super::hash::ContentHash;
 use super::manifest::Manifest;
+use super::tiles::Tile;
 use super::voxel::Voxel;
 use crate::brick::{BrickGrid, RANGE_MARGIN};
 
@@ -68,31 +69,36 @@ impl RangeBuilder {
         Self { grid, table: vec![BrickRanges::NONE; grid.brick_count() as usize], no_data }
     }
 
-    /// Takes the whole planes that start at `z0`, x fastest. Planes may come in any pieces; those on a margin count for
-    /// both bricks that they touch.
-    pub(super) fn add<T: Voxel>(&mut self, z0: u32, slab: &[T]) {
+    /// Takes a tile's planes that start at `z0`, x fastest. Tiles and planes may come in any pieces; voxels on a margin count for all
+    /// bricks that they touch.
+    pub(super) fn add<T: Voxel>(&mut self, tile: &Tile, z0: u32, slab: &[T]) {
         let (n, bricks, size) = (self.grid.volume_dims(), self.grid.dims(), self.grid.brick_size());
-        let (nx, ny) = (n.x as usize, n.y as usize);
+        let [nx, ny] = tile.size();
         let z1 = z0 + (slab.len() / (nx * ny)) as u32;
         if z1 == z0 {
             return;
         }
-        let x_boxes: Vec<_> =
-            (0..bricks.x).map(|bx| grown(bx, size, n.x)).map(|r| r.start as usize..r.end as usize).collect();
-        let layer = (bricks.x * bricks.y) as usize;
+        // Bricks that reach into voxels `lo..hi` of an axis, and what of that each of them reaches.
+        let met = |lo: u32, hi: u32, bricks: u32| {
+            lo.saturating_sub(RANGE_MARGIN) / size..((hi - 1 + RANGE_MARGIN) / size + 1).min(bricks)
+        };
+        let reached = |b: u32, n: u32, lo: u32, hi: u32| {
+            let all = grown(b, size, n);
+            (all.start.max(lo) - lo) as usize..(all.end.min(hi) - lo) as usize
+        };
         let no_data = self.no_data.map(T::at);
-        let first = z0.saturating_sub(RANGE_MARGIN) / size;
-        let last = ((z1 - 1 + RANGE_MARGIN) / size).min(bricks.z - 1);
-        for bz in first..=last {
-            let zs = grown(bz, size, n.z);
-            let zs = zs.start.max(z0) as usize..zs.end.min(z1) as usize;
-            let rows = &mut self.table[bz as usize * layer..][..layer];
-            rows.par_chunks_mut(bricks.x as usize).enumerate().for_each(|(by, row)| {
-                let ys = grown(by as u32, size, n.y);
+        let (xs, ys) = (met(tile.lo[0], tile.hi[0], bricks.x), met(tile.lo[1], tile.hi[1], bricks.y));
+        let x_boxes: Vec<_> = xs.clone().map(|bx| reached(bx, n.x, tile.lo[0], tile.hi[0])).collect();
+        let (layer, row) = ((bricks.x * bricks.y) as usize, bricks.x as usize);
+        for bz in met(z0, z1, bricks.z) {
+            let zs = reached(bz, n.z, z0, z1);
+            let rows = &mut self.table[bz as usize * layer..][..layer][ys.start as usize * row..ys.end as usize * row];
+            rows.par_chunks_mut(row).zip(ys.clone().into_par_iter()).for_each(|(row, by)| {
+                let row = &mut row[xs.start as usize..xs.end as usize];
                 let mut found = vec![(T::MAX, T::MIN); row.len()];
                 for z in zs.clone() {
-                    for y in ys.start as usize..ys.end as usize {
-                        let line = &slab[((z - z0 as usize) * ny + y) * nx..][..nx];
+                    for y in reached(by, n.y, tile.lo[1], tile.hi[1]) {
+                        let line = &slab[(z * ny + y) * nx..][..nx];
                         for (range, xs) in found.iter_mut().zip(&x_boxes) {
                             let row = line[xs.clone()].iter().copied();
                             let join = |(a, b): (T, T), v: T| (a.min(v), b.max(v));
@@ -147,7 +153,7 @@ mod tests {
                 let plane = (n.x * n.y) as usize;
                 let voxels = if no_data.is_some() { &holed } else { &voxels };
                 for (i, slab) in voxels.chunks(planes * plane).enumerate() {
-                    builder.add((i * planes) as u32, slab);
+                    builder.add(&Tile::whole(n), (i * planes) as u32, slab);
                 }
                 let identity: Vec<u16> = (0..=u16::MAX).collect();
                 let got = builder.finish(&identity);

@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::hash::ContentHash;
-use super::profile::{CHUNK_EDGE, InnerChunk, MANIFEST_FILE, MAX_SHARDS, ShardIndex, StoreArray};
+use super::profile::{InnerChunk, MANIFEST_FILE, MAX_SHARDS, ShardIndex, StoreArray};
 use super::region_error::RegionsError;
 use crate::brick::BrickGridError;
 use crate::format::FormatError;
@@ -130,7 +130,8 @@ pub enum StoreError {
     )]
     SourceLength { plane: u32, got: usize, want: usize },
     #[error(
-        "{CHUNK_EDGE} planes of the volume need {bytes} bytes of memory, which the system does not give; split the volume"
+        "preparing needs {bytes} bytes of memory at once, which the system does not give; end other programs, or use a machine \
+         with more"
     )]
     Memory { bytes: u64 },
     #[error("zstd: {0}")]

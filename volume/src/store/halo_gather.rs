@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::error::StoreError;
 use super::shell::{HaloReach, Shell};
+use super::tiles::Tile;
 use crate::brick::BrickGrid;
 use crate::ids::BrickIndex;
 
@@ -30,12 +31,13 @@ impl Gathered for (Vec<u32>, Vec<u8>) {
     }
 }
 
-/// Gathers the shells of all bricks, a layer of bricks (all those with the same z) at a time. Memory: their shells, which is seven
-/// to thirteen planes of the volume for each layer of voxels of the halo, whatever the brick size.
+/// Gathers the shells of a tile's bricks, a layer of bricks (all those with the same z) at a time. Memory: their shells, which is
+/// seven to thirteen planes of the tile for each layer of voxels of the halo, whatever the brick size.
 #[derive(Debug)]
 pub(super) struct ShellGatherer<G> {
     grid: BrickGrid,
     reach: HaloReach,
+    tile: Tile,
     /// z of the first layer of bricks in `open`.
     first: u32,
     /// Layers of bricks that began and are not complete; shells x fastest, those of a brick from the inside out.
@@ -43,31 +45,42 @@ pub(super) struct ShellGatherer<G> {
 }
 
 impl<G: Gathered> ShellGatherer<G> {
-    pub(super) fn new(grid: BrickGrid, reach: HaloReach) -> Self {
-        Self { grid, reach, first: 0, open: VecDeque::new() }
+    pub(super) fn new(grid: BrickGrid, reach: HaloReach, tile: Tile) -> Self {
+        Self { grid, reach, tile, first: 0, open: VecDeque::new() }
+    }
+
+    /// What of the volume's planes is needed: the tile and the halos of its bricks.
+    fn held(&self) -> Tile {
+        self.tile.grown(self.reach.last, self.grid.volume_dims())
     }
 
     /// The shell at a place of a layer of bricks.
     fn shell(&self, bz: u32, within: usize) -> Shell {
         let (brick, nth) = (within / self.reach.records(), within % self.reach.records());
-        let (bx, linear) = (self.grid.dims().x, brick as u32);
-        self.reach.shell(&self.grid, BrickIndex([linear % bx, linear / bx, bz]), nth)
+        let (xs, ys) = (self.bricks(0), self.bricks(1));
+        let (along_x, linear) = (xs.len() as u32, brick as u32);
+        self.reach.shell(&self.grid, BrickIndex([xs.start + linear % along_x, ys.start + linear / along_x, bz]), nth)
     }
 
-    /// Takes whole planes of the volume, in any pieces but in their order. `take` appends the voxels of a run, whose positions
-    /// count from the first plane's first voxel; `complete` gets each layer of bricks when it is, before the next one begins.
+    fn bricks(&self, axis: usize) -> Range<u32> {
+        self.tile.cells(axis, self.grid.brick_size())
+    }
+
+    /// Takes planes of the tile grown by the halo's reach (the volume's planes where the tile is all of it), in any pieces but in
+    /// their order. `take` appends the voxels of a run, whose positions count from the first plane's first voxel; `complete`
+    /// gets each layer of bricks when it is, before the next one begins.
     pub(super) fn add(
         &mut self,
         planes: Range<u32>,
         take: impl Fn(&mut G, Range<usize>) + Sync,
         mut complete: impl FnMut(&[G]) -> Result<(), StoreError>,
     ) -> Result<(), StoreError> {
-        let (n, bricks, records) = (self.grid.volume_dims(), self.grid.dims(), self.reach.records());
-        let (nx, ny) = (n.x as usize, n.y as usize);
-        for bz in self.first..bricks.z {
+        let (records, held) = (self.reach.records(), self.held());
+        let of_layer = self.bricks(0).len() * self.bricks(1).len() * records;
+        for bz in self.first..self.grid.dims().z {
             // Those of the outermost shell.
-            let of_layer = self.shell(bz, records - 1).planes();
-            if of_layer.start >= planes.end {
+            let its_planes = self.shell(bz, records - 1).planes();
+            if its_planes.start >= planes.end {
                 break;
             }
             let mut shells = match (bz - self.first) as usize {
@@ -75,19 +88,20 @@ impl<G: Gathered> ShellGatherer<G> {
                 _ => {
                     self.open.push_back(Vec::new());
                     let voxels = |i| self.shell(bz, i).voxels() as usize;
-                    (0..(bricks.x * bricks.y) as usize * records).map(|i| G::with_room(voxels(i))).collect()
+                    (0..of_layer).map(|i| G::with_room(voxels(i))).collect()
                 }
             };
             shells.par_iter_mut().enumerate().for_each(|(i, out)| {
                 let shell = self.shell(bz, i);
                 for z in shell.planes().start.max(planes.start)..shell.planes().end.min(planes.end) {
+                    let plane = (z - planes.start) as usize * held.voxels();
                     for (y, xs) in shell.runs(z) {
-                        let row = ((z - planes.start) as usize * ny + y as usize) * nx;
-                        take(out, row + xs.start as usize..row + xs.end as usize);
+                        let first = plane + held.at(xs.start, y);
+                        take(out, first..first + xs.len());
                     }
                 }
             });
-            if of_layer.end <= planes.end {
+            if its_planes.end <= planes.end {
                 complete(&shells)?;
                 self.open.pop_front();
                 self.first += 1;
@@ -117,7 +131,7 @@ mod tests {
             let reach = HaloReach { first, last: first + more };
             let [nx, ny, nz] = dims;
             let voxels: Vec<u32> = (0..nx * ny * nz).collect();
-            let mut gatherer = ShellGatherer::<Vec<u32>>::new(grid, reach);
+            let mut gatherer = ShellGatherer::<Vec<u32>>::new(grid, reach, Tile::whole(grid.volume_dims()));
             let mut got: Vec<Vec<u32>> = Vec::new();
             for (i, slab) in voxels.chunks(planes * (nx * ny) as usize).enumerate() {
                 let z0 = (i * planes) as u32;

@@ -14,8 +14,10 @@ use super::halo_gather::ShellGatherer;
 use super::halo_index::HaloIndex;
 use super::halo_manifest::HaloHashes;
 use super::halo_regions;
+use super::halo_sort::sorted;
 use super::hash::ContentHash;
 use super::profile::{REGION_HALO, VOXEL_HALO};
+use super::tiles::{Tile, Tiles};
 use super::voxel::Cell;
 use crate::brick::BrickGrid;
 
@@ -35,12 +37,13 @@ impl WrittenHalos {
 }
 
 pub(super) struct HaloWriter {
-    path: PathBuf,
+    pub(super) path: PathBuf,
     file: BufWriter<File>,
     hash: Xxh3Default,
     /// Records of a brick.
-    records: usize,
-    entries: Vec<(u32, u32)>,
+    pub(super) records: usize,
+    /// Length and crc32c of each.
+    pub(super) entries: Vec<(u32, u32)>,
 }
 
 impl HaloWriter {
@@ -60,12 +63,22 @@ impl HaloWriter {
         let record = |halo: &H| raw(halo).map_or(Ok(Vec::new()), |raw| codec::compress(&raw));
         let records: Vec<Vec<u8>> = halos.par_iter().map(record).collect::<Result<_, StoreError>>()?;
         for bytes in records {
-            self.file.write_all(&bytes).map_err(StoreError::io("write", &self.path))?;
-            self.hash.update(&bytes);
+            self.append(&bytes)?;
             // The crc32c of no bytes is 0.
             self.entries.push((bytes.len() as u32, crc32c::crc32c(&bytes)));
         }
         Ok(())
+    }
+
+    /// Bytes of records, whose entries are the caller's to add.
+    pub(super) fn append(&mut self, bytes: &[u8]) -> Result<(), StoreError> {
+        self.file.write_all(bytes).map_err(StoreError::io("write", &self.path))?;
+        self.hash.update(bytes);
+        Ok(())
+    }
+
+    pub(super) fn flush(&mut self) -> Result<(), StoreError> {
+        self.file.flush().map_err(StoreError::io("write", &self.path))
     }
 
     pub(super) fn finish(mut self) -> Result<WrittenHalos, StoreError> {
@@ -77,8 +90,9 @@ impl HaloWriter {
     }
 }
 
-/// The halos of the volume's voxels, slab by slab.
+/// The halos of the volume's voxels, tile by tile and slab by slab.
 pub(super) struct VoxelHalos<T> {
+    grid: BrickGrid,
     gatherer: ShellGatherer<Vec<T>>,
     writer: HaloWriter,
 }
@@ -86,17 +100,29 @@ pub(super) struct VoxelHalos<T> {
 impl<T: Cell> VoxelHalos<T> {
     pub(super) fn create(path: &Path, grid: BrickGrid) -> Result<Self, StoreError> {
         let writer = HaloWriter::create(path, VOXEL_HALO.records())?;
-        Ok(Self { gatherer: ShellGatherer::new(grid, VOXEL_HALO), writer })
+        let gatherer = ShellGatherer::new(grid, VOXEL_HALO, Tile::whole(grid.volume_dims()));
+        Ok(Self { grid, gatherer, writer })
     }
 
-    /// Takes whole planes; planes come in order.
+    /// Goes on with the next tile.
+    pub(super) fn start(&mut self, tile: Tile) {
+        self.gatherer = ShellGatherer::new(self.grid, VOXEL_HALO, tile);
+    }
+
+    /// Takes planes of the tile grown by the halo's reach; planes come in order.
     pub(super) fn add(&mut self, planes: Range<u32>, slab: &[T]) -> Result<(), StoreError> {
         let take = |shell: &mut Vec<T>, run| shell.extend_from_slice(&slab[run]);
         self.gatherer.add(planes, take, |shells| self.writer.add(shells, |shell| voxel_record(shell)))
     }
 
+    /// What was written; for volumes of one tile.
     pub(super) fn finish(self) -> Result<WrittenHalos, StoreError> {
         self.writer.finish()
+    }
+
+    /// What was written tile by tile, in the grid's order at `path`; the file it was in is removed.
+    pub(super) fn finish_sorted(self, tiles: Tiles, path: &Path) -> Result<WrittenHalos, StoreError> {
+        sorted(self.writer, &self.grid, tiles, path)
     }
 }
 
@@ -118,7 +144,8 @@ pub(super) struct RegionHalos {
 impl RegionHalos {
     pub(super) fn create(path: &Path, grid: BrickGrid) -> Result<Self, StoreError> {
         let writer = HaloWriter::create(path, REGION_HALO.records())?;
-        Ok(Self { gatherer: ShellGatherer::new(grid, REGION_HALO), writer })
+        let gatherer = ShellGatherer::new(grid, REGION_HALO, Tile::whole(grid.volume_dims()));
+        Ok(Self { gatherer, writer })
     }
 
     /// Takes whole planes; planes come in order.

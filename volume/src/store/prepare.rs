@@ -1,4 +1,5 @@
-//! From an input volume to a store, in one pass (two for voxels of 32 and 64 bits), holding a layer of inner chunks at a time.
+//! From an input volume to a store, in one pass (two for voxels of 32 and 64 bits), holding a layer of inner chunks of a tile at
+//! a time.
 
 use std::fs::{self, File};
 use std::io::Write;
@@ -12,14 +13,16 @@ use super::halo_manifest::HaloEntry;
 use super::halo_write::{VoxelHalos, WrittenHalos};
 use super::hash::ContentHash;
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
+use super::memory;
 use super::no_data::{Fill, Missing, NoData, with_room_below};
 use super::noise;
 use super::notes::{self, bare_name, shortened};
+use super::pass::Pass;
 use super::plane_read::CodePlanes;
 use super::prepare_options::{Phase, PrepareOptions, PrepareSummary, Progress};
 use super::profile::{
     ARRAY_FILE, CHUNK_EDGE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, MANIFEST_FILE, RANGES_FILE,
-    REGION_HALO_INDEX_FILE, SHARDS_FILE, ShardGrid, StoreArray,
+    REGION_HALO_INDEX_FILE, SHARDS_FILE, ShardGrid, StoreArray, VOXEL_HALO,
 };
 use super::quantise::{Quantiser, Scan};
 use super::region_write::{Written, write_regions};
@@ -28,7 +31,9 @@ use super::shard_read::Shards;
 use super::shard_table::{self, ShardRecord};
 use super::shard_write::ShardWriter;
 use super::shell::has_halos;
+use super::spool::Spool;
 use super::statistics::Statistics;
+use super::tiles::Tiles;
 use super::value_map::{ValueMap, check_range, default_range};
 use super::voxel::{StoredType, Voxel, read_le};
 use super::workdir::WorkDir;
@@ -40,8 +45,9 @@ use crate::regions::code::{MAX_DENSITY, density_of_code};
 
 /// Makes the store `out` of an input that stands at its first plane. The same input and options give the same bytes.
 ///
-/// Memory: 16 planes in the stored type, and 22 to 31 for halos, one plane of the input, and 64 KiB per shard of one z-row. With regions
-/// also 32 planes of codes, 37 to 66 of labels and distances for their halos, and the components that are open: see
+/// Memory follows the tile, [`PrepareOptions::tile_voxels`], not the plane: 16 planes of it in the stored type, 22 to 31 for halos, and as
+/// many again as halos are compressed; 16 more where there are several tiles; 4 MiB of the input, and 64 KiB per shard. With regions
+/// whole planes are held: 32 of codes, 37 to 66 of labels and distances for their halos, and the components that are open: see
 /// [`super::segment`].
 ///
 /// # Errors
@@ -59,20 +65,29 @@ pub fn prepare(
     if let Some((lo, hi)) = options.range {
         check_range(lo, hi)?;
     }
-    options.regions.as_ref().map(segment::checked).transpose()?;
+    if let Some(regions) = &options.regions {
+        segment::checked(regions)?;
+        memory::check_regions(&grid)?;
+    }
     let work = WorkDir::create(out, options.force)?;
     let fill = Fill::new(header.voxel_type, &header.no_data);
-    let mut pass = Pass { source, header: &header, fill: &fill, plane: Vec::new(), progress };
-    let mapping = pass.mapping(options.range)?;
-    let job = Job { header: &header, fill: &fill, options, grid, shards, mapping };
+    let tiles = Tiles::new(&grid, options.tile_voxels);
+    let mut pass = Pass::new(source, &header, progress);
+    let mut spool;
+    if tiles.count() > 1 && !pass.is_seekable()? {
+        spool = Spool::of(&mut pass, &work.scratch())?;
+        pass = pass.through(&mut spool);
+    }
+    let mapping = pass.mapping(options.range, &fill)?;
+    let job = Job { header: &header, fill: &fill, options, grid, shards, tiles, mapping };
     let root = work.store();
     let gathered = match StoredType::of(header.voxel_type) {
-        StoredType::U8 => job.write(&mut pass, &root, read_le::<u8>)?,
-        StoredType::I8 => job.write(&mut pass, &root, read_le::<i8>)?,
-        StoredType::I16 => job.write(&mut pass, &root, read_le::<i16>)?,
+        StoredType::U8 => job.write(&mut pass, &work, read_le::<u8>)?,
+        StoredType::I8 => job.write(&mut pass, &work, read_le::<i8>)?,
+        StoredType::I16 => job.write(&mut pass, &work, read_le::<i16>)?,
         StoredType::U16 => match mapping {
-            None => job.write(&mut pass, &root, read_le::<u16>)?,
-            Some((_, q)) => job.write(&mut pass, &root, |bytes, out| q.map(header.voxel_type, &fill, bytes, out))?,
+            None => job.write(&mut pass, &work, read_le::<u16>)?,
+            Some((_, q)) => job.write(&mut pass, &work, |bytes, out| q.map(header.voxel_type, &fill, bytes, out))?,
         },
     };
     let mut manifest = job.manifest(&gathered.statistics, gathered.no_data)?;
@@ -83,7 +98,7 @@ pub fn prepare(
     manifest.regions = regions.as_ref().map(|r| r.entry.clone());
     let summary = job.finish(gathered, manifest, regions, &root)?;
     work.publish()?;
-    pass.report(Phase::Finish, header.geometry.dims().z);
+    pass.report(Phase::Finish, header.geometry.voxel_count());
     Ok(PrepareSummary { region_seconds, ..summary })
 }
 
@@ -97,9 +112,10 @@ pub fn survey(source: &mut dyn VolumeSource, progress: &mut dyn FnMut(Progress))
     let grid = BrickGrid::new(header.geometry.dims(), options.brick_size)?;
     let shards = ShardGrid::new(header.geometry.dims())?;
     let fill = Fill::new(header.voxel_type, &header.no_data);
-    let mut pass = Pass { source, header: &header, fill: &fill, plane: Vec::new(), progress };
-    let mapping = pass.mapping(None)?;
-    let job = Job { header: &header, fill: &fill, options: &options, grid, shards, mapping };
+    let mut pass = Pass::new(source, &header, progress);
+    let mapping = pass.mapping(None, &fill)?;
+    let tiles = Tiles::new(&grid, options.tile_voxels);
+    let job = Job { header: &header, fill: &fill, options: &options, grid, shards, tiles, mapping };
     let mut statistics = match StoredType::of(header.voxel_type) {
         StoredType::U8 => job.count(&mut pass, read_le::<u8>)?,
         StoredType::I8 => job.count(&mut pass, read_le::<i8>)?,
@@ -115,51 +131,6 @@ pub fn survey(source: &mut dyn VolumeSource, progress: &mut dyn FnMut(Progress))
     Ok(manifest)
 }
 
-/// The input, plane by plane.
-struct Pass<'a> {
-    source: &'a mut dyn VolumeSource,
-    header: &'a SourceHeader,
-    fill: &'a Fill,
-    plane: Vec<u8>,
-    progress: &'a mut dyn FnMut(Progress),
-}
-
-impl Pass<'_> {
-    fn report(&mut self, phase: Phase, done: u32) {
-        (self.progress)(Progress { phase, done: done.into(), total: self.header.geometry.dims().z.into() });
-    }
-
-    /// Reads the plane `z`, which must be the next.
-    fn next_plane(&mut self, z: u32) -> Result<&[u8], StoreError> {
-        self.source.read_planes(1, &mut self.plane)?;
-        let d = self.header.geometry.dims();
-        let want = d.x as usize * d.y as usize * self.header.voxel_type.bytes();
-        if self.plane.len() != want {
-            return Err(StoreError::SourceLength { plane: z, got: self.plane.len(), want });
-        }
-        Ok(&self.plane)
-    }
-
-    /// How voxels of more than 16 bits are mapped to 16 bits, after a pass of their own; `None` for types that are stored as they are.
-    fn mapping(&mut self, range: Option<(f64, f64)>) -> Result<Option<(Scan, Quantiser)>, StoreError> {
-        if self.header.voxel_type.is_lossless() {
-            return Ok(None);
-        }
-        let scan = self.scan()?;
-        self.source.rewind()?;
-        Ok(Some((scan, Quantiser::new(&scan, range)?)))
-    }
-
-    fn scan(&mut self) -> Result<Scan, StoreError> {
-        let mut scan = Scan::EMPTY;
-        for z in 0..self.header.geometry.dims().z {
-            self.report(Phase::Scan, z);
-            let (voxel_type, fill) = (self.header.voxel_type, self.fill);
-            scan = scan.add(voxel_type, fill, self.next_plane(z)?);
-        }
-        Ok(scan)
-    }
-}
 
 struct Job<'a> {
     header: &'a SourceHeader,
@@ -167,6 +138,7 @@ struct Job<'a> {
     options: &'a PrepareOptions,
     grid: BrickGrid,
     shards: ShardGrid,
+    tiles: Tiles,
     mapping: Option<(Scan, Quantiser)>,
 }
 
@@ -182,37 +154,56 @@ struct Gathered {
 }
 
 impl Job<'_> {
-    /// Reads every plane, and writes all shards below `root`. `convert` takes a plane's bytes to stored voxels.
+    /// Reads every tile, and writes all shards. `convert` takes an input's bytes to stored voxels.
     fn write<T: Voxel>(
         &self,
         pass: &mut Pass<'_>,
-        root: &Path,
+        work: &WorkDir,
         convert: impl Fn(&[u8], &mut [T]),
     ) -> Result<Gathered, StoreError> {
-        let dims = self.header.geometry.dims().to_array().map(|n| n as usize);
-        let (plane, nz) = (dims[0] * dims[1], self.header.geometry.dims().z);
-        let mut slab = zeroed_slab::<T>(plane * dims[2].min(CHUNK_EDGE as usize))?;
-        let mut writer = ShardWriter::new(root, StoreArray::Voxels, self.shards, dims);
+        let (root, d) = (work.store(), self.header.geometry.dims());
+        let has_halos = has_halos(self.grid.brick_size());
+        let (one_tile, reach) = (self.tiles.count() == 1, if has_halos { VOXEL_HALO.last } else { 0 });
+        // What halos need of a tile's neighbours is read with each tile.
+        let mut wide = zeroed_slab::<T>(self.tiles.largest_slab(reach))?;
+        let mut inner = if one_tile { Vec::new() } else { zeroed_slab::<T>(self.tiles.largest_slab(0))? };
+        let mut writer = ShardWriter::new(&root, StoreArray::Voxels, self.shards);
         let no_data = self.no_data();
         let mut statistics = Statistics::new(StoredType::of(self.header.voxel_type));
         let mut ranges = RangeBuilder::new(self.grid, no_data.ordinal());
-        let halos = has_halos(self.grid.brick_size());
-        let mut halos = halos.then(|| VoxelHalos::create(&root.join(HALOS_FILE), self.grid)).transpose()?;
-        for (cz, z0) in (0..nz).step_by(CHUNK_EDGE as usize).enumerate() {
-            let planes = CHUNK_EDGE.min(nz - z0);
-            slab.truncate(plane * planes as usize);
-            for (z, out) in (z0..).zip(slab.chunks_exact_mut(plane)) {
-                pass.report(Phase::Write, z);
-                convert(pass.next_plane(z)?, out);
-                no_data.make_one(out);
+        let halo_path = if one_tile { root.join(HALOS_FILE) } else { work.scratch().join(HALOS_FILE) };
+        let mut halos = has_halos.then(|| VoxelHalos::create(&halo_path, self.grid)).transpose()?;
+        let mut done = 0;
+        for tile in self.tiles.iter() {
+            let held = tile.grown(reach, d);
+            halos.iter_mut().for_each(|h| h.start(tile));
+            for (cz, z0) in (0..d.z).step_by(CHUNK_EDGE as usize).enumerate() {
+                let planes = z0..(z0 + CHUNK_EDGE).min(d.z);
+                let wide = &mut wide[..held.voxels() * planes.len()];
+                pass.read_slab(&held, planes.clone(), wide, &convert)?;
+                no_data.make_one(wide);
+                let slab = if held == tile {
+                    &*wide
+                } else {
+                    let inner = &mut inner[..tile.voxels() * planes.len()];
+                    tile.cut(&held, wide, inner);
+                    inner
+                };
+                // A slab: a tile's voxels of a layer of inner chunks, x fastest. Each voxel of the volume is in one.
+                statistics.add(tile.size(), slab, no_data.ordinal());
+                ranges.add(&tile, z0, slab);
+                writer.add(&tile, cz as u32, slab)?;
+                halos.as_mut().map(|h| h.add(planes, wide)).transpose()?;
+                done += slab.len() as u64;
+                pass.report(Phase::Write, done);
             }
-            statistics.add([dims[0], dims[1]], &slab, no_data.ordinal());
-            ranges.add(z0, &slab);
-            writer.add(cz as u32, &slab)?;
-            halos.as_mut().map(|h| h.add(z0..z0 + planes, &slab)).transpose()?;
+
         }
-        let halos = halos.map(VoxelHalos::finish).transpose()?;
-        let no_data = no_data.leave_out(&mut statistics.histogram)?;
+        let halos = halos.map(|h| match one_tile {
+            true => h.finish(),
+            false => h.finish_sorted(self.tiles, &root.join(HALOS_FILE)),
+        });
+        let (halos, no_data) = (halos.transpose()?, no_data.leave_out(&mut statistics.histogram)?);
         Ok(Gathered { statistics, no_data, ranges, shards: writer.finish(), halos })
     }
 
@@ -221,27 +212,21 @@ impl Job<'_> {
         Missing::new(self.fill, StoredType::of(self.header.voxel_type), self.mapping.as_ref().map(|(scan, _)| scan))
     }
 
-    /// Reads every plane for its statistics only.
+    /// Reads every voxel for its histogram only, in pieces that may end anywhere: noise is told by what differs between planes.
     fn count<T: Voxel>(
         &self,
         pass: &mut Pass<'_>,
         convert: impl Fn(&[u8], &mut [T]),
     ) -> Result<Statistics, StoreError> {
-        let [nx, ny, nz] = self.header.geometry.dims().to_array();
-        let plane = nx as usize * ny as usize;
-        // Two planes: noise is told by what differs between them.
-        let mut slab = zeroed_slab::<T>(plane * nz.min(2) as usize)?;
-        let no_data = self.no_data();
-        let mut statistics = Statistics::new(StoredType::of(self.header.voxel_type));
-        for z0 in (0..nz).step_by(2) {
-            slab.truncate(plane * (nz - z0).min(2) as usize);
-            for (z, out) in (z0..).zip(slab.chunks_exact_mut(plane)) {
-                pass.report(Phase::Scan, z);
-                convert(pass.next_plane(z)?, out);
-                no_data.make_one(out);
-            }
-            statistics.add([nx as usize, ny as usize], &slab, no_data.ordinal());
-        }
+        let (mut voxels, mut statistics) = (Vec::new(), Statistics::new(StoredType::of(self.header.voxel_type)));
+        let (bytes, no_data) = (self.header.voxel_type.bytes(), self.no_data());
+        pass.each_piece(Phase::Scan, |_, piece| {
+            voxels.resize(piece.len() / bytes, T::zeroed());
+            convert(piece, &mut voxels);
+            no_data.make_one(&mut voxels);
+            statistics.histogram.add(&voxels);
+            Ok(())
+        })?;
         Ok(statistics)
     }
 

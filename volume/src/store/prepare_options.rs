@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::manifest::Manifest;
+use super::tiles::MAX_TILE_VOXELS;
 use crate::format::RawHints;
 use crate::ids::StoreHash;
 
@@ -21,6 +22,8 @@ pub struct PrepareOptions {
     pub source_bytes: Option<u64>,
     /// Find regions that rays leap through; by default none.
     pub regions: Option<RegionOptions>,
+    /// The most voxels of a plane that are held at once: planes of more are prepared in tiles. The store does not depend on it.
+    pub tile_voxels: u64,
 }
 
 /// How regions are found.
@@ -45,13 +48,23 @@ pub enum Segmentation {
 
 impl Default for PrepareOptions {
     fn default() -> Self {
-        Self { brick_size: 64, range: None, force: false, source_name: None, source_bytes: None, regions: None }
+        Self {
+            brick_size: 64,
+            range: None,
+            force: false,
+            source_name: None,
+            source_bytes: None,
+            regions: None,
+            tile_voxels: MAX_TILE_VOXELS,
+        }
     }
 }
 
 /// What [`super::prepare`] or [`super::Store::verify`] is at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
+    /// An input of large planes that can only be read in order is unpacked into a scratch file.
+    Unpack,
     /// First pass over an input of 32 or 64 bits: its bounds.
     Scan,
     /// Voxels are read, compressed and written.
@@ -70,7 +83,7 @@ pub enum Phase {
     Verify,
 }
 
-/// How far it is: shards for verify, z-planes for all else.
+/// How far it is: shards for verify, z-planes while regions are found, voxels for all else.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
     pub phase: Phase,

@@ -38,6 +38,11 @@ pub enum RegionsError {
          use --segmentation windows"
     )]
     FloodTooLarge { voxels: u64 },
+    #[error(
+        "regions hold whole planes: this volume needs at least {need} bytes of memory for them, {available} are free; prepare it \
+         without --segmentation-range and --labels, or use a machine with more"
+    )]
+    Memory { need: u64, available: u64 },
     #[error("the volume has more than {MAX_REGIONS} regions; leave small ones out with a larger --min-region")]
     TooManyRegions,
     #[error("this store has no regions; prepare it with --segmentation-range")]

@@ -22,6 +22,7 @@ use super::segment::{Finder, Found, Segmenter};
 use super::shard_table::{self, ShardRecord};
 use super::shard_write::ShardWriter;
 use super::shell::has_halos;
+use super::tiles::Tile;
 use super::zarr_json;
 use crate::brick::BrickGrid;
 use crate::regions::block::{BlockSpace, Slab};
@@ -117,8 +118,9 @@ fn write_once(
     root: &Path,
 ) -> Result<Attempt, StoreError> {
     let (dims, shards) = (segmenter.dims(), segmenter.voxels.shards.grid);
-    let mut label_writer = ShardWriter::new(root, StoreArray::Labels, shards, dims);
-    let mut distance_writer = ShardWriter::new(root, StoreArray::Distances, shards, dims);
+    let tile = Tile::whole(segmenter.geometry.dims());
+    let mut label_writer = ShardWriter::new(root, StoreArray::Labels, shards);
+    let mut distance_writer = ShardWriter::new(root, StoreArray::Distances, shards);
     let mut facts = FactsBuilder::new(grid, table, segmenter.has_holes);
     let halos = has_halos(grid.brick_size());
     let mut halos = halos.then(|| RegionHalos::create(&root.join(REGION_HALOS_FILE), grid)).transpose()?;
@@ -162,8 +164,8 @@ fn write_once(
         halos.as_mut().map(|h| h.add(z0..z1, &labels, &near)).transpose()?;
         let layer = CHUNK_EDGE as usize * this.voxels.plane();
         for (cz, (labels, near)) in (z0 / CHUNK_EDGE..).zip(labels.chunks(layer).zip(near.chunks(layer))) {
-            label_writer.add(cz, labels)?;
-            distance_writer.add(cz, near)?;
+            label_writer.add(&tile, cz, labels)?;
+            distance_writer.add(&tile, cz, near)?;
         }
         Ok(())
     })?;

@@ -1,5 +1,5 @@
-//! Shards are written append-only, one row of shards (all those with the same z) at a time: inner chunks as their slab
-//! comes, the index when the row is complete. Memory holds the indices of one row, never a shard.
+//! Shards are written append-only, those of one z of a tile at a time: inner chunks as their slab comes, the index when the last
+//! slab has come. Memory holds their indices, never a shard.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
@@ -12,10 +12,11 @@ use super::codec;
 use super::error::StoreError;
 use super::hash::ContentHash;
 use super::profile::{
-    ABSENT, CHUNK_EDGE, CHUNK_VOXELS, CHUNKS_PER_EDGE, CHUNKS_PER_SHARD, INDEX_BYTES, InnerChunk, ShardGrid,
-    ShardIndex, StoreArray,
+    ABSENT, CHUNK_EDGE, CHUNK_VOXELS, CHUNKS_PER_EDGE, CHUNKS_PER_SHARD, INDEX_BYTES, InnerChunk, SHARD_EDGE,
+    ShardGrid, ShardIndex, StoreArray,
 };
 use super::shard_table::ShardRecord;
+use super::tiles::Tile;
 use super::voxel::Cell;
 
 /// Writes an array's shards in the order of their slabs.
@@ -23,10 +24,10 @@ pub(super) struct ShardWriter {
     root: PathBuf,
     array: StoreArray,
     grid: ShardGrid,
-    volume_dims: [usize; 3],
-    /// The row being written, x fastest; empty between rows.
+    /// The shards being written, x fastest; empty between those of one z and the next.
     row: Vec<OpenShard>,
-    table: Vec<ShardRecord>,
+    /// By the shard's place in the grid.
+    table: Vec<Option<ShardRecord>>,
 }
 
 struct OpenShard {
@@ -39,16 +40,16 @@ struct OpenShard {
 }
 
 impl ShardWriter {
-    pub(super) fn new(root: &Path, array: StoreArray, grid: ShardGrid, volume_dims: [usize; 3]) -> Self {
-        Self { root: root.to_path_buf(), array, grid, volume_dims, row: Vec::new(), table: Vec::new() }
+    pub(super) fn new(root: &Path, array: StoreArray, grid: ShardGrid) -> Self {
+        Self { root: root.to_path_buf(), array, grid, row: Vec::new(), table: vec![None; grid.count() as usize] }
     }
 
-    /// Takes the whole planes of the `cz`-th layer of inner chunks, x fastest; layers come in order.
-    pub(super) fn add<T: Cell>(&mut self, cz: u32, slab: &[T]) -> Result<(), StoreError> {
+    /// Takes a tile's planes of the `cz`-th layer of inner chunks, x fastest; all layers of a tile come in order before the next tile's.
+    pub(super) fn add<T: Cell>(&mut self, tile: &Tile, cz: u32, slab: &[T]) -> Result<(), StoreError> {
         if cz.is_multiple_of(CHUNKS_PER_EDGE) {
-            self.start_row(cz / CHUNKS_PER_EDGE)?;
+            self.start_row(tile, cz / CHUNKS_PER_EDGE)?;
         }
-        let (grid, dims) = (self.grid, self.volume_dims);
+        let grid = self.grid;
         for open in &mut self.row {
             let first = (cz % CHUNKS_PER_EDGE) as usize * (CHUNKS_PER_EDGE * CHUNKS_PER_EDGE) as usize;
             let slots = first..first + (CHUNKS_PER_EDGE * CHUNKS_PER_EDGE) as usize;
@@ -56,14 +57,15 @@ impl ShardWriter {
                 slots.map(|slot| InnerChunk::at(open.shard, slot)).filter(|c| grid.holds(*c)).collect();
             let encoded: Vec<_> = present
                 .into_par_iter()
-                .map(|chunk| Ok((chunk.slot(), encode_chunk(chunk, dims, slab)?)))
+                .map(|chunk| Ok((chunk.slot(), encode_chunk(chunk, tile, slab)?)))
                 .collect::<Result<_, StoreError>>()?;
             open.append(encoded)?;
         }
         let next = cz + 1;
         if next.is_multiple_of(CHUNKS_PER_EDGE) || next == grid.chunk_dims().z {
             for open in self.row.drain(..) {
-                self.table.push(open.finish()?);
+                let place = grid.linear(open.shard);
+                self.table[place] = Some(open.finish()?);
             }
         }
         Ok(())
@@ -71,16 +73,17 @@ impl ShardWriter {
 
     /// The table of all shards, once every layer was added.
     pub(super) fn finish(self) -> Vec<ShardRecord> {
-        self.table
+        debug_assert!(self.table.iter().all(Option::is_some), "a shard was in no tile");
+        self.table.into_iter().flatten().collect()
     }
 
-    fn start_row(&mut self, z: u32) -> Result<(), StoreError> {
-        let dims = self.grid.dims();
-        for y in 0..dims.y {
-            for x in 0..dims.x {
+    fn start_row(&mut self, tile: &Tile, z: u32) -> Result<(), StoreError> {
+        let first_x = tile.cells(0, SHARD_EDGE).start;
+        for y in tile.cells(1, SHARD_EDGE) {
+            for x in tile.cells(0, SHARD_EDGE) {
                 let shard = ShardIndex([x, y, z]);
                 let path = self.root.join(shard.path(self.array));
-                if let (0, Some(dir)) = (x, path.parent()) {
+                if let (true, Some(dir)) = (x == first_x, path.parent()) {
                     fs::create_dir_all(dir).map_err(StoreError::io("create", dir))?;
                 }
                 let index = vec![[ABSENT; 2]; CHUNKS_PER_SHARD];
@@ -125,11 +128,11 @@ impl OpenShard {
 }
 
 /// Cuts an inner chunk out of its slab, padded with 0, and encodes it; nothing where it holds nothing but 0.
-fn encode_chunk<T: Cell>(chunk: InnerChunk, dims: [usize; 3], slab: &[T]) -> Result<Option<Vec<u8>>, StoreError> {
-    let [nx, ny, _] = dims;
+fn encode_chunk<T: Cell>(chunk: InnerChunk, tile: &Tile, slab: &[T]) -> Result<Option<Vec<u8>>, StoreError> {
+    let [nx, ny] = tile.size();
     let planes = slab.len() / (nx * ny);
     let edge = CHUNK_EDGE as usize;
-    let (x0, y0) = (chunk.0[0] as usize * edge, chunk.0[1] as usize * edge);
+    let [x0, y0] = [0, 1].map(|a| (chunk.0[a] * CHUNK_EDGE - tile.lo[a]) as usize);
     let (width, height) = (edge.min(nx - x0), edge.min(ny - y0));
     let mut voxels = vec![T::zeroed(); CHUNK_VOXELS];
     for z in 0..planes {

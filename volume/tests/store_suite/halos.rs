@@ -96,10 +96,10 @@ fn dense(dims: [u32; 3], voxel_type: VoxelType) -> Volume {
     Volume::new(dims, voxel_type, |p| f64::from(noise(p) % 100 + 1))
 }
 
-/// Layers of constant value, and thin walls of noise: several regions a brick, some beyond its faces only.
+/// Nowhere 0: layers of constant value, and thin walls of noise: several regions a brick, some beyond its faces only.
 fn layered(dims: [u32; 3]) -> Volume {
     Volume::new(dims, VoxelType::U16, |p| match (p[0] % 19, p[2] % 23) {
-        (18, _) | (_, 22) => f64::from(noise(p)),
+        (18, _) | (_, 22) => f64::from(noise(p) | 1),
         _ => f64::from(3000 * (1 + p[0] / 19 + p[2] / 23)),
     })
 }

@@ -14,3 +14,4 @@ mod outcome;
 mod regions;
 mod round_trip;
 mod support;
+mod tiles;

@@ -124,15 +124,17 @@ fn options_that_do_not_fit_are_refused_before_anything_is_written() {
 }
 
 #[test]
-fn progress_runs_through_the_planes_of_each_pass() {
+fn progress_runs_through_the_voxels_of_each_pass() {
     let volume = noisy([9, 9, 40], VoxelType::I32);
     let dir = tempfile::tempdir().unwrap();
     let mut seen = Vec::new();
     let options = PrepareOptions::default();
     prepare(&mut volume.source(), &dir.path().join("s"), &options, &mut |p| seen.push(p)).unwrap();
     let count = |phase| seen.iter().filter(|p| p.phase == phase).count();
-    assert_eq!((count(Phase::Scan), count(Phase::Write), count(Phase::Finish)), (40, 40, 2));
-    assert!(seen.iter().all(|p| p.done <= p.total && p.total == 40));
+    // Planes, layers of inner chunks, beginning and end.
+    assert_eq!((count(Phase::Scan), count(Phase::Write), count(Phase::Finish)), (40, 3, 2));
+    assert!(seen.iter().all(|p| p.done <= p.total && p.total == 9 * 9 * 40));
+    assert!(seen.is_sorted_by_key(|p| (p.phase != Phase::Scan, p.phase == Phase::Finish, p.done)));
 }
 
 /// What a foreign header says reaches terminals and other machines: harmless, and in the store itself.

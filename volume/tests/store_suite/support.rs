@@ -10,9 +10,24 @@ use brickcast_volume::store::{PrepareOptions, PrepareSummary, StoreError, prepar
 pub(crate) struct MemorySource {
     pub(crate) header: SourceHeader,
     bytes: Vec<u8>,
+    /// Bytes before the next voxel.
     next: usize,
-    /// Planes of more come short: a reader at fault.
+    /// Gives pieces, from anywhere; else whole planes in order, as a source must at least.
+    pub(crate) seekable: bool,
+    /// The most bytes that one read gave.
+    pub(crate) largest: usize,
+    /// Planes beyond come short: a reader at fault.
     pub(crate) good_planes: usize,
+}
+
+impl MemorySource {
+    fn give(&mut self, most: usize, out: &mut Vec<u8>) {
+        let end = (self.next + most).min(self.bytes.len());
+        out.clear();
+        out.extend_from_slice(&self.bytes[self.next..end]);
+        self.largest = self.largest.max(out.len());
+        self.next = end;
+    }
 }
 
 impl VolumeSource for MemorySource {
@@ -28,14 +43,26 @@ impl VolumeSource for MemorySource {
     fn read_planes(&mut self, count: u32, planes: &mut Vec<u8>) -> Result<(), FormatError> {
         let d = self.header.geometry.dims();
         let plane = (d.x * d.y) as usize * self.header.voxel_type.bytes();
-        let end = (self.next + count as usize).min(d.z as usize);
-        planes.clear();
-        planes.extend_from_slice(&self.bytes[self.next * plane..end * plane]);
-        if end > self.good_planes {
+        self.give(plane * count as usize, planes);
+        if self.next > self.good_planes.saturating_mul(plane) {
             planes.pop();
         }
-        self.next = end;
         Ok(())
+    }
+
+    fn read_piece(&mut self, most: usize, piece: &mut Vec<u8>) -> Result<(), FormatError> {
+        if !self.seekable {
+            return self.read_planes(1, piece);
+        }
+        self.give(most, piece);
+        Ok(())
+    }
+
+    fn seek(&mut self, voxel: u64) -> Result<bool, FormatError> {
+        if self.seekable {
+            self.next = voxel as usize * self.header.voxel_type.bytes();
+        }
+        Ok(self.seekable)
     }
 }
 
@@ -75,7 +102,7 @@ impl Volume {
             notes: Vec::new(),
         };
         let bytes = self.values.iter().flat_map(|v| cast(self.voxel_type, *v).1).collect();
-        MemorySource { header, bytes, next: 0, good_planes: usize::MAX }
+        MemorySource { header, bytes, next: 0, seekable: false, largest: 0, good_planes: usize::MAX }
     }
 
     pub(crate) fn prepare(&self, out: &Path, options: &PrepareOptions) -> Result<PrepareSummary, StoreError> {
