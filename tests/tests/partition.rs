@@ -433,7 +433,7 @@ async fn planned_memory_is_what_nodes_hold() {
             Scene { style: Style { shading: Some(Phong::default()), ..Style::default() }, ..plain.clone() },
         ];
         for scene in variants {
-            let nodes = EmbeddedNodes::start(&kernel, 2, store.path(), 1 << 30).await.unwrap();
+            let nodes = EmbeddedNodes::start(&kernel, 2, &store.path(), 1 << 30).await.unwrap();
             let open = || Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash()));
             let mut session = open().await.unwrap();
             session.load(&scene).await.unwrap();

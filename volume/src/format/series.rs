@@ -3,6 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::coded::Coding;
 use super::planes::{DataLocation, PlaneSource};
 use super::{FormatError, SourceHeader, VolumeSource};
 use crate::space::Geometry;
@@ -18,9 +19,12 @@ pub(super) struct SeriesSource {
     starts: Vec<u64>,
     /// Of the first file; the others differ in path and start.
     like: DataLocation,
-    /// The file that the next plane is in, once a plane of it was read.
-    open: Option<PlaneSource>,
-    next_plane: u32,
+    /// The file that was read last, and which of all it is.
+    open: Option<(usize, PlaneSource)>,
+    /// The voxel that comes next, x fastest.
+    next: u64,
+    /// It may be another than the open file stands at.
+    sought: bool,
     /// An error ends a pass.
     failed: bool,
 }
@@ -50,31 +54,59 @@ impl SeriesSource {
             like.get_or_insert(location);
         }
         match like {
-            Some(like) => Ok(Self { header, part, files, starts, like, open: None, next_plane: 0, failed: false }),
+            Some(like) => {
+                Ok(Self { header, part, files, starts, like, open: None, next: 0, sought: false, failed: false })
+            }
             None => Err(FormatError::io(path, "read", io::Error::other("it names no data files"))),
         }
     }
 
-    /// The next planes of one file, at most `count` of them.
-    fn read_part(&mut self, count: u32, planes: &mut Vec<u8>) -> Result<(), FormatError> {
-        let depth = self.part.geometry.dims().z;
-        let (i, within) = ((self.next_plane / depth) as usize, self.next_plane % depth);
-        let count = count.min(depth - within);
+    /// The next voxels, at most `most` of them and all of one file.
+    fn read_part(&mut self, most: u64, out: &mut Vec<u8>) -> Result<(), FormatError> {
+        let (of_file, bytes) = (self.part.geometry.voxel_count(), self.header.voxel_type.bytes() as u64);
+        let (i, within) = ((self.next / of_file) as usize, self.next % of_file);
+        let want = usize::try_from(most.min(of_file - within) * bytes).unwrap_or(usize::MAX);
         let mut read = || -> Result<PlaneSource, FormatError> {
-            let mut source = match self.open.take() {
-                Some(source) => source,
+            let mut source = match self.open.take().filter(|(open, _)| *open == i) {
+                Some((_, source)) => source,
                 None => {
                     let (path, start) = (self.files[i + 1].clone(), self.starts[i]);
                     let location = DataLocation { path, start, ..self.like.clone() };
                     PlaneSource::new(self.part.clone(), location, Vec::new())?
                 }
             };
-            source.read_planes(count, planes)?;
+            if self.sought {
+                source.seek(within)?;
+            }
+            source.read_piece(want, out)?;
             Ok(source)
         };
         let source = read().map_err(|reason| of_part(&self.files[0], i, self.starts.len(), reason))?;
-        self.open = (within + count < depth).then_some(source);
-        self.next_plane += count;
+        self.sought = false;
+        self.next += out.len() as u64 / bytes;
+        self.open = (self.next % of_file != 0).then_some((i, source));
+        Ok(())
+    }
+
+    /// Replaces `out` by the next `want` voxels (fewer only at the volume's end).
+    fn read(&mut self, want: u64, out: &mut Vec<u8>) -> Result<(), FormatError> {
+        out.clear();
+        if self.failed {
+            let reason = io::Error::other("an earlier read failed; rewind first");
+            return Err(FormatError::io(&self.files[0], "read", reason));
+        }
+        self.failed = true;
+        let end = self.header.geometry.voxel_count().min(self.next.saturating_add(want));
+        let mut more = Vec::new();
+        while self.next < end {
+            if out.is_empty() {
+                self.read_part(end - self.next, out)?;
+            } else {
+                self.read_part(end - self.next, &mut more)?;
+                out.append(&mut more);
+            }
+        }
+        self.failed = false;
         Ok(())
     }
 }
@@ -93,29 +125,24 @@ impl VolumeSource for SeriesSource {
     }
 
     fn rewind(&mut self) -> Result<(), FormatError> {
-        (self.open, self.next_plane, self.failed) = (None, 0, false);
+        (self.open, self.next, self.sought, self.failed) = (None, 0, false, false);
         Ok(())
     }
 
     fn read_planes(&mut self, count: u32, planes: &mut Vec<u8>) -> Result<(), FormatError> {
-        planes.clear();
-        if self.failed {
-            let reason = io::Error::other("an earlier read failed; rewind first");
-            return Err(FormatError::io(&self.files[0], "read", reason));
+        let d = self.header.geometry.dims();
+        self.read(u64::from(d.x) * u64::from(d.y) * u64::from(count), planes)
+    }
+
+    fn read_piece(&mut self, most: usize, piece: &mut Vec<u8>) -> Result<(), FormatError> {
+        self.read((most / self.header.voxel_type.bytes()).max(1) as u64, piece)
+    }
+
+    fn seek(&mut self, voxel: u64) -> Result<bool, FormatError> {
+        if self.like.coding != Coding::Raw {
+            return Ok(false);
         }
-        self.failed = true;
-        let end = self.header.geometry.dims().z.min(self.next_plane.saturating_add(count));
-        let mut more = Vec::new();
-        while self.next_plane < end {
-            let count = end - self.next_plane;
-            if planes.is_empty() {
-                self.read_part(count, planes)?;
-            } else {
-                self.read_part(count, &mut more)?;
-                planes.append(&mut more);
-            }
-        }
-        self.failed = false;
-        Ok(())
+        (self.next, self.sought) = (voxel, true);
+        Ok(true)
     }
 }

@@ -20,7 +20,7 @@ pub(super) const VERSION: u64 = 5;
 /// Read as well: it lacks keys that may be left out.
 const OLDEST: u64 = 4;
 /// The longest text in a manifest, in bytes.
-const MAX_TEXT: usize = 255;
+pub(super) const MAX_TEXT: usize = 255;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -131,7 +131,6 @@ pub fn survey(source: &mut dyn VolumeSource, progress: &mut dyn FnMut(Progress))
     Ok(manifest)
 }
 
-
 struct Job<'a> {
     header: &'a SourceHeader,
     fill: &'a Fill,
@@ -197,7 +196,6 @@ impl Job<'_> {
                 done += slab.len() as u64;
                 pass.report(Phase::Write, done);
             }
-
         }
         let halos = halos.map(|h| match one_tile {
             true => h.finish(),
@@ -252,8 +250,7 @@ impl Job<'_> {
         let scratch = work.scratch();
         let (placement, has_holes) = (self.header.placement, manifest.no_data.is_some());
         let geometry = manifest.geometry;
-        let mut segmenter =
-            Segmenter { options, geometry, placement, scratch: &scratch, voxels, has_holes, progress };
+        let mut segmenter = Segmenter { options, geometry, placement, scratch: &scratch, voxels, has_holes, progress };
         let found = segmenter.find(&histogram)?;
         write_regions(&mut segmenter, found, segment::checked(options)?, manifest, &root).map(Some)
     }
@@ -381,7 +378,6 @@ impl Job<'_> {
         notes
     }
 }
-
 
 /// An error rather than an abort where a header promises planes of more voxels than fit.
 fn zeroed_slab<T: Voxel>(voxels: usize) -> Result<Vec<T>, StoreError> {

@@ -265,10 +265,11 @@ mod tests {
     }
 
     fn scanned(voxel_type: VoxelType, bytes: &[[u8; 8]]) -> (Scan, Result<Vec<u16>, StoreError>) {
-        let scan = Scan::EMPTY.add(voxel_type, &bytes.concat());
+        let fill = Fill::default();
+        let scan = Scan::EMPTY.add(voxel_type, &fill, &bytes.concat());
         let stored = Quantiser::new(&scan, None).map(|q| {
             let mut out = vec![0; bytes.len()];
-            q.map(voxel_type, &bytes.concat(), &mut out);
+            q.map(voxel_type, &fill, &bytes.concat(), &mut out);
             out
         });
         (scan, stored)
@@ -293,6 +294,7 @@ mod tests {
             assert!(matches!(scanned(VoxelType::F64, &ends.map(f64::to_le_bytes)).1, Err(StoreError::Range { .. })));
         }
         let (scan, stored) = scanned(VoxelType::F64, &[f64::NAN, 1e300, -1e300, 0.0].map(f64::to_le_bytes));
-        assert_eq!((scan.not_finite.nan, stored.unwrap()), (1, vec![0, 65535, 0, 32768]));
+        // Code 0 is for what holds no data.
+        assert_eq!((scan.not_finite.nan, stored.unwrap()), (1, vec![0, 65535, 1, 32768]));
     }
 }

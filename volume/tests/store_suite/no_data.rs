@@ -109,7 +109,10 @@ fn holes_alone_have_code_0_and_count_in_no_statistic() {
             );
             let stored = m.value_of_stored(no_data.stored);
             assert!(voxel_type.bytes() == 4 || stored == fill, "{what}: files keep the fill value, not {stored}");
-            assert!(summary.manifest.notes.iter().any(|n| n.starts_with(&format!("{holes} voxels hold no data"))), "{what}");
+            assert!(
+                summary.manifest.notes.iter().any(|n| n.starts_with(&format!("{holes} voxels hold no data"))),
+                "{what}"
+            );
             let empty = check_bricks(&volume, &store);
             assert_eq!(empty > 0, brick_size == 8, "{what}: {empty} bricks without data");
         }
