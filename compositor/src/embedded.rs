@@ -12,6 +12,9 @@ use brickcast_node::raycaster::{self, BackendChoice, Raycaster};
 use brickcast_node::recipe::Recipe;
 use brickcast_node::{DataRoot, Node, NodeConfig, NodeError, serve_admitted};
 use brickcast_proto::credentials::{Doorkeeper, Token};
+use brickcast_volume::OwnedBox;
+use brickcast_volume::regions::Drawn;
+use brickcast_volume::scene::Scene;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
@@ -64,6 +67,12 @@ impl Kernel {
     pub fn brick_bytes(&self, stored_voxels: u64) -> u64 {
         self.0.brick_bytes(stored_voxels, Recipe::default())
     }
+}
+
+/// Bytes that a node holds of a brick that is drawn so in a scene, macrocells included.
+#[must_use]
+pub fn planned_brick_bytes(scene: &Scene, owned: &OwnedBox, drawn: &Drawn, has_regions: bool, texel_bytes: u64) -> u64 {
+    Recipe::planned_bytes(scene, owned, drawn, has_regions, texel_bytes)
 }
 
 /// Reads a size such as `4GiB`.

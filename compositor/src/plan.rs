@@ -2,13 +2,14 @@
 //!
 //! A plan changes nothing in the picture: chunks are joined at the canonical merge tree's nodes whoever renders them.
 
-use brickcast_node::recipe::Recipe;
 use brickcast_volume::merge::MergeTree;
 use brickcast_volume::regions::{BrickFacts, Drawn, SceneTables, drawn, within_reach};
 use brickcast_volume::scene::Scene;
 use brickcast_volume::store::{BrickRanges, Manifest};
 use brickcast_volume::transfer_function::TransferTable;
 use brickcast_volume::{BrickIndex, ChunkIndex, OwnedBox};
+
+use crate::embedded::planned_brick_bytes;
 
 /// A store as the compositor knows it: no voxels, only what planning needs.
 #[derive(Debug, Clone)]
@@ -64,7 +65,7 @@ pub fn planned_bytes(store: &StoreFacts, scene: &Scene, texel_bytes: u64) -> Vec
     let grid = store.manifest.grid;
     let bytes = |(brick, drawn): (_, Option<(Drawn, bool)>)| {
         let (drawn, has_regions) = drawn?;
-        Some(Recipe::planned_bytes(scene, &grid.owned_box(brick), &drawn, has_regions, texel_bytes))
+        Some(planned_brick_bytes(scene, &grid.owned_box(brick), &drawn, has_regions, texel_bytes))
     };
     grid.bricks().zip(drawn_in_scene(store, scene)).map(|brick| bytes(brick).unwrap_or(0)).collect()
 }

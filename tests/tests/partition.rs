@@ -421,7 +421,6 @@ async fn planned_memory_is_what_nodes_hold() {
     let folder = tempfile::tempdir().unwrap();
     let input = volume_file(folder.path());
     let kernel = Kernel::open(BackendArg::Cpu).unwrap();
-    // Bricks that are no cubes at the high ends, too.
     for brick_size in [16, 64] {
         let store = store(folder.path(), &input, brick_size);
         let plain = scene(&store, cameras(&store)[0].1, (16, 16), false);
@@ -439,8 +438,7 @@ async fn planned_memory_is_what_nodes_hold() {
             session.load(&scene).await.unwrap();
             let held: u64 = open().await.unwrap().members().map(|(_, node)| node.memory_used).sum();
             let planned: u64 = planned_bytes(session.store(), &scene, 2).iter().sum();
-            let apart = held.abs_diff(planned) as f64 / held as f64;
-            assert!(held > 0 && apart < 0.01, "{:?}: {held} bytes held, {planned} planned", scene.acceleration);
+            assert!(held.abs_diff(planned) * 100 < held, "{:?}: {held}, {planned}", scene.acceleration);
         }
     }
 }
