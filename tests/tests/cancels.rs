@@ -191,30 +191,24 @@ fn what_a_closed_connection_took_is_ordered_again() {
         let (mut session, opened) = stage.session(1, &Older::start(&stage.node.address)).await;
         let scene = stage.scene(0.0);
         let want = bits(&mut session, &scene).await;
-        let (mut again, mut closed, mut epochs) = (0, 0, Vec::new());
+        let (mut again, mut epochs) = (0, Vec::new());
         let channel = opened.first.lock().unwrap().clone().unwrap();
-        let over = Arc::new(AtomicBool::new(false));
-        let resets = tokio::spawn({
-            let over = over.clone();
-            async move {
-                while !over.load(Ordering::SeqCst) {
-                    reset_calls(&channel, 5 * USUAL_LIMIT, Duration::from_millis(60)).await;
-                    // Rarely enough that no frame meets more of them than it bears.
-                    tokio::time::sleep(Duration::from_secs(2)).await;
-                }
-            }
-        });
         let started = Instant::now();
         while again == 0 && started.elapsed() < Duration::from_secs(60) {
+            cancel_frames(&mut session, &scene, 4).await;
+            // On the same connection, by someone who does not pace himself.
+            let channel = channel.clone();
+            let resets =
+                tokio::spawn(async move { reset_calls(&channel, 5 * USUAL_LIMIT, Duration::from_millis(60)).await });
             let frame = fault_support::render(&mut session, &scene, 60).await.unwrap();
             assert!(frame.complete && frame.stats.faults.lost.is_empty(), "{:?}", frame.stats.faults);
             assert!(fault_support::bits(&frame) == want, "other bits");
             again += frame.stats.faults.reissued;
             epochs.push(frame.stats.faults.epoch);
-            closed = opened.count() - 1;
+            resets.await.unwrap();
         }
-        over.store(true, Ordering::SeqCst);
-        resets.await.unwrap();
+        assert!(bits(&mut session, &scene).await == want, "other bits");
+        let closed = opened.count() - 1;
         eprintln!("{} frames, {closed} connections closed, {again} layers ordered again", epochs.len());
         assert!(closed > 0 && again > 0);
         assert!(epochs.iter().all(|e| *e == epochs[0]), "the node was lost between frames: {epochs:?}");
@@ -243,6 +237,20 @@ fn plain_connection(address: &str) -> std::net::TcpStream {
     tcp.set_read_timeout(Some(Duration::from_secs(20))).unwrap();
     tcp.write_all(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\x04\0\0\0\0\0").unwrap();
     tcp
+}
+
+/// Returns when all that was sent before was read.
+fn ping(tcp: &mut std::net::TcpStream) {
+    tcp.write_all(b"\0\0\x08\x06\0\0\0\0\0 resets ").unwrap();
+    loop {
+        let mut head = [0; 9];
+        tcp.read_exact(&mut head).unwrap();
+        let mut payload = vec![0; u32::from_be_bytes([0, head[0], head[1], head[2]]) as usize];
+        tcp.read_exact(&mut payload).unwrap();
+        if (head[3], head[4], &payload[..]) == (6, 1, b" resets ") {
+            return;
+        }
+    }
 }
 
 fn memory_mib(node: &NodeProcess) -> u64 {
@@ -287,7 +295,7 @@ fn resets_without_end_cost_their_own_connection_only() {
         let grown = memory_mib(&stage.node) - before;
         eprintln!("above the limit: {closed} of {CONNECTIONS} closed, {words} in words; the node grew by {grown} MiB");
         assert!(closed == CONNECTIONS && words > 0, "{ends:?}");
-        // Below it: nothing is closed, and each call costs some time.
+        // Below it nothing is closed, and each call costs some time.
         let address = stage.node.address.clone();
         let started = Instant::now();
         let below = tokio::task::spawn_blocking(move || {
@@ -295,7 +303,7 @@ fn resets_without_end_cost_their_own_connection_only() {
             let step = MAX_RESETS_UNSEEN as u32 / 2;
             for i in 0..EACH / step {
                 tcp.write_all(&resets(i * step..(i + 1) * step)).unwrap();
-                std::thread::sleep(Duration::from_millis(50));
+                ping(&mut tcp);
             }
         });
         below.await.unwrap();
