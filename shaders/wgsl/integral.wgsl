@@ -297,8 +297,9 @@ fn integral(
             if n > 1.0 && shows {
                 var within = n - 1.0;
                 if is_cut {
-                    let slab = look_up(false, in_region, code, code);
-                    sum += cut_slab(ray, in_region, code, code, slab) * (1.0 - sum.a);
+                    let nodes = nodes_of(in_region, code, code);
+                    let slab = look_up(false, in_region, nodes);
+                    sum += cut_slab(ray, in_region, nodes, slab) * (1.0 - sum.a);
                     within -= 1.0;
                 }
                 sum += flat_slabs(in_region, code, within) * (1.0 - sum.a);

@@ -10,7 +10,6 @@ mod fault_support;
 
 use std::io::{Read as _, Write as _};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use brickcast::session::Session;

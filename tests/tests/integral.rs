@@ -196,10 +196,10 @@ fn check_functions(backend: Backend, step: f64, filter: Filter, tolerance: &Tole
         for (function, transfer) in scenes::functions() {
             let mut scene = scene.clone();
             scene.truth.transfer = transfer;
-            let sampled = Case { name: "sampled", truth: referee::Style::default(), style: Style::default() };
+            let sampled = Case { name: "sampled", truth: referee::Style::default(), style: Style::default(), filter };
             let slabs =
                 cases(&scene).into_iter().filter(|case| case.truth.preintegrated && case.truth.planes.is_empty());
-            for Case { name, truth, style } in slabs.filter(|c| c.truth.surfaces.is_empty()).chain([sampled]) {
+            for Case { name, truth, style, .. } in slabs.filter(|c| c.truth.surfaces.is_empty()).chain([sampled]) {
                 let want = render_styled(&scene.truth, &truth);
                 let excused = scene.excused(&want);
                 shown += usize::from(want.picture.max_alpha() > 0.02);

@@ -60,7 +60,9 @@ mod tests {
     use glam::UVec3;
 
     use super::*;
-    use crate::layout::BrickUniform;
+    use bytemuck::Zeroable as _;
+
+    use crate::layout::{BrickUniform, FrameUniform};
 
     /// A hole has weight all around its centre up to the centres of its neighbours, and none beyond: voxel by voxel.
     #[test]
@@ -73,7 +75,7 @@ mod tests {
         let mut codes: Vec<u16> = (0..stored.voxel_count()).map(|i| 1 + (i * 7919 % 60_000) as u16).collect();
         let at = hole + 1;
         codes[(at.x + dims.x * (at.y + dims.y * at.z)) as usize] = 0;
-        let volume = VolumeReader::new(&brick, &codes);
+        let volume = VolumeReader::new(&FrameUniform::zeroed(), &brick, &codes);
         let (mut with, mut without) = (0, 0);
         let quarters: Vec<f32> = (0..20).map(|i| i as f32 * 0.25).collect();
         for (&x, &y, &z) in quarters
@@ -93,6 +95,6 @@ mod tests {
         }
         assert!(with > 7000 && without == 7 * 7 * 7, "{with} {without}");
         // Texels that are missing are no data either.
-        assert!(is_no_data(VolumeReader::new(&brick, &codes[..10]).read_with_holes([4.0; 3])));
+        assert!(is_no_data(VolumeReader::new(&FrameUniform::zeroed(), &brick, &codes[..10]).read_with_holes([4.0; 3])));
     }
 }

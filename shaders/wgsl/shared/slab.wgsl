@@ -68,10 +68,10 @@ fn look_up(is_back: bool, in_region: bool, nodes: vec2<f32>) -> vec4<f32> {
 }
 
 // A slab, looked up already, under the light of the cut by which the ray enters.
-fn cut_slab(ray: Ray, in_region: bool, front: f32, back: f32, slab: vec4<f32>) -> vec4<f32> {
+fn cut_slab(ray: Ray, in_region: bool, nodes: vec2<f32>, slab: vec4<f32>) -> vec4<f32> {
     var color = slab.rgb;
     if LIGHT == 1u || LIGHT == 3u {
-        color += look_up(true, in_region, front, back).rgb;
+        color += look_up(true, in_region, nodes).rgb;
     }
     let light = light_of_entry(ray);
     return vec4(min(color * light.x + slab.a * light.y, vec3(slab.a)), slab.a);
@@ -92,7 +92,7 @@ fn slab_between(
         return vec4(0.0);
     }
     if LIGHT != 0u && (*front).is_cut {
-        return of_length(cut_slab(ray, in_region, (*front).code, (*back).code, slab), length);
+        return of_length(cut_slab(ray, in_region, nodes, slab), length);
     }
     var color = slab.rgb;
     if LIGHT == 1u {
