@@ -214,20 +214,21 @@ fn what_a_closed_connection_took_is_ordered_again() {
     });
 }
 
-/// The bytes of calls that are reset at once.
-fn resets(streams: std::ops::Range<u32>) -> Vec<u8> {
+fn http2(kind: u8, flags: u8, stream: u32, payload: &[u8]) -> Vec<u8> {
+    [&(payload.len() as u32).to_be_bytes()[1..], &[kind, flags], &stream.to_be_bytes(), payload].concat()
+}
+
+/// The headers of a call, with these flags.
+fn call(stream: u32, flags: u8) -> Vec<u8> {
     let text = |s: &str| [&[s.len() as u8], s.as_bytes()].concat();
-    let mut head = vec![0x83, 0x86, 0x04];
-    head.extend(text("/brickcast.v1.Render/RenderFrame"));
-    head.push(0x01);
-    head.extend(text("node"));
-    head.extend([0x0f, 0x10]);
-    head.extend(text("application/grpc"));
-    let frame = |kind: u8, flags: u8, stream: u32, payload: &[u8]| {
-        let length = &(payload.len() as u32).to_be_bytes()[1..];
-        [length, &[kind, flags], &stream.to_be_bytes(), payload].concat()
-    };
-    streams.flat_map(|n| [frame(1, 4, 2 * n + 1, &head), frame(3, 0, 2 * n + 1, &[0, 0, 0, 8])].concat()).collect()
+    let path = text("/brickcast.v1.Render/RenderFrame");
+    let head = [&[0x83, 0x86, 0x04], &path[..], &[0x01], &text("node"), &[0x0f, 0x10], &text("application/grpc")];
+    http2(1, 4 | flags, stream, &head.concat())
+}
+
+/// The bytes of calls that are reset at once.
+fn resets(numbers: std::ops::Range<u32>) -> Vec<u8> {
+    numbers.flat_map(|n| [call(2 * n + 1, 0), http2(3, 0, 2 * n + 1, &[0, 0, 0, 8])].concat()).collect()
 }
 
 /// An HTTP/2 connection by hand.
@@ -238,15 +239,15 @@ fn plain_connection(address: &str) -> std::net::TcpStream {
     tcp
 }
 
-/// Returns when all that was sent before was read.
-fn ping(tcp: &mut std::net::TcpStream) {
-    tcp.write_all(b"\0\0\x08\x06\0\0\0\0\0 resets ").unwrap();
+/// Makes a call and waits for its answer: the node took up all calls before it, too.
+fn await_call(tcp: &mut std::net::TcpStream, number: u32) {
+    tcp.write_all(&call(2 * number + 1, 1)).unwrap();
     loop {
         let mut head = [0; 9];
         tcp.read_exact(&mut head).unwrap();
         let mut payload = vec![0; u32::from_be_bytes([0, head[0], head[1], head[2]]) as usize];
         tcp.read_exact(&mut payload).unwrap();
-        if (head[3], head[4], &payload[..]) == (6, 1, b" resets ") {
+        if head[3] == 1 && head[5..] == (2 * number + 1).to_be_bytes() {
             return;
         }
     }
@@ -301,8 +302,8 @@ fn resets_without_end_cost_their_own_connection_only() {
             let mut tcp = plain_connection(&address);
             let step = MAX_RESETS_UNSEEN as u32 / 2;
             for i in 0..EACH / step {
-                tcp.write_all(&resets(i * step..(i + 1) * step)).unwrap();
-                ping(&mut tcp);
+                tcp.write_all(&resets(i * step..(i + 1) * step - 1)).unwrap();
+                await_call(&mut tcp, (i + 1) * step - 1);
             }
         });
         below.await.unwrap();
