@@ -433,7 +433,8 @@ async fn planned_memory_is_what_nodes_hold() {
         ];
         for scene in variants {
             let nodes = EmbeddedNodes::start(&kernel, 2, &store.path(), 1 << 30).await.unwrap();
-            let open = || Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash()));
+            let addresses = nodes.addresses();
+            let open = || Session::open_through(nodes.dial(), &addresses, StoreChoice::Hash(store.hash()));
             let mut session = open().await.unwrap();
             session.load(&scene).await.unwrap();
             let held: u64 = open().await.unwrap().members().map(|(_, node)| node.memory_used).sum();

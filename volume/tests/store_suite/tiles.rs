@@ -52,7 +52,9 @@ fn bricks(brick_size: u32) -> PrepareOptions {
 #[test]
 fn tiles_of_single_shards_make_the_store_that_whole_planes_make() {
     let volume = noisy([530, 300, 35], VoxelType::I16);
-    [16, 64].map(|brick_size| check(&volume, &bricks(brick_size)));
+    for brick_size in [16, 64] {
+        check(&volume, &bricks(brick_size));
+    }
     check(&noisy([257, 513, 19], VoxelType::U8), &bricks(32));
 }
 
