@@ -28,7 +28,7 @@ use super::shard_table::{self, ShardRecord};
 use super::shard_write::ShardWriter;
 use super::shell::has_halos;
 use super::statistics::Statistics;
-use super::value_map::{ValueMap, check_range};
+use super::value_map::{ValueMap, check_range, default_range};
 use super::voxel::{StoredType, Voxel, read_le};
 use super::workdir::WorkDir;
 use super::zarr_json;
@@ -361,11 +361,6 @@ impl Job<'_> {
         }
         notes
     }
-}
-
-/// The bounds of the data; a constant volume gets a width of one, or of what a large value needs to have a width at all.
-fn default_range(min: f64, max: f64) -> (f64, f64) {
-    if min < max && check_range(min, max).is_ok() { (min, max) } else { (min, min + (min.abs() * 1e-6).max(1.0)) }
 }
 
 /// The last component of a path of either kind: manifests carry no directories of the machine that made them.
