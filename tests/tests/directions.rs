@@ -33,6 +33,7 @@ fn everything(scene: &Scene) -> (referee::Style, Style) {
         specular: 0.4,
         shininess: 12.0,
         range: scene.range,
+        from: 0.0,
     });
     truth.planes.push((normal, offset));
     for axis in [DVec3::X, DVec3::Y, DVec3::Z] {
@@ -49,6 +50,7 @@ fn everything(scene: &Scene) -> (referee::Style, Style) {
             diffuse: 0.6,
             specular: 0.4,
             shininess: 12.0,
+            light_from: Some(0.0),
         }),
         surfaces: vec![Isosurface { value, color: [r, g, b], opacity }],
         clip: Clip { bounds: Some((lo, hi)), planes: vec![ClipPlane { normal, offset }] },
