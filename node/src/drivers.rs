@@ -23,7 +23,7 @@ pub unsafe fn need_no_desktop() {
 
 fn wanted(is_set: impl Fn(&str) -> bool) -> impl Iterator<Item = (&'static str, &'static str)> {
     let chosen = CHOICES.iter().any(|name| is_set(name));
-    QUIET.into_iter().filter(move |(name, _)| !is_set(name) && !(chosen && *name == "NODEVICE_SELECT"))
+    QUIET.into_iter().filter(move |(name, _)| !(is_set(name) || chosen && *name == "NODEVICE_SELECT"))
 }
 
 #[cfg(test)]

@@ -84,7 +84,7 @@ impl SeriesSource {
         let source = read().map_err(|reason| of_part(&self.files[0], i, self.starts.len(), reason))?;
         self.sought = false;
         self.next += out.len() as u64 / bytes;
-        self.open = (self.next % of_file != 0).then_some((i, source));
+        self.open = (!self.next.is_multiple_of(of_file)).then_some((i, source));
         Ok(())
     }
 

@@ -152,9 +152,9 @@ mod tests {
             let one = (edge.min(dims[0]) * edge.min(dims[1])) as u64;
             for tile in tiles.iter() {
                 prop_assert!(tile.voxels() as u64 <= most.max(one), "{tile:?}");
-                for a in 0..2 {
-                    prop_assert_eq!(tile.lo[a] % edge, 0);
-                    prop_assert!(tile.hi[a].is_multiple_of(edge) || tile.hi[a] == dims[a], "{:?}", tile);
+                for ((lo, hi), n) in tile.lo.into_iter().zip(tile.hi).zip(dims) {
+                    prop_assert_eq!(lo % edge, 0);
+                    prop_assert!(hi.is_multiple_of(edge) || hi == n, "{:?}", tile);
                 }
             }
             let bricks: usize = tiles.iter().map(|t| t.cells(0, 1 << size).len() * t.cells(1, 1 << size).len()).sum();

@@ -2,16 +2,18 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
+mod memory;
+
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use brickcast::cli::BackendArg;
 use brickcast::embedded::{EmbeddedNodes, Kernel};
-use brickcast::plan::{Assignment, Share, planned_bytes};
+use brickcast::plan::{Assignment, Share};
 use brickcast::session::{Frame, Session, StoreChoice};
 use brickcast_volume::camera::{Camera, Orbit, Projection};
 use brickcast_volume::format::{self, RawHints};
-use brickcast_volume::scene::{Acceleration, Filter, Leap, MacrocellEdge, RegionView, Scene, Transport};
+use brickcast_volume::scene::{Acceleration, Filter, Leap, RegionView, Scene, Transport};
 use brickcast_volume::store::{PrepareOptions, Store, prepare};
 use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Mode, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
@@ -392,54 +394,4 @@ fn odd_image_sizes() {
             }
         }
     });
-}
-
-/// A budget that holds a few bricks only: slower, never another picture.
-#[test]
-fn a_small_memory_budget_changes_no_bit() {
-    let folder = tempfile::tempdir().unwrap();
-    let input = volume_file(folder.path());
-    let store = store(folder.path(), &input, 32);
-    runtime().block_on(async {
-        let kernel = Kernel::open(BackendArg::Cpu).unwrap();
-        let mut frames = Vec::new();
-        for budget in [1 << 30, 34 * 34 * 34 * 2 * 5] {
-            let nodes = EmbeddedNodes::start(&kernel, 2, &store.path(), budget).await.unwrap();
-            let mut session =
-                Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash())).await.unwrap();
-            let scene = scene(&store, cameras(&store)[0].1, (67, 53), true);
-            session.load(&scene).await.unwrap();
-            frames.push(bits(&render(&mut session, &scene, Transport::F32).await));
-        }
-        assert!(frames[0] == frames[1]);
-    });
-}
-
-/// What `--dry-run` says a node would hold is what it holds: voxels and ghost layers, and macrocells, a fifth of them.
-#[tokio::test(flavor = "multi_thread")]
-async fn planned_memory_is_what_nodes_hold() {
-    let folder = tempfile::tempdir().unwrap();
-    let input = volume_file(folder.path());
-    let kernel = Kernel::open(BackendArg::Cpu).unwrap();
-    for brick_size in [16, 64] {
-        let store = store(folder.path(), &input, brick_size);
-        let plain = scene(&store, cameras(&store)[0].1, (16, 16), false);
-        let accelerated = |leap, macrocell| Acceleration { skip_empty: true, leap, macrocell, ..plain.acceleration };
-        let variants = [
-            Scene { acceleration: Acceleration { skip_empty: false, ..plain.acceleration }, ..plain.clone() },
-            Scene { acceleration: accelerated(Leap::Off, MacrocellEdge::Four), ..plain.clone() },
-            Scene { acceleration: accelerated(Leap::Macrocells(0.05), MacrocellEdge::Eight), ..plain.clone() },
-            Scene { style: Style { shading: Some(Phong::default()), ..Style::default() }, ..plain.clone() },
-        ];
-        for scene in variants {
-            let nodes = EmbeddedNodes::start(&kernel, 2, &store.path(), 1 << 30).await.unwrap();
-            let addresses = nodes.addresses();
-            let open = || Session::open_through(nodes.dial(), &addresses, StoreChoice::Hash(store.hash()));
-            let mut session = open().await.unwrap();
-            session.load(&scene).await.unwrap();
-            let held: u64 = open().await.unwrap().members().map(|(_, node)| node.memory_used).sum();
-            let planned: u64 = planned_bytes(session.store(), &scene, 2).iter().sum();
-            assert!(held.abs_diff(planned) * 100 < held, "{:?}: {held}, {planned}", scene.acceleration);
-        }
-    }
 }
