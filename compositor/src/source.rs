@@ -8,7 +8,9 @@ use anyhow::{Context, anyhow};
 use brickcast_volume::StoreHash;
 use brickcast_volume::brick::BrickGrid;
 use brickcast_volume::format::{self, RawHints};
-use brickcast_volume::store::{Manifest, Phase, PrepareOptions, PrepareSummary, Segmentation, Store, prepare, survey};
+use brickcast_volume::store::{
+    Manifest, Phase, PrepareOptions, PrepareSummary, STORE_VERSION, Segmentation, Store, prepare, survey,
+};
 
 use crate::cli::{CacheArgs, OnTheWayArgs, RawArgs};
 use crate::failure::Failure;
@@ -134,7 +136,7 @@ impl OnTheWayArgs {
             let text = format!("|{}|{:?}|{:?}|", data.len(), data.modified().ok(), inode(&data));
             hasher.write(text.as_bytes());
         }
-        let options = format!("{}|{:?}|{:?}|{regions:?}|{version}", self.brick, self.range, self.raw);
+        let options = format!("{}|{:?}|{:?}|{regions:?}|{version}|{STORE_VERSION}", self.brick, self.range, self.raw);
         hasher.write(options.as_bytes());
         Ok(hasher.finish())
     }

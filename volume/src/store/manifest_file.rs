@@ -16,7 +16,8 @@ use crate::format::VoxelType;
 use crate::space::Geometry;
 
 pub(super) const FORMAT: &str = "brickcast-store";
-pub(super) const VERSION: u64 = 5;
+/// Of the format that is written.
+pub const VERSION: u64 = 5;
 /// Read as well: it lacks keys that may be left out.
 const OLDEST: u64 = 4;
 /// The longest text in a manifest, in bytes.

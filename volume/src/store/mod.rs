@@ -64,6 +64,7 @@ pub use halo_manifest::{HaloEntry, HaloHashes};
 pub use hash::ContentHash;
 pub use jail::Jail;
 pub use manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
+pub use manifest_file::VERSION as STORE_VERSION;
 pub use no_data::{NO_DATA_CODE, NoData};
 pub use notes::{MAX_NOTE_BYTES, MAX_NOTES};
 pub use prepare::{prepare, survey};
