@@ -14,8 +14,8 @@ use crate::transfer_function::empty::Empty;
 pub const PARTS: u32 = 4;
 /// All of a table, in parts.
 pub(super) const ALL: u32 = ALL_CODES * PARTS;
-/// Below this error of opacity or premultiplied colour a cell is left as it is: 1/80 of what a picture of 8 bits tells apart.
-const CLOSE: f64 = 5e-5;
+/// Below this error of opacity or premultiplied colour a cell is left as it is: 1/200 of what a picture of 8 bits tells apart.
+const CLOSE: f64 = 2e-5;
 /// Points of the function of which a cell is measured at, at most.
 const MOST_POINTS: usize = 32;
 
