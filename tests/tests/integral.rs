@@ -206,6 +206,8 @@ fn check_functions(backend: Backend, step: f64, filter: Filter, tolerance: &Tole
                 let loaded = product::load_styled(raycaster, &scene, 16, &style).with_filter(filter);
                 let what = format!("{backend:?}, {filter:?}, {function}, {name}: {}", scene.name);
                 let (picture, _) = loaded.render(&scene);
+                // A single sample within rounding (1e-5 voxel) of a jump is on either side of it, and on a peak's flank elsewhere.
+                let tolerance = if name == "sampled" { &Tolerance::STEEP_HARDWARE_FILTER } else { tolerance };
                 let d = assert_within_where(&what, &want.picture, &picture, tolerance, |i| !excused[i]);
                 eprintln!("{what}: max {:.3}/255, mean {:.4}/255", d.max * 255.0, d.mean * 255.0);
             }
