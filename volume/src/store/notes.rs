@@ -33,16 +33,20 @@ pub(super) fn kept(notes: impl IntoIterator<Item = String>) -> Vec<String> {
 /// Without characters that a terminal obeys or hides, cut to the longest that a note may be.
 fn harmless(text: &str) -> String {
     const MORE: &str = "...";
-    let mut shown = String::new();
+    let (mut shown, mut whole) = (String::new(), 0);
     for c in text.chars() {
         let escaped: String = match c {
             '"' | '\'' | '\\' => c.into(),
             c => c.escape_debug().collect(),
         };
-        if shown.len() + escaped.len() + MORE.len() > MAX_NOTE_BYTES {
+        if shown.len() + escaped.len() > MAX_NOTE_BYTES {
+            shown.truncate(whole);
             return shown + MORE;
         }
         shown.push_str(&escaped);
+        if shown.len() + MORE.len() <= MAX_NOTE_BYTES {
+            whole = shown.len();
+        }
     }
     shown
 }

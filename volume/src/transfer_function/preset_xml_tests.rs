@@ -57,7 +57,7 @@ fn what_is_wrong_is_located() {
         ("<ColorMap><Point x='q' r='0' g='0' b='0'/></ColorMap>", "a <Point> has x=\"q\": not a number"),
         ("<ColorMap><Point x='nan' r='0' g='0' b='0'/></ColorMap>", "not a number"),
         ("<ColorMap><Point x='0' r='0' g='0'/></ColorMap>", "a <Point> has no b"),
-        ("<ColorMap><Point x='0' r='0' g='0' b='2'/></ColorMap>", "<ColorMap> \"#1\".RGBPoints[3]: b = 2"),
+        ("<ColorMap><Point x='0' r='0' g='0' b='2'/></ColorMap>", "<ColorMap> #1.RGBPoints[3]: b = 2"),
         ("<ColorMap space='Prolab'><Point x='0' r='0' g='0' b='1'/></ColorMap>", "\"Prolab\" is not supported"),
         ("<ColorMap name='e'></ColorMap>", "RGBPoints: the list is empty"),
         ("<ColorMap><ColorMap></ColorMap></ColorMap>", "within another"),
