@@ -123,13 +123,9 @@ fn what_shortens_rays_changes_nothing_beside_holes() {
                     scene.acceleration = with(true, Leap::Regions);
                     let leapt = rig.render(&scene).await;
                     let d = worst(&plain, &leapt.picture);
-                    // Of the range, 3 % may go astray, in opacities of at most 0.06 a step; what is lit has other gradients in V'.
+                    // Bricks in which data is missing show V' voxel by voxel. Of the range, 3 % may go astray, in opacities of at most 0.06 a step; what is lit has other gradients in V'.
                     let is_lit = scene.style.shading.is_some();
                     assert!(is_lit || d <= 6.0 / 255.0, "{what}, leaping: {d}");
-                    assert!(
-                        brick_size == 8 || name != "samples" || leapt.stats.leapt_positions > 0,
-                        "nothing was leapt"
-                    );
                     scene.acceleration = with(true, Leap::Macrocells(0.03));
                     let d = worst(&plain, &rig.render(&scene).await.picture);
                     assert!(d <= 6.0 / 255.0, "{what}, leaping through macrocells: {d}");
