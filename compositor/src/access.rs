@@ -1,11 +1,14 @@
 //! What this client shows to nodes, and whom it takes for one.
 
 use std::path::PathBuf;
+use std::time::Duration;
 
 use brickcast_proto::credentials::{Badge, CredentialError, Tls, Token, tokens};
 use clap::Args;
 
+use crate::cli_values::deadline;
 use crate::dial::Dial;
+use crate::service::LOAD_DEADLINE;
 
 /// Certificates and tokens on the command line.
 #[derive(Debug, Clone, Default, Args)]
@@ -18,6 +21,10 @@ pub struct AccessArgs {
     /// The token that nodes want, on the file's first line [default: `token` in the folder of --tls]
     #[arg(long, value_name = "FILE", env = "BRICKCAST_TOKEN_FILE")]
     pub token_file: Option<PathBuf>,
+    /// A node that takes longer to answer anything but a frame, loading included, is given up: what it would have rendered goes to the
+    /// others [default: 10m]
+    #[arg(long, value_name = "TIME", value_parser = deadline)]
+    pub load_deadline: Option<Duration>,
 }
 
 /// Certificate and token of a client; the default has neither.
@@ -25,6 +32,8 @@ pub struct AccessArgs {
 pub struct Access {
     pub tls: Option<Tls>,
     pub badge: Badge,
+    /// How long anything but a frame may take; [`LOAD_DEADLINE`] where it is not said.
+    pub patience: Option<Duration>,
 }
 
 impl Access {
@@ -33,19 +42,19 @@ impl Access {
     pub fn read(args: &AccessArgs) -> Result<Self, CredentialError> {
         let tls = args.tls.as_deref().map(Tls::of_client).transpose()?;
         let tokens = tokens(args.token_file.as_deref(), args.tls.as_deref())?;
-        Ok(Self { tls, badge: Badge::of_first(&tokens) })
+        Ok(Self { tls, badge: Badge::of_first(&tokens), patience: args.load_deadline })
     }
 
     /// With this token and no certificate.
     #[must_use]
     pub fn with_token(token: &Token) -> Self {
-        Self { tls: None, badge: Badge::of(token) }
+        Self { badge: Badge::of(token), ..Self::default() }
     }
 
     /// Connections that show it.
     #[must_use]
     pub fn dial(&self) -> Dial {
-        Dial::with(self.clone())
+        Dial::with(self.clone(), self.patience.unwrap_or(LOAD_DEADLINE))
     }
 }
 

@@ -16,7 +16,6 @@ use crate::balance::{
     Balancer, ChunkFacts, Demand, Load, LoadOutcome, Mode, NodeFacts, Observed, Part, Report, Seat, Settings,
 };
 use crate::cluster::{Cluster, Member};
-use crate::follow::LOAD_LIMIT;
 use crate::frame::NodeCost;
 use crate::plan::{Assignment, InView, Shown, StoreFacts};
 
@@ -159,15 +158,13 @@ impl Balanced {
         for load in loads.iter().cloned() {
             let Some((_, member)) = cluster.members().find(|(_, m)| seat(m) == load.seat) else { continue };
             let request = PrepareRequest {
-                store: cluster.store(),
-                bricks: self.shown.bricks_in(&load.chunks),
-                scene: scene.clone(),
                 background: true,
                 release: self.shown.bricks_in(&load.drops),
+                ..cluster.loading(self.shown.bricks_in(&load.chunks), scene.clone())
             };
             let mut client = member.client.clone();
             self.loads.spawn(async move {
-                let outcome = match client.prepare(request, LOAD_LIMIT).await {
+                let outcome = match client.prepare(request).await {
                     Ok(receipt) if receipt.fits => LoadOutcome::Loaded { ms: receipt.load_ms },
                     Ok(_) => LoadOutcome::DoesNotFit,
                     Err(error) => {

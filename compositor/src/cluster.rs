@@ -3,10 +3,13 @@
 //! Invariant (architecture.md, law 3): the table changes in [`Cluster::settle`] and [`Cluster::lose`] only, which are called between
 //! frames; each change is another epoch. A slot keeps its place while its node is away, so that its chunks come back to it.
 
+use std::hash::{BuildHasher as _, RandomState};
 use std::sync::PoisonError;
+use std::time::Duration;
 
-use brickcast_proto::{NodeDescription, NodeState, StoreDescription};
-use brickcast_volume::{Epoch, StoreHash};
+use brickcast_proto::{NodeDescription, NodeState, PrepareRequest, StoreDescription};
+use brickcast_volume::scene::Scene;
+use brickcast_volume::{Epoch, SessionId, StoreHash};
 use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, JoinSet};
 
@@ -18,6 +21,10 @@ use crate::session::StoreChoice;
 use crate::session_error::SessionError;
 use crate::stats::NodeFrame;
 use crate::worker::Worker;
+
+/// How often a node is asked at the start, where its answers are lost on the way, and the pause before it is asked again.
+const FIRST_CALLS: u32 = 3;
+const FIRST_PAUSE: Duration = Duration::from_millis(250);
 
 /// A node that serves.
 #[derive(Debug)]
@@ -41,6 +48,7 @@ pub(crate) struct Slot {
 /// The nodes of a session.
 #[derive(Debug)]
 pub(crate) struct Cluster {
+    session: SessionId,
     store: StoreHash,
     slots: Vec<Slot>,
     epoch: Epoch,
@@ -61,8 +69,8 @@ impl Cluster {
     /// Connects the nodes of `list`, and follows it from now on.
     ///
     /// # Errors
-    /// A node that was named by itself and cannot be reached, lacks the store, or has another content under its name; none of those
-    /// found by name or file that serves.
+    /// A node that was named by itself and cannot be reached, lacks the store, or has another content under its name; none that serves.
+    /// One that was reached and then failed is left out while another is well.
     pub(crate) async fn open(
         mut list: NodeList,
         dial: &Dial,
@@ -78,10 +86,19 @@ impl Cluster {
             futures_util::future::join_all(targets.iter().map(|t| first(t.clone(), dial.clone(), choice.clone())))
                 .await;
         let mut slots: Vec<(Target, Result<First, String>)> = Vec::new();
+        let mut fault = None;
         for (target, answer) in targets.into_iter().zip(answers) {
-            let answer = match answer.map_err(SessionError::from).and_then(|first| agree(&slots, &target, first)) {
-                Err(error) if target.explicit => return Err(error),
+            let was_reached = matches!(&answer, Err(error) if error.was_reached);
+            let answer = answer.map_err(|failed| SessionError::from(failed.error));
+            let answer = match answer.and_then(|first| agree(&slots, &target, first)) {
+                Err(error) if target.explicit && !was_reached => return Err(error),
                 Err(SessionError::SameNode { .. }) => continue,
+                Err(error) if target.explicit => {
+                    tracing::warn!("left out for now: {error}");
+                    let why = error.to_string();
+                    fault.get_or_insert(error);
+                    Err(why)
+                }
                 Err(error) => {
                     tracing::warn!("left out for now: {error}");
                     reasons.push(error.to_string());
@@ -92,11 +109,12 @@ impl Cluster {
             slots.push((target, answer));
         }
         let store = slots.iter().find_map(|(_, answer)| answer.as_ref().ok()).map(|(_, _, store)| store.clone());
-        let Some(store) = store else { return Err(SessionError::NoneServes(reasons)) };
+        let Some(store) = store else { return Err(fault.unwrap_or(SessionError::NoneServes(reasons))) };
         let (tell, news) = mpsc::unbounded_channel();
         let (wanted, lost) = mpsc::unbounded_channel();
         let outlook = SharedOutlook::default();
         let mut cluster = Self {
+            session: new_session(),
             store: store.hash,
             slots: Vec::new(),
             epoch: Epoch(1),
@@ -115,6 +133,7 @@ impl Cluster {
         let follower = Follower {
             list,
             dial: dial.clone(),
+            session: cluster.session,
             store: store.hash,
             outlook: cluster.outlook.clone(),
             news: cluster.tell.clone(),
@@ -135,8 +154,14 @@ impl Cluster {
         Member { client, description, serial, holds: None, watch }
     }
 
-    pub(crate) fn store(&self) -> StoreHash {
-        self.store
+    pub(crate) fn session(&self) -> SessionId {
+        self.session
+    }
+
+    /// What a node is asked to load.
+    pub(crate) fn loading(&self, bricks: Vec<u32>, scene: Scene) -> PrepareRequest {
+        let (session, store) = (self.session, self.store);
+        PrepareRequest { session, store, bricks, scene, background: false, release: Vec::new() }
     }
 
     pub(crate) fn epoch(&self) -> Epoch {
@@ -229,17 +254,49 @@ impl Cluster {
     }
 }
 
-async fn first(target: Target, dial: Dial, choice: StoreChoice) -> Result<First, NodeError> {
+/// Why a node did not answer at the start.
+struct FirstFailed {
+    error: NodeError,
+    /// Something listens there, and only its answers were lost.
+    was_reached: bool,
+}
+
+/// Asks a node what it needs to know at the start, again where an answer was lost.
+async fn first(target: Target, dial: Dial, choice: StoreChoice) -> Result<First, FirstFailed> {
+    let mut was_reached = false;
+    for _ in 1..FIRST_CALLS {
+        match ask(&target, &dial, &choice, &mut was_reached).await {
+            Err(NodeError::Unreachable { address, reason }) if !was_reached => {
+                return Err(FirstFailed { error: NodeError::Unreachable { address, reason }, was_reached });
+            }
+            Err(error) if error.is_lost() => tracing::debug!("asked again: {error}"),
+            answer => {
+                return answer.map_err(|error| FirstFailed { was_reached: error.is_lost() && was_reached, error });
+            }
+        }
+        tokio::time::sleep(FIRST_PAUSE).await;
+    }
+    let answer = ask(&target, &dial, &choice, &mut was_reached).await;
+    answer.map_err(|error| FirstFailed { was_reached: error.is_lost() && was_reached, error })
+}
+
+async fn ask(target: &Target, dial: &Dial, choice: &StoreChoice, was_reached: &mut bool) -> Result<First, NodeError> {
     let mut client = dial.connect(target.clone()).await?;
+    *was_reached = true;
     let description = client.describe().await?;
     if description.state == NodeState::Draining {
-        return Err(NodeError::Draining { address: target.address });
+        return Err(NodeError::Draining { address: target.address.clone() });
     }
     let store = match choice {
-        StoreChoice::Hash(hash) => client.open_store(hash).await?,
-        StoreChoice::Name(name) => client.open_store_named(&name).await?,
+        StoreChoice::Hash(hash) => client.open_store(*hash).await?,
+        StoreChoice::Name(name) => client.open_store_named(name).await?,
     };
     Ok((client, description, store))
+}
+
+/// A number that no other session has.
+fn new_session() -> SessionId {
+    SessionId(RandomState::new().hash_one(std::process::id()))
 }
 
 /// A node is named once, and all have the same content.

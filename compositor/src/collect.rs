@@ -21,6 +21,8 @@ pub(crate) enum Event {
         /// On the wire; of a list of empties, all count for the first.
         bytes: usize,
     },
+    /// The node waits for its turn or works; a number that grew tells that it did something.
+    Progress { ticket: Ticket, work: u64 },
     /// The last of a ticket that was answered.
     Receipt { ticket: Ticket, receipt: Receipt },
     /// The last of a ticket that was not.
@@ -68,6 +70,7 @@ async fn answers(
                     tell(node, tile, None, if i == 0 { bytes } else { 0 }).await?;
                 }
             }
+            Part::Progress { work } => events.send(Event::Progress { ticket, work }).await.map_err(|_| None)?,
             Part::Receipt(receipt) if at == now => return Ok(receipt),
             Part::Receipt(_) => return Err(Some(invalid("a receipt of another frame".to_owned()))),
         }

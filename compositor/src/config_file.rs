@@ -17,7 +17,8 @@ use crate::discovery::NodeList;
 use crate::embedded::parse_size;
 
 /// The keys, which are the names of flags with `_` for `-`.
-pub const KEYS: [&str; 7] = ["nodes", "tls", "token_file", "cache_dir", "backend", "deadline", "memory_budget"];
+pub const KEYS: [&str; 8] =
+    ["nodes", "tls", "token_file", "cache_dir", "backend", "deadline", "load_deadline", "memory_budget"];
 /// The largest configuration file, bytes.
 const MAX_FILE_BYTES: u64 = 64 << 10;
 
@@ -120,7 +121,7 @@ impl Place<'_> {
                     _ if path && text.is_empty() => Err(self.wrong("is empty")),
                     _ if path => Ok(vec![self.beside(text).into_os_string()]),
                     "backend" => self.checked(text, BackendArg::from_str(text, false)),
-                    "deadline" => self.checked(text, deadline(text)),
+                    "deadline" | "load_deadline" => self.checked(text, deadline(text)),
                     _ => self.checked(text, parse_size(text)),
                 }
             }
@@ -214,7 +215,7 @@ mod tests {
             (
                 "\n\nnode = 'a:1'",
                 3,
-                vec!["`node`", "nodes, tls, token_file, cache_dir, backend, deadline, memory_budget"],
+                vec!["`node`", "nodes, tls, token_file, cache_dir, backend, deadline, load_deadline, memory_budget"],
             ),
             ("backend = 'cpu'\n[nodes]\nx = 1", 2, vec!["nodes is table", "list", "token_file"]),
             ("deadline = 30", 1, vec!["deadline is integer", "text", "cache_dir"]),

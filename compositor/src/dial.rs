@@ -2,13 +2,15 @@
 
 use std::fmt;
 use std::sync::Arc;
+use std::time::Duration;
 
 use futures_util::FutureExt as _;
 use futures_util::future::BoxFuture;
 
 use crate::access::Access;
 use crate::discovery::Target;
-use crate::service::{NodeClient, NodeError};
+use crate::pings::Pings;
+use crate::service::{LOAD_DEADLINE, NodeClient, NodeError};
 
 type Connect = dyn Fn(Target) -> BoxFuture<'static, Result<NodeClient, NodeError>> + Send + Sync;
 
@@ -25,12 +27,16 @@ impl Dial {
         Self(Arc::new(move |target| connect(target).boxed()))
     }
 
-    /// TCP, with this certificate and token.
+    /// TCP, with this certificate and token; nodes are given up where anything but a frame takes longer than `patience`.
     #[must_use]
-    pub fn with(access: Access) -> Self {
+    pub fn with(access: Access, patience: Duration) -> Self {
+        let pings = Pings::default();
         Self::through(move |target| {
-            let access = access.clone();
-            async move { NodeClient::connect(&target.address, &access).await }
+            let (access, pings) = (access.clone(), pings.clone());
+            async move {
+                let client = NodeClient::connect_pinging(&target.address, &access, &pings).await?;
+                Ok(client.with_patience(patience))
+            }
         })
     }
 
@@ -44,7 +50,7 @@ impl Dial {
 impl Default for Dial {
     /// TCP, showing nothing.
     fn default() -> Self {
-        Self::with(Access::default())
+        Self::with(Access::default(), LOAD_DEADLINE)
     }
 }
 

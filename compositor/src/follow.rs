@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use brickcast_proto::{NodeDescription, NodeState, PrepareRequest};
-use brickcast_volume::StoreHash;
 use brickcast_volume::scene::Scene;
+use brickcast_volume::{SessionId, StoreHash};
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio::time::Instant;
@@ -23,8 +23,6 @@ const BACKOFF: (Duration, Duration) = (Duration::from_millis(250), Duration::fro
 const STEADY: Duration = Duration::from_secs(10);
 /// Between two look-ups of names and files.
 const LOOK_UP: Duration = Duration::from_secs(2);
-/// How long loading bricks may take before a node counts as hanging.
-pub(crate) const LOAD_LIMIT: Duration = Duration::from_secs(3600);
 
 /// What the session is told; it listens between frames.
 #[derive(Debug)]
@@ -84,6 +82,7 @@ enum State {
 pub(crate) struct Follower {
     pub(crate) list: NodeList,
     pub(crate) dial: Dial,
+    pub(crate) session: SessionId,
     pub(crate) store: StoreHash,
     pub(crate) outlook: SharedOutlook,
     pub(crate) news: mpsc::UnboundedSender<News>,
@@ -150,7 +149,8 @@ impl Follower {
                 let State::Waiting { until, tries } = *state else { continue };
                 if until <= now {
                     *state = State::Trying { tries };
-                    let attempt = attempt(target.clone(), self.dial.clone(), self.store, self.outlook.clone());
+                    let attempt =
+                        attempt(target.clone(), self.dial.clone(), (self.session, self.store), self.outlook.clone());
                     let target = target.clone();
                     attempts.spawn(async move { (target, attempt.await) });
                 }
@@ -188,7 +188,12 @@ async fn sleep_until(wake: Option<Instant>) {
     }
 }
 
-async fn attempt(target: Target, dial: Dial, store: StoreHash, outlook: SharedOutlook) -> Result<Arrival, NodeError> {
+async fn attempt(
+    target: Target,
+    dial: Dial,
+    (session, store): (SessionId, StoreHash),
+    outlook: SharedOutlook,
+) -> Result<Arrival, NodeError> {
     let mut client = dial.connect(target.clone()).await?;
     let description = client.describe().await?;
     if description.state == NodeState::Draining {
@@ -201,8 +206,8 @@ async fn attempt(target: Target, dial: Dial, store: StoreHash, outlook: SharedOu
         let (shown, scene) = (outlook.shown.clone(), outlook.scene.clone());
         let chunks = outlook.what_it_would_hold(&target.address);
         let bricks = shown.bricks_in(&chunks);
-        let request = PrepareRequest { store, bricks, scene, background: false, release: Vec::new() };
-        let receipt = client.prepare(request, LOAD_LIMIT).await?;
+        let request = PrepareRequest { session, store, bricks, scene, background: false, release: Vec::new() };
+        let receipt = client.prepare(request).await?;
         if receipt.fits {
             holds = chunks;
         }

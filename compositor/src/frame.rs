@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use brickcast_proto::{LayerOrder, Receipt, RenderOrder};
 use brickcast_volume::scene::{Scene, Transport};
-use brickcast_volume::{Epoch, FrameId, StoreHash};
+use brickcast_volume::{Epoch, FrameId, SessionId, StoreHash};
 use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, JoinSet};
 use tokio::time::Instant;
@@ -28,6 +28,7 @@ const EVENTS: usize = 256;
 /// What all orders of a frame have in common.
 #[derive(Debug)]
 pub(crate) struct FrameOrder<'a> {
+    pub(crate) session: SessionId,
     pub(crate) frame: FrameId,
     pub(crate) epoch: Epoch,
     pub(crate) store: StoreHash,
@@ -79,8 +80,10 @@ impl NodeCost {
 struct Sent {
     worker: usize,
     task: AbortHandle,
-    /// When it last gave an answer, or was sent.
+    /// When it last gave an answer, told of work, or was sent.
     progress: Instant,
+    /// What it told last.
+    work: Option<u64>,
     ended: bool,
 }
 
@@ -183,10 +186,10 @@ impl Run<'_> {
         }
         let ticket = Ticket(self.sent.len());
         self.ledger.order(ticket, &layers)?;
-        let FrameOrder { frame, epoch, store, scene, transport, .. } = *self.order;
-        let order = RenderOrder { frame, epoch, store, scene: scene.clone(), transport, layers };
+        let FrameOrder { session, frame, epoch, store, scene, transport, .. } = *self.order;
+        let order = RenderOrder { session, frame, epoch, store, scene: scene.clone(), transport, layers };
         let task = self.tasks.spawn(collect(client, ticket, order, self.events.clone()));
-        self.sent.push(Sent { worker, task, progress: now, ended: false });
+        self.sent.push(Sent { worker, task, progress: now, work: None, ended: false });
         Ok(())
     }
 
@@ -201,6 +204,12 @@ impl Run<'_> {
                 if verdict != Verdict::Accepted && !self.sent[ticket.0].ended {
                     // No node answers twice, or what it was not asked: the line damaged the tile's place.
                     self.fail_as_invalid(ticket, format!("tile {tile:?} of layer {}: {verdict:?}", layer.0), now);
+                }
+            }
+            Event::Progress { ticket, work } => {
+                let sent = &mut self.sent[ticket.0];
+                if sent.work.replace(work) != Some(work) {
+                    sent.progress = now;
                 }
             }
             Event::Receipt { ticket, receipt } => {
@@ -260,7 +269,8 @@ impl Run<'_> {
         worker.out.is_none() && worker.client.is_some()
     }
 
-    /// Nodes that send nothing for a quarter of the deadline, from its half on, are taken for hanging where others are left.
+    /// Nodes that do nothing for a quarter of the deadline, from its half on, are taken for hanging where others are left. One that
+    /// works is not hanging, however long it takes.
     fn watch_progress(&mut self, now: Instant) {
         if now < self.started + self.order.deadline / 2 {
             return;

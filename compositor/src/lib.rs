@@ -30,6 +30,7 @@ pub mod ledger;
 mod light_from;
 mod nothing_shows;
 pub mod output;
+pub mod pings;
 pub mod plan;
 pub mod preset_file;
 mod preset_fit;

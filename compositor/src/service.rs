@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use crate::access::Access;
 use crate::cancels::Cancels;
+use crate::pings::Pings;
 use crate::tls_words::{PERHAPS_CERTIFICATE, PERHAPS_TLS, explained, is_handshake};
 use brickcast_proto::credentials::Badge;
 use brickcast_proto::status::innermost;
@@ -22,8 +23,12 @@ use tonic_health::pb::health_client::HealthClient;
 use wire::cluster_client::ClusterClient;
 use wire::render_client::RenderClient;
 
-/// How long a node may take for a small question.
+/// How long loading may take where nobody says otherwise.
+pub const LOAD_DEADLINE: Duration = Duration::from_secs(600);
+/// How long a node may take for a small question, where less was not asked for.
 const CALL_TIMEOUT: Duration = Duration::from_secs(10);
+/// A call that takes longer is told of, and again after as long.
+const TOLD_AFTER: Duration = Duration::from_secs(5);
 /// A node that answers others of this address first is asked again after the pause, for so long.
 const BUSY_PAUSE: Duration = Duration::from_millis(100);
 const BUSY_LIMIT: Duration = Duration::from_secs(30);
@@ -31,9 +36,7 @@ const BUSY_LIMIT: Duration = Duration::from_secs(30);
 const CALMED_AGAIN: u32 = 3;
 /// ... and how long the next must have lasted to be the first again.
 const STEADY: Duration = Duration::from_secs(10);
-/// A connection that says nothing for so long is pinged, between frames too ...
-const PING_AFTER: Duration = Duration::from_secs(1);
-/// ... and given up where no answer comes within this: a hanging node is found within 2 s.
+/// A ping that is not answered within this gives a connection up: a hanging node is found within 2 s.
 const PING_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Something that a node, or the way to it, did not do. Always names the node.
@@ -45,8 +48,11 @@ pub enum NodeError {
     Unreachable { address: String, reason: String },
     #[error("node {address}: no secure connection ({reason})")]
     Handshake { address: String, reason: String },
-    #[error("node {address}: no answer to {call} within {seconds} s; it is hanging or the network is cut")]
-    NoAnswer { address: String, call: &'static str, seconds: u64 },
+    #[error(
+        "node {address}: no answer to {call} within {seconds} s; it is hanging, the network is cut, or it has more to load than \
+         --load-deadline gives it time for"
+    )]
+    NoAnswer { address: String, call: &'static str, seconds: f64 },
     #[error("node {address}: {call}: the connection was lost ({reason})")]
     Lost { address: String, call: &'static str, reason: String },
     #[error("node {address}: {call}: the connection was closed, because calls on it were cancelled ({reason})")]
@@ -106,6 +112,9 @@ pub struct NodeClient {
     cancels: Cancels,
     /// The connection shows no certificate.
     is_plain: bool,
+    /// How long anything but a frame may take.
+    patience: Duration,
+    pings: Pings,
 }
 
 impl NodeClient {
@@ -114,7 +123,15 @@ impl NodeClient {
     /// # Errors
     /// A malformed address, no connection within [`transport::CONNECT_TIMEOUT`].
     pub async fn connect(address: &str, access: &Access) -> Result<Self, NodeError> {
-        let endpoint = Self::endpoint(address, access)?;
+        Self::connect_pinging(address, access, &Pings::default()).await
+    }
+
+    /// As [`NodeClient::connect`]; tells `pings` where it is pinged too often, and heeds what others told.
+    ///
+    /// # Errors
+    /// As [`NodeClient::connect`].
+    pub async fn connect_pinging(address: &str, access: &Access, pings: &Pings) -> Result<Self, NodeError> {
+        let endpoint = Self::endpoint(address, access)?.http2_keep_alive_interval(pings.after(address));
         let unreachable = |reason: String| NodeError::Unreachable { address: address.to_owned(), reason };
         let channel = match tokio::time::timeout(transport::CONNECT_TIMEOUT, endpoint.connect()).await {
             Ok(connected) => connected.map_err(|e| match innermost(&e) {
@@ -127,7 +144,8 @@ impl NodeClient {
                 return Err(unreachable(format!("no connection within {} s", transport::CONNECT_TIMEOUT.as_secs())));
             }
         };
-        Ok(Self { is_plain: access.tls.is_none(), ..Self::over(address, channel, access.badge.clone()) })
+        let client = Self::over(address, channel, access.badge.clone());
+        Ok(Self { is_plain: access.tls.is_none(), pings: pings.clone(), ..client })
     }
 
     /// The settings of every connection to a node, however it is made: pings among them.
@@ -136,7 +154,7 @@ impl NodeClient {
     /// A malformed address, a certificate that is none.
     pub fn endpoint(address: &str, access: &Access) -> Result<Endpoint, NodeError> {
         Ok(transport::endpoint(address, access.tls.as_ref())?
-            .http2_keep_alive_interval(PING_AFTER)
+            .http2_keep_alive_interval(Pings::default().after(address))
             .keep_alive_timeout(PING_TIMEOUT)
             .keep_alive_while_idle(true))
     }
@@ -152,7 +170,15 @@ impl NodeClient {
             render: transport::render_client(line),
             cancels: Cancels::default(),
             is_plain: false,
+            patience: LOAD_DEADLINE,
+            pings: Pings::default(),
         }
+    }
+
+    /// The same, given up where anything but a frame takes longer than this.
+    #[must_use]
+    pub fn with_patience(self, patience: Duration) -> Self {
+        Self { patience, ..self }
     }
 
     /// Resolves when the node leaves: it says that it no longer serves, or the connection breaks. Tells why.
@@ -260,11 +286,11 @@ impl NodeClient {
     /// Makes bricks resident. Loading may take long; a lost node is found by HTTP/2 keep-alive.
     ///
     /// # Errors
-    /// A brick that cannot be read, a lost node.
-    pub async fn prepare(&mut self, request: PrepareRequest, limit: Duration) -> Result<PrepareReceipt, NodeError> {
+    /// A brick that cannot be read, a lost node, more time than there is patience.
+    pub async fn prepare(&mut self, request: PrepareRequest) -> Result<PrepareReceipt, NodeError> {
         let mut cluster = self.cluster.clone();
         let call = cluster.prepare(wire::PrepareRequest::from(request));
-        let answer = self.within("Prepare", limit, call).await?;
+        let answer = self.within("Prepare", self.patience, call).await?;
         PrepareReceipt::try_from(answer).map_err(|e| self.invalid("Prepare", e))
     }
 
@@ -303,8 +329,8 @@ impl NodeClient {
     {
         let started = Instant::now();
         loop {
-            match self.within(call, CALL_TIMEOUT, question(self.cluster.clone())).await {
-                Err(error) if error.is_busy() && started.elapsed() < BUSY_LIMIT => {
+            match self.within(call, CALL_TIMEOUT.min(self.patience), question(self.cluster.clone())).await {
+                Err(error) if error.is_busy() && started.elapsed() < BUSY_LIMIT.min(self.patience) => {
                     tokio::time::sleep(BUSY_PAUSE).await;
                 }
                 answer => return answer,
@@ -318,10 +344,27 @@ impl NodeClient {
         limit: Duration,
         answer: impl Future<Output = Result<tonic::Response<T>, tonic::Status>>,
     ) -> Result<T, NodeError> {
+        let answer = self.telling(call, limit, answer);
         match tokio::time::timeout(limit, answer).await {
             Ok(Ok(response)) => Ok(response.into_inner()),
             Ok(Err(status)) => Err(self.refused(call, &status)),
-            Err(_) => Err(NodeError::NoAnswer { address: self.address.clone(), call, seconds: limit.as_secs() }),
+            Err(_) => Err(NodeError::NoAnswer { address: self.address.clone(), call, seconds: limit.as_secs_f64() }),
+        }
+    }
+
+    /// Waits for `answer`, and says so where it takes long.
+    async fn telling<T>(&self, call: &'static str, limit: Duration, answer: impl Future<Output = T>) -> T {
+        let started = Instant::now();
+        tokio::pin!(answer);
+        loop {
+            match tokio::time::timeout(TOLD_AFTER, &mut answer).await {
+                Ok(answer) => return answer,
+                Err(_) => {
+                    let (so_far, limit) = (started.elapsed().as_secs(), humantime::format_duration(limit));
+                    let what = if call == "Prepare" { "still loads its bricks" } else { "has not answered yet" };
+                    tracing::warn!("node {} {what} ({call}): {so_far} s so far, given up after {limit}", self.address);
+                }
+            }
         }
     }
 
@@ -337,6 +380,9 @@ impl NodeClient {
         };
         let reason = explained(&innermost(source));
         // The transport has this code for HTTP/2's ENHANCE_YOUR_CALM only.
+        if status.code() == tonic::Code::ResourceExhausted && !self.cancels.just_now() {
+            self.pings.objected(&address);
+        }
         if status.code() == tonic::Code::ResourceExhausted || self.cancels.just_now() {
             NodeError::Calmed { address, call, reason }
         } else {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use brickcast_proto::{NodeDescription, PrepareRequest, StoreDescription};
+use brickcast_proto::{NodeDescription, StoreDescription};
 use brickcast_volume::scene::{Acceleration, RegionView, Scene, Transport};
 use brickcast_volume::style::Style;
 use brickcast_volume::transfer_function::TransferFunction;
@@ -16,7 +16,7 @@ use crate::blend::{blend, classified};
 use crate::cluster::Cluster;
 use crate::dial::Dial;
 use crate::discovery::NodeList;
-use crate::follow::{LOAD_LIMIT, Outlook};
+use crate::follow::Outlook;
 use crate::frame::{self, FrameOrder};
 use crate::output::Picture;
 use crate::plan::{Assignment, InView, Shown, StoreFacts};
@@ -170,11 +170,10 @@ impl Session {
             let (shown, assignment) = self.plan(scene);
             stats.shown_bricks = shown.brick_count();
             let answers = join_all(self.cluster.members().map(|(position, member)| {
-                let (store, bricks) = (self.store.hash, assignment.bricks_of(&shown, position));
-                let request =
-                    PrepareRequest { store, bricks, scene: scene.clone(), background: false, release: Vec::new() };
+                let bricks = assignment.bricks_of(&shown, position);
+                let request = self.cluster.loading(bricks, scene.clone());
                 let mut client = member.client.clone();
-                async move { (position, client.prepare(request, LOAD_LIMIT).await) }
+                async move { (position, client.prepare(request).await) }
             }));
             let (mut again, mut pause, mut fits) = (false, Duration::ZERO, true);
             for (position, answer) in answers.await {
@@ -238,7 +237,15 @@ impl Session {
         let table = balanced.map(|b| b.table(&mut self.cluster, &assignment, &in_view, &view));
         let table = table.as_ref().unwrap_or(&assignment);
         let epoch = self.cluster.epoch();
-        let order = FrameOrder { frame, epoch, store: self.store.hash, scene, transport, deadline };
+        let order = FrameOrder {
+            session: self.cluster.session(),
+            frame,
+            epoch,
+            store: self.store.hash,
+            scene,
+            transport,
+            deadline,
+        };
         let workers = self.cluster.workers();
         let end = frame::run(&order, workers, (&shown, &in_view), table, &self.dial).await?;
         let complete = end.ledger.is_complete();

@@ -1,7 +1,7 @@
 //! The raycaster on the processor: the kernel's CPU twin over screen tiles.
 
 use std::any::Any;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 use brickcast_shaders::layout::{BrickUniform, FrameUniform, MAP_EMPTY, MAP_HOMOGENEOUS};
 use brickcast_shaders::twin::accelerated::{BrickData, RayCounts, Tables, Unwatched, accelerated_ray};
@@ -23,12 +23,25 @@ use crate::raycaster::{
 };
 use crate::recipe::Recipe;
 use crate::texels::{CELL_BYTES, PreparedBrick, PreparedCells, expected_bytes};
+use crate::watch::Watch;
 use crate::worth::Occupancy;
 
-/// Tile edge in pixels: small enough that threads stay busy to the end, large enough that a brick's voxels are reused.
+/// Tile edge in pixels: small enough that threads stay busy to the end, large enough that a brick's voxels are reused ...
 const TILE: usize = 32;
+/// ... and where there are few pixels, each of them long.
+const SMALLEST_TILE: usize = 4;
+/// Tiles that every thread should find.
+const TILES_PER_THREAD: usize = 4;
 
-/// Renders with rayon's global pool. Every pixel is computed alone, so pictures do not depend on the number of threads.
+/// The threads of all CPU kernels of this process. Nothing else runs on them: what needs threads for a moment (tables, decoding,
+/// encoding tiles) must not wait until a picture is done.
+fn kernel_threads() -> Option<&'static rayon::ThreadPool> {
+    static THREADS: OnceLock<Option<rayon::ThreadPool>> = OnceLock::new();
+    let name = |i| format!("kernel-{i}");
+    THREADS.get_or_init(|| rayon::ThreadPoolBuilder::new().thread_name(name).build().ok()).as_ref()
+}
+
+/// Renders with threads of its own. Every pixel is computed alone, so pictures do not depend on the number of threads.
 #[derive(Debug)]
 pub struct CpuRaycaster {
     info: BackendInfo,
@@ -218,15 +231,22 @@ impl Raycaster for CpuRaycaster {
         Ok(())
     }
 
-    fn render(&self, scene: &KernelScene, jobs: &[Job]) -> Result<Vec<JobImage>, RaycastError> {
+    fn render_watched(
+        &self,
+        scene: &KernelScene,
+        jobs: &[Job],
+        watch: Watch<'_>,
+    ) -> Result<Vec<JobImage>, RaycastError> {
         check_jobs(scene, jobs, u32::MAX)?;
         let frame = scene.frame_uniform();
         let emptiness = self.emptiness.get(scene);
         let tables =
             Tables { table: &scene.table.entries, region: scene.region_table.as_ref().map(|t| &t.entries[..]) };
         let integrals = scene.style.as_ref().map(|style| style.integrals(tables));
-        let reads = Reads { frame: &frame, tables: &tables, integrals: integrals.as_ref() };
-        jobs.par_iter().map(|job| render_job(scene, &reads, emptiness.as_ref(), job)).collect()
+        let reads = Reads { frame: &frame, tables: &tables, integrals: integrals.as_ref(), watch };
+        let work = || jobs.par_iter().map(|job| render_job(scene, &reads, emptiness.as_ref(), job)).collect();
+        // A system that gives no more threads has those of the others.
+        kernel_threads().map_or_else(work, |threads| threads.install(work))
     }
 }
 
@@ -243,33 +263,44 @@ fn render_job(
         .collect::<Option<_>>()
         .ok_or(RaycastError::ForeignBrick { backend: "cpu" })?;
     let mut pixels = new_pixels(&job.rect)?;
-    let counts = tiles_of(&job.rect, &mut pixels).into_par_iter().map(|tile| render_tile(reads, &bricks, tile)).reduce(
+    let edge = tile_edge(job.rect.pixel_count(), rayon::current_num_threads());
+    let tiles = tiles_of(&job.rect, &mut pixels, edge).into_par_iter();
+    let counts = tiles.map(|tile| render_tile(reads, &bricks, tile)).try_reduce(
         || vec![BrickCounts::default(); bricks.len()],
         |mut a, b| {
             a.iter_mut().zip(b).for_each(|(a, b)| *a = a.plus(b));
-            a
+            Ok(a)
         },
-    );
+    )?;
     Ok(JobImage { rect: job.rect, pixels, counts })
 }
 
+/// The largest edge that leaves every thread some tiles.
+fn tile_edge(pixels: usize, threads: usize) -> usize {
+    let mut edge = TILE;
+    while edge > SMALLEST_TILE && pixels < threads * TILES_PER_THREAD * edge * edge {
+        edge /= 2;
+    }
+    edge
+}
+
 /// Cuts a row-major accumulator into tiles.
-fn tiles_of<'a>(rect: &PixelRect, pixels: &'a mut [Premul]) -> Vec<Tile<'a>> {
+fn tiles_of<'a>(rect: &PixelRect, pixels: &'a mut [Premul], edge: usize) -> Vec<Tile<'a>> {
     let mut tiles = Vec::new();
     if rect.is_empty() {
         return tiles;
     }
     let width = rect.size().x as usize;
-    for (band, rows) in pixels.chunks_mut(width * TILE).enumerate() {
+    for (band, rows) in pixels.chunks_mut(width * edge).enumerate() {
         let first = tiles.len();
         let height = rows.len() / width;
-        for x in (0..width).step_by(TILE) {
-            let lo = rect.lo + UVec2::new(x as u32, (band * TILE) as u32);
-            let hi = lo + UVec2::new((width - x).min(TILE) as u32, height as u32);
+        for x in (0..width).step_by(edge) {
+            let lo = rect.lo + UVec2::new(x as u32, (band * edge) as u32);
+            let hi = lo + UVec2::new((width - x).min(edge) as u32, height as u32);
             tiles.push(Tile { rect: PixelRect { lo, hi }, rows: Vec::with_capacity(height) });
         }
         for row in rows.chunks_mut(width) {
-            for (tile, part) in tiles[first..].iter_mut().zip(row.chunks_mut(TILE)) {
+            for (tile, part) in tiles[first..].iter_mut().zip(row.chunks_mut(edge)) {
                 tile.rows.push(part);
             }
         }
@@ -283,11 +314,16 @@ struct Reads<'a> {
     tables: &'a Tables<'a>,
     /// Where the scene has a style.
     integrals: Option<&'a Integrals<'a>>,
+    watch: Watch<'a>,
 }
 
 /// All bricks front to back into one tile; returns what each took.
-fn render_tile(reads: &Reads<'_>, bricks: &[PlacedBrick<'_>], mut tile: Tile<'_>) -> Vec<BrickCounts> {
-    let Reads { frame, tables, integrals } = *reads;
+fn render_tile(
+    reads: &Reads<'_>,
+    bricks: &[PlacedBrick<'_>],
+    mut tile: Tile<'_>,
+) -> Result<Vec<BrickCounts>, RaycastError> {
+    let Reads { frame, tables, integrals, watch } = *reads;
     let lo = tile.rect.lo;
     let width = tile.rect.size().x;
     let rays: Vec<Ray> =
@@ -302,6 +338,7 @@ fn render_tile(reads: &Reads<'_>, bricks: &[PlacedBrick<'_>], mut tile: Tile<'_>
         let are_slabs_alone = integrals.is_some_and(|with| are_slabs_alone(&brick.uniform, &data, with));
         let mut finished = true;
         for y in touched.lo.y - lo.y..touched.hi.y - lo.y {
+            watch.goes_on()?;
             let row = &mut tile.rows[y as usize];
             for x in touched.lo.x - lo.x..touched.hi.x - lo.x {
                 let pixel = &mut row[x as usize];
@@ -328,50 +365,8 @@ fn render_tile(reads: &Reads<'_>, bricks: &[PlacedBrick<'_>], mut tile: Tile<'_>
             break;
         }
     }
-    counts
+    Ok(counts)
 }
 
 #[cfg(test)]
-mod tests {
-    use brickcast_volume::macrocell::Macrocells;
-    use bytemuck::Zeroable;
-    use glam::{IVec3, UVec3};
-
-    use super::*;
-
-    /// Of a scene in which nothing shows, or everything.
-    fn emptiness(opaque: u32) -> Arc<Emptiness> {
-        let counts = (0..=u32::from(u16::MAX)).map(|code| [code * opaque, (code + 1) * opaque]).collect();
-        Arc::new(Emptiness { counts, ..Emptiness::default() })
-    }
-
-    /// A brick that was last seen with a transfer function long gone must not keep its counts, and must not take another
-    /// function for it that came to lie in the same place.
-    #[test]
-    fn bricks_do_not_keep_the_transfer_functions_that_they_were_seen_with() {
-        let cells = Macrocells { edge: 4, lo: IVec3::ZERO, dims: UVec3::ONE, ranges: vec![[100, 200]] };
-        let brick = CpuBrick {
-            owned: OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(4) },
-            uniform: BrickUniform::zeroed(),
-            texels: Vec::new(),
-            means: None,
-            cells: Some(PreparedCells { cells, homogeneous: None }),
-            flags: Vec::new(),
-            map: Mutex::default(),
-            occupancy: Occupancy::default(),
-            bytes: 0,
-        };
-        let first = emptiness(0);
-        let map = brick.map(Some(&first)).unwrap();
-        assert_ne!(*map, [0], "nothing shows");
-        assert!(Arc::ptr_eq(&map, &brick.map(Some(&first)).unwrap()), "built once");
-        let counts = Arc::downgrade(&first);
-        drop(first);
-        assert_eq!(counts.strong_count(), 0);
-        drop(counts);
-        for _ in 0..100 {
-            assert_eq!(*brick.map(Some(&emptiness(1))).unwrap(), [0], "everything shows");
-            assert_ne!(*brick.map(Some(&emptiness(0))).unwrap(), [0], "nothing shows");
-        }
-    }
-}
+mod tests;

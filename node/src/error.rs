@@ -62,7 +62,7 @@ pub enum NodeError {
     #[error("bricks of {} are wanted at once, the memory budget is {}", format_bytes(*bytes), format_bytes(*budget))]
     BatchTooLarge { bytes: u64, budget: u64 },
     #[error(transparent)]
-    Raycast(#[from] RaycastError),
+    Raycast(RaycastError),
 
     #[error("{0} orders wait already; try again later")]
     Busy(usize),
@@ -121,6 +121,15 @@ impl NodeError {
             Self::Draining => Fault::Draining,
             Self::Stalled(_) | Self::Cancelled | Self::Silent(_) | Self::Unfinished(_) => Fault::Abandoned,
             Self::Panicked(_) => Fault::Internal,
+        }
+    }
+}
+
+impl From<RaycastError> for NodeError {
+    fn from(error: RaycastError) -> Self {
+        match error {
+            RaycastError::Cancelled => Self::Cancelled,
+            error => Self::Raycast(error),
         }
     }
 }

@@ -54,6 +54,11 @@ impl Lanes {
         }
     }
 
+    /// Does anybody wait for the turn?
+    pub(crate) fn is_wanted(&self) -> bool {
+        self.lock().lanes.values().flatten().any(|waiting| !waiting.is_closed())
+    }
+
     /// The turn where it is free, else where it will come.
     fn enter(self: &Arc<Self>, client: Client) -> Result<Turn, oneshot::Receiver<Turn>> {
         let mut state = self.lock();

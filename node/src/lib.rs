@@ -28,6 +28,7 @@ pub mod stores;
 #[cfg(test)]
 mod testing;
 mod texels;
+pub mod watch;
 mod worth;
 
 pub use config::{DataRoot, NodeConfig};

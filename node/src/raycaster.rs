@@ -13,6 +13,7 @@ use crate::cpu::CpuRaycaster;
 use crate::gpu::{GpuError, GpuOptions, GpuRaycaster};
 use crate::kernel_style::KernelStyle;
 use crate::recipe::Recipe;
+use crate::watch::{Cancelled, Pulse, Watch};
 use crate::worth::Occupied;
 
 pub use brickcast_shaders::Features;
@@ -196,6 +197,14 @@ pub enum RaycastError {
     Timeout { what: &'static str, seconds: u64 },
     #[error("the GPU refused {what}: {reason}")]
     Gpu { what: &'static str, reason: String },
+    #[error("nobody wants the picture any more")]
+    Cancelled,
+}
+
+impl From<Cancelled> for RaycastError {
+    fn from(_: Cancelled) -> Self {
+        Self::Cancelled
+    }
 }
 
 impl RaycastError {
@@ -246,11 +255,25 @@ pub trait Raycaster: Send + Sync + std::fmt::Debug {
     /// Device lost.
     fn warm_up(&self, filter: Filter, features: Features) -> Result<(), RaycastError>;
 
-    /// Renders every job into an accumulator of its own, from zero, with early termination.
+    /// Renders every job into an accumulator of its own, from zero, with early termination. Pixels do not depend on how a picture
+    /// is cut into jobs' rectangles.
+    ///
+    /// # Errors
+    /// Out of memory, device lost; `watch` says that nobody wants it any more.
+    fn render_watched(
+        &self,
+        scene: &KernelScene,
+        jobs: &[Job],
+        watch: Watch<'_>,
+    ) -> Result<Vec<JobImage>, RaycastError>;
+
+    /// The same to its end.
     ///
     /// # Errors
     /// Out of memory, device lost.
-    fn render(&self, scene: &KernelScene, jobs: &[Job]) -> Result<Vec<JobImage>, RaycastError>;
+    fn render(&self, scene: &KernelScene, jobs: &[Job]) -> Result<Vec<JobImage>, RaycastError> {
+        self.render_watched(scene, jobs, Watch::new(&Pulse::default(), &|| false))
+    }
 }
 
 /// Which backend the user asks for.

@@ -8,7 +8,7 @@ use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use brickcast_volume::StoreHash;
+use brickcast_volume::{SessionId, StoreHash};
 use rayon::prelude::*;
 
 use crate::error::NodeError;
@@ -60,6 +60,20 @@ struct Slot {
     /// Leases that hold it.
     pins: u32,
     used_at: u64,
+    users: Users,
+}
+
+/// Whose frames used a brick since it was loaded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Users {
+    One(SessionId),
+    Several,
+}
+
+impl Users {
+    fn and(self, session: SessionId) -> Self {
+        if self == Self::One(session) { self } else { Self::Several }
+    }
 }
 
 #[derive(Debug)]
@@ -105,14 +119,17 @@ impl Residency {
         slots.filter(|slot| matches!(slot.state, State::Ready(_))).map(|slot| slot.bytes).sum()
     }
 
-    /// Lets go of these bricks of a store (linear indices), however they are drawn, but for those that a lease holds. Returns
-    /// their bytes.
-    pub fn release(&self, store: StoreHash, bricks: &[u32]) -> u64 {
+    /// Lets go of these bricks of a store (linear indices), however they are drawn, but for those that a lease holds or that another
+    /// session used, too. Returns their bytes.
+    pub fn release(&self, session: SessionId, store: StoreHash, bricks: &[u32]) -> u64 {
         let bricks: HashSet<u32> = bricks.iter().copied().collect();
         let mut table = self.lock();
         let gone: Vec<(BrickKey, Slot)> = table
             .slots
-            .extract_if(|key, slot| slot.pins == 0 && key.store == store && bricks.contains(&key.brick))
+            .extract_if(|key, slot| {
+                let is_free = slot.pins == 0 && slot.users == Users::One(session);
+                is_free && key.store == store && bricks.contains(&key.brick)
+            })
             .collect();
         let freed = gone.iter().map(|(_, slot)| slot.bytes).sum();
         table.used = table.used.saturating_sub(freed);
@@ -128,6 +145,7 @@ impl Residency {
     /// More than the budget at once, a load that failed, `cancelled`.
     pub fn lease(
         &self,
+        session: SessionId,
         wanted: &[Wanted],
         load: &Load<'_>,
         cancelled: &(dyn Fn() -> bool + Sync),
@@ -136,7 +154,7 @@ impl Residency {
         if bytes > self.budget {
             return Err(NodeError::BatchTooLarge { bytes, budget: self.budget });
         }
-        let mut lease = self.reserve(wanted, cancelled)?;
+        let mut lease = self.reserve(session, wanted, cancelled)?;
         loop {
             let mine = {
                 let mut table = self.lock();
@@ -160,7 +178,12 @@ impl Residency {
     }
 
     /// Pins `wanted`, with room for what is missing.
-    fn reserve(&self, wanted: &[Wanted], cancelled: &dyn Fn() -> bool) -> Result<Lease<'_>, NodeError> {
+    fn reserve(
+        &self,
+        session: SessionId,
+        wanted: &[Wanted],
+        cancelled: &dyn Fn() -> bool,
+    ) -> Result<Lease<'_>, NodeError> {
         let mut table = self.lock();
         loop {
             let missing: u64 = wanted.iter().filter(|w| !table.slots.contains_key(&w.key)).map(|w| w.bytes).sum();
@@ -183,7 +206,9 @@ impl Residency {
                 bytes: w.bytes,
                 pins: 0,
                 used_at: clock,
+                users: Users::One(session),
             });
+            slot.users = slot.users.and(session);
             slot.pins += 1;
             slot.used_at = clock;
         }

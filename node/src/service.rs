@@ -124,6 +124,11 @@ pub(crate) mod client {
             }
         }
 
+        /// The next part; `None` at the end.
+        pub(crate) async fn next(&mut self) -> Result<Option<Part>, Status> {
+            Ok(self.0.message().await?.map(|part| FramePart::try_from(part).unwrap().part))
+        }
+
         /// Reads to the end, whatever comes.
         pub(crate) async fn drain(mut self) -> Result<(), Status> {
             while self.0.message().await?.is_some() {}

@@ -18,10 +18,12 @@ const MAX_DEPTH: u32 = 4;
 const MAX_FOLDERS: usize = 100_000;
 /// A miss scans again, but not more often than this.
 const SCAN_INTERVAL: Duration = Duration::from_secs(1);
+/// A store that nobody has asked for in so long is closed.
+const CLOSED_AFTER: Duration = Duration::from_secs(600);
 /// Names listed in an error, at most.
 const LISTED: usize = 20;
 
-/// A store that stays open.
+/// A store that stays open while it is used.
 #[derive(Debug)]
 pub struct OpenStore {
     pub name: String,
@@ -33,6 +35,8 @@ pub struct OpenStore {
 pub struct Stores {
     place: Place,
     index: Mutex<Index>,
+    /// Held while the disk is looked at, which may take long; the index is not.
+    scanning: Mutex<()>,
 }
 
 #[derive(Debug)]
@@ -49,8 +53,15 @@ enum Place {
 struct Index {
     /// By name, which is the path below the root.
     found: Vec<StoreName>,
-    open: HashMap<StoreHash, Arc<OpenStore>>,
+    open: HashMap<StoreHash, Kept>,
     scanned: Option<Instant>,
+}
+
+/// An open store, and when it was last asked for.
+#[derive(Debug)]
+struct Kept {
+    store: Arc<OpenStore>,
+    used: Instant,
 }
 
 impl Stores {
@@ -68,33 +79,28 @@ impl Stores {
                 Place::Single { name, folder: StoreFolder::free(&path) }
             }
         };
-        Ok(Self { place, index: Mutex::default() })
+        Ok(Self { place, index: Mutex::default(), scanning: Mutex::default() })
     }
 
     /// What is there, by name.
     #[must_use]
     pub fn list(&self) -> Vec<StoreName> {
-        let mut index = self.lock();
-        self.scan(&mut index);
-        index.found.clone()
+        self.scan();
+        self.lock().found.clone()
     }
 
     /// # Errors
     /// An unknown hash (listing what is there), a store that does not open.
     pub fn by_hash(&self, hash: StoreHash) -> Result<Arc<OpenStore>, NodeError> {
-        let name = {
-            let mut index = self.lock();
-            if let Some(open) = index.open.get(&hash) {
-                return Ok(open.clone());
-            }
-            let find = |index: &Index| index.found.iter().find(|name| name.hash == hash).cloned();
-            let mut found = find(&index);
-            if found.is_none() {
-                self.scan(&mut index);
-                found = find(&index);
-            }
-            found.ok_or_else(|| NodeError::UnknownStore { hash, there: listing(&index) })?
-        };
+        if let Some(open) = self.known(hash) {
+            return Ok(open);
+        }
+        let find = || self.lock().found.iter().find(|name| name.hash == hash).cloned();
+        let found = find().or_else(|| {
+            self.scan();
+            find()
+        });
+        let name = found.ok_or_else(|| NodeError::UnknownStore { hash, there: listing(&self.lock()) })?;
         let folder = self.folder(&name.name);
         let open = self.open(name.name, &folder)?;
         if open.store.hash() != hash {
@@ -116,9 +122,8 @@ impl Stores {
             Ok(hash) => hash,
             Err(error @ StoreError::Outside { .. }) => return Err(NodeError::of_store(name, error)),
             Err(_) => {
-                let mut index = self.lock();
-                self.scan(&mut index);
-                return Err(NodeError::UnknownName { name: name.clone(), there: listing(&index) });
+                self.scan();
+                return Err(NodeError::UnknownName { name: name.clone(), there: listing(&self.lock()) });
             }
         };
         if let Some(want) = *expected
@@ -126,10 +131,10 @@ impl Stores {
         {
             return Err(NodeError::OtherContent { name: name.clone(), got: hash, want });
         }
-        if let Some(open) = self.lock().open.get(&hash) {
-            return Ok(open.clone());
+        match self.known(hash) {
+            Some(open) => Ok(open),
+            None => self.open(name.clone(), &folder),
         }
-        self.open(name.clone(), &folder)
     }
 
     /// Closes a store that turned out to be broken: the next order looks at the disk again.
@@ -139,10 +144,25 @@ impl Stores {
         index.found.retain(|name| name.hash != hash);
     }
 
+    /// An open store, if it is. Closes those that nobody has asked for in a while.
+    fn known(&self, hash: StoreHash) -> Option<Arc<OpenStore>> {
+        let mut index = self.lock();
+        let now = Instant::now();
+        index.open.retain(|other, kept| {
+            let is_used = Arc::strong_count(&kept.store) > 1;
+            *other == hash || is_used || now.duration_since(kept.used) < CLOSED_AFTER
+        });
+        let kept = index.open.get_mut(&hash)?;
+        kept.used = now;
+        Some(kept.store.clone())
+    }
+
     fn open(&self, name: String, folder: &StoreFolder) -> Result<Arc<OpenStore>, NodeError> {
         let store = Store::open_in(folder).map_err(|error| NodeError::of_store(&name, error))?;
-        let open = Arc::new(OpenStore { name, store });
-        Ok(self.lock().open.entry(open.store.hash()).or_insert(open).clone())
+        let store = Arc::new(OpenStore { name, store });
+        let mut index = self.lock();
+        let kept = index.open.entry(store.store.hash()).or_insert(Kept { store, used: Instant::now() });
+        Ok(kept.store.clone())
     }
 
     /// The folder of a store that a scan found.
@@ -177,9 +197,10 @@ impl Stores {
         }
     }
 
-    /// Looks at the disk, if that was not done a moment ago.
-    fn scan(&self, index: &mut Index) {
-        if index.scanned.is_some_and(|at| at.elapsed() < SCAN_INTERVAL) {
+    /// Looks at the disk, if that was not done a moment ago. Who comes meanwhile waits for what is found; who needs nothing new does not.
+    fn scan(&self) {
+        let _scanning = self.scanning.lock().unwrap_or_else(PoisonError::into_inner);
+        if self.lock().scanned.is_some_and(|at| at.elapsed() < SCAN_INTERVAL) {
             return;
         }
         let mut found = Vec::new();
@@ -190,6 +211,7 @@ impl Stores {
             }
         }
         found.sort_by(|a, b| a.name.cmp(&b.name));
+        let mut index = self.lock();
         index.found = found;
         index.scanned = Some(Instant::now());
     }

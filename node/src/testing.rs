@@ -12,13 +12,14 @@ use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport
 use brickcast_volume::store::{PrepareOptions, prepare};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use brickcast_volume::{
-    Camera, Epoch, FrameId, Geometry, MergeTree, Orbit, PictureSize, Premul, StoreHash, TreeNode, over,
+    Camera, Epoch, FrameId, Geometry, MergeTree, Orbit, PictureSize, Premul, SessionId, StoreHash, TreeNode, over,
 };
 
 use crate::raycaster::{
     BackendInfo, BrickCounts, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, ResidentBrick,
 };
 use crate::recipe::Recipe;
+use crate::watch::Watch;
 
 /// u8 voxels `value(x, y, z)`.
 #[derive(Debug)]
@@ -103,7 +104,8 @@ pub(crate) fn whole_order(tree: &MergeTree, store: StoreHash, scene: Scene) -> R
     let tiles = TileRect::of_picture(scene.size);
     let chunks = (0..tree.chunk_count() as u32).collect();
     let layers = vec![LayerOrder { node: TreeNode(1), chunks, tiles }];
-    RenderOrder { frame: FrameId(7), epoch: Epoch(3), store, scene, transport: Transport::F32, layers }
+    let (session, frame, epoch) = (SessionId(1), FrameId(7), Epoch(3));
+    RenderOrder { session, frame, epoch, store, scene, transport: Transport::F32, layers }
 }
 
 #[derive(Debug)]
@@ -219,10 +221,17 @@ impl Raycaster for FakeRaycaster {
         Ok(())
     }
 
-    fn render(&self, scene: &KernelScene, jobs: &[Job]) -> Result<Vec<JobImage>, RaycastError> {
+    fn render_watched(
+        &self,
+        scene: &KernelScene,
+        jobs: &[Job],
+        watch: Watch<'_>,
+    ) -> Result<Vec<JobImage>, RaycastError> {
         while self.is_held.load(Ordering::SeqCst) {
+            // A kernel that hangs: no beat, and nothing stops it.
             std::thread::sleep(std::time::Duration::from_millis(1));
         }
+        watch.goes_on()?;
         let call = self.calls.fetch_add(1, Ordering::SeqCst);
         let mut widths = self.widths.lock().unwrap();
         widths.push(scene.view.size().width());

@@ -1,8 +1,8 @@
 //! Who a node is, what it holds, and loading ahead of a frame.
 
-use brickcast_volume::StoreHash;
 use brickcast_volume::scene::Scene;
 use brickcast_volume::store::{BrickFactsTable, BrickRanges, Manifest};
+use brickcast_volume::{SessionId, StoreHash};
 use bytes::Bytes;
 
 /// The longest text of any field, bytes.
@@ -134,6 +134,8 @@ pub struct StoreDescription {
 
 #[derive(Debug, Clone, PartialEq)]
 pub struct PrepareRequest {
+    /// As in [`crate::RenderOrder`].
+    pub session: SessionId,
     pub store: StoreHash,
     /// Linear brick indices, x fastest, none twice; empty only warms the pipelines.
     pub bricks: Vec<u32>,
@@ -141,7 +143,7 @@ pub struct PrepareRequest {
     pub scene: Scene,
     /// One brick at a time: no frame waits for more than that.
     pub background: bool,
-    /// Bricks to let go of before any is loaded, but for those that a frame uses just now; none twice, none that is asked for.
+    /// Bricks to let go of before any is loaded, but for those that a frame or another session uses; none twice, none that is asked for.
     pub release: Vec<u32>,
 }
 

@@ -1,7 +1,7 @@
 //! What a compositor orders from a node for one frame.
 
 use brickcast_volume::scene::{Scene, Transport};
-use brickcast_volume::{Epoch, FrameId, StoreHash, TreeNode};
+use brickcast_volume::{Epoch, FrameId, SessionId, StoreHash, TreeNode};
 
 use crate::tile_rect::TileRect;
 
@@ -17,6 +17,8 @@ pub const MAX_TILES_OWED: u64 = 1 << 24;
 /// What depends on the store (whether node and chunks exist) is checked by the node.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderOrder {
+    /// Random, the same in all orders and calls of a session.
+    pub session: SessionId,
     pub frame: FrameId,
     pub epoch: Epoch,
     pub store: StoreHash,

@@ -1,4 +1,4 @@
-//! What a node answers: tiles, explicit empties, and the receipt last.
+//! What a node answers: tiles, explicit empties, signs of life, and the receipt last.
 
 use brickcast_volume::{Epoch, FrameId, TreeNode};
 
@@ -19,6 +19,8 @@ pub enum Part {
     /// Ordered tiles in which the layer has nothing to show: indices row-major in the layer's tile rectangle, strictly
     /// increasing, at least one.
     Empty { node: TreeNode, tiles: Vec<u32> },
+    /// The order waits or is worked on. `work` grows whenever the node has done something, for whomever.
+    Progress { work: u64 },
     /// The last message: everything ordered was answered.
     Receipt(Receipt),
 }

@@ -103,6 +103,17 @@ impl NodeProcess {
         Self::listening(Command::new(binaries().join("brickcast-node")), data, listen, extra)
     }
 
+    /// As [`NodeProcess::start`], on these cores of the machine only.
+    ///
+    /// # Panics
+    /// As [`NodeProcess::start`].
+    #[must_use]
+    pub fn start_on(data: &Path, extra: &[&str], cores: &str) -> Self {
+        let mut command = Command::new("taskset");
+        command.args(["-c", cores]).arg(binaries().join("brickcast-node"));
+        Self::listening(command, data, "127.0.0.1:0", extra)
+    }
+
     fn listening(mut command: Command, data: &Path, listen: &str, extra: &[&str]) -> Self {
         command.args(["--listen", listen, "--data"]).arg(data).args(extra);
         let mut child = command.stdout(Stdio::piped()).spawn().expect("brickcast-node runs");

@@ -339,22 +339,6 @@ fn nodes_that_come_and_go_in_a_file_are_followed() {
     });
 }
 
-#[test]
-fn at_the_start_a_name_may_lack_nodes_but_a_list_may_not() {
-    run(async {
-        let rig = Rig::new(1).await;
-        let (host, port) = rig.nodes[0].address.rsplit_once(':').unwrap();
-        open(&rig.store, &[format!("dns:{host}:{port}"), "dns:no-such-host.invalid:1".to_owned()]).await.unwrap();
-        let typo = open(&rig.store, &[rig.nodes[0].address.clone(), "127.0.0.1:1".to_owned()]).await.unwrap_err();
-        assert!(typo.to_string().contains("127.0.0.1:1"), "{typo}");
-        let none = open(&rig.store, &["dns:127.0.0.1:1".to_owned()]).await.unwrap_err().to_string();
-        assert!(none.starts_with("no node serves") && none.contains("127.0.0.1:1"), "{none}");
-        let proxied = [rig.nodes[0].address.clone(), rig.proxies[0].address.clone()];
-        let twice = open(&rig.store, &proxied).await.unwrap_err().to_string();
-        assert!(twice.contains("are the same node"), "{twice}");
-    });
-}
-
 /// Two clients on the same nodes, with other views: each gets its own picture, also while a node is lost.
 #[test]
 fn several_clients_do_not_disturb_each_other() {

@@ -21,7 +21,7 @@ use brickcast_proto::{RenderOrder, transport, wire};
 use brickcast_tests::process::NodeProcess;
 use brickcast_volume::scene::Transport;
 use brickcast_volume::store::Store;
-use brickcast_volume::{Epoch, FrameId, View};
+use brickcast_volume::{Epoch, FrameId, SessionId, View};
 use bytes::Bytes;
 use tokio::io::AsyncReadExt as _;
 use tokio::net::TcpStream;
@@ -93,6 +93,7 @@ fn order(session: &Session, store: &Store) -> wire::RenderOrder {
     let shown = Shown::in_scene(session.store(), &scene);
     let layers = Assignment::contiguous(&shown, 1).orders(&shown, &view).remove(0).concat();
     let order = RenderOrder {
+        session: SessionId(7),
         frame: FrameId(1),
         epoch: Epoch(1),
         store: store.hash(),

@@ -11,7 +11,7 @@ use brickcast_proto::{LayerOrder, NodeDescription, Part, PrepareRequest, Receipt
 use brickcast_tests::process::{NodeProcess, brickcast_ok};
 use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
-use brickcast_volume::{Camera, Epoch, FrameId, MergeTree, Orbit, PictureSize, TreeNode};
+use brickcast_volume::{Camera, Epoch, FrameId, MergeTree, Orbit, PictureSize, SessionId, TreeNode};
 use futures_util::StreamExt as _;
 
 const ONE_THREAD: [(&str, &str); 1] = [("RAYON_NUM_THREADS", "1")];
@@ -54,7 +54,7 @@ impl Rig {
         let chunks = (0..MergeTree::of(store.manifest.grid).chunk_count() as u32).collect();
         let layers = vec![LayerOrder { node: TreeNode(1), chunks, tiles: TileRect::of_picture(scene.size) }];
         let (frame, epoch, transport) = (FrameId(1), Epoch(1), Transport::F16);
-        let order = RenderOrder { frame, epoch, store: store.hash, scene, transport, layers };
+        let order = RenderOrder { session: SessionId(1), frame, epoch, store: store.hash, scene, transport, layers };
         let mut rig = Self { node, client, order };
         // Loading is not what is measured here.
         rig.prepare((0..512).collect()).await;
@@ -63,8 +63,9 @@ impl Rig {
 
     async fn prepare(&mut self, bricks: Vec<u32>) {
         let (store, scene) = (self.order.store, self.order.scene.clone());
-        let request = PrepareRequest { store, bricks, scene, background: false, release: Vec::new() };
-        self.client.prepare(request, LIMIT).await.unwrap();
+        let request =
+            PrepareRequest { session: SessionId(1), store, bricks, scene, background: false, release: Vec::new() };
+        self.client.prepare(request).await.unwrap();
     }
 
     async fn render(&mut self) -> Receipt {

@@ -16,6 +16,10 @@ pub struct ChunkIndex(pub [u32; 3]);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct TreeNode(pub u64);
 
+/// A compositor's session with its nodes: a random number, so that no two have the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
+pub struct SessionId(pub u64);
+
 /// One rendering of one view; unique within a compositor's session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct FrameId(pub u64);

@@ -23,7 +23,7 @@ pub mod visibility;
 
 pub use brick::{BrickGrid, OwnedBox, StoredBox};
 pub use camera::{Camera, Orbit, Projection};
-pub use ids::{BrickIndex, ChunkIndex, Epoch, FrameId, StoreHash, TreeNode};
+pub use ids::{BrickIndex, ChunkIndex, Epoch, FrameId, SessionId, StoreHash, TreeNode};
 pub use merge::MergeTree;
 pub use premul::{Premul, over};
 pub use space::Geometry;

@@ -9,6 +9,7 @@ use super::print;
 use crate::cli::{CacheArgs, NodeArgs};
 use crate::failure::Failure;
 use crate::invocation::{Origin, Origins};
+use crate::service::LOAD_DEADLINE;
 
 /// The flags of which it tells, so that a command line can be tried out.
 #[derive(Debug, Args)]
@@ -73,6 +74,8 @@ fn settings(args: &ConfigArgs, origins: &Origins) -> Vec<Setting> {
     let nodes_from = given(if ruled_out { "local" } else { "nodes" });
     let backend = format!("{:?}", nodes.backend).to_lowercase();
     let deadline = humantime::format_duration(nodes.deadline).to_string();
+    let load_deadline = nodes.access.load_deadline.unwrap_or(LOAD_DEADLINE);
+    let load_deadline = humantime::format_duration(load_deadline).to_string();
     let setting = |key, value, note| Setting { key, value, origin: given(key), note };
     let note = |more: &'static str| if more.is_empty() || !elsewhere { only_elsewhere } else { more };
     vec![
@@ -88,6 +91,7 @@ fn settings(args: &ConfigArgs, origins: &Origins) -> Vec<Setting> {
         setting("backend", json!(backend), only_inside),
         setting("memory_budget", json!(nodes.memory_budget), only_inside),
         setting("deadline", json!(deadline), ""),
+        setting("load_deadline", json!(load_deadline), only_elsewhere),
         setting("cache_dir", path(&args.cache.folder()), ""),
     ]
 }

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use wgpu::{Adapter, Backend, Backends, DeviceType};
 
+use super::plan::{DISPATCH_SAMPLES, DISPATCH_SAMPLES_IN_SOFTWARE};
 use super::{GpuError, GpuOptions};
 use crate::raycaster::RaycastError;
 
@@ -34,6 +35,11 @@ pub(super) struct Gpu {
 const WORKGROUP: u32 = brickcast_shaders::WORKGROUP_PIXELS * brickcast_shaders::WORKGROUP_PIXELS;
 
 impl Gpu {
+    /// The most samples of a dispatch and of a submission.
+    pub(super) fn dispatch_samples(&self) -> f64 {
+        if self.is_software { DISPATCH_SAMPLES_IN_SOFTWARE } else { DISPATCH_SAMPLES }
+    }
+
     pub(super) fn open(options: &GpuOptions) -> Result<Self, GpuError> {
         let adapter = choose(options.adapter.as_deref())?;
         let info = adapter.get_info();

@@ -27,6 +27,7 @@ use crate::raycaster::{
 };
 use crate::recipe::Recipe;
 use crate::texels::{CELL_BYTES, PreparedBrick, expected_bytes};
+use crate::watch::Watch;
 use device::Gpu;
 use kernel::Kernels;
 use readback::{Call, Scratch};
@@ -190,7 +191,12 @@ impl Raycaster for GpuRaycaster {
         Ok(())
     }
 
-    fn render(&self, scene: &KernelScene, jobs: &[Job]) -> Result<Vec<JobImage>, RaycastError> {
+    fn render_watched(
+        &self,
+        scene: &KernelScene,
+        jobs: &[Job],
+        watch: Watch<'_>,
+    ) -> Result<Vec<JobImage>, RaycastError> {
         let limits = &self.gpu.limits;
         check_jobs(scene, jobs, limits.max_texture_dimension_2d.saturating_mul(tables::ROW as u32))?;
         let emptiness = self.emptiness.get(scene);
@@ -200,6 +206,7 @@ impl Raycaster for GpuRaycaster {
             variant: self.variant(scene.filter),
             emptiness: emptiness.as_ref(),
             accumulator_bytes: self.accumulator_bytes,
+            watch,
         };
         let mut scratch = self.scratch.lock().unwrap_or_else(PoisonError::into_inner);
         readback::render(&call, &mut scratch, scene, jobs)

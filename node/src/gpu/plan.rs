@@ -10,8 +10,10 @@ use glam::UVec2;
 pub(super) const PIXEL_BYTES: u64 = 16;
 /// A row of the widest picture must fit.
 pub(super) const MIN_ACCUMULATOR_BYTES: u64 = brickcast_volume::visibility::MAX_SIDE as u64 * PIXEL_BYTES;
-/// The most samples of a dispatch: about 0.01 s on a GPU, some seconds in software, and a 32-bit counter holds them.
+/// The most samples of a dispatch and of a submission: about 0.01 s on a GPU, and a 32-bit counter holds them ...
 pub(super) const DISPATCH_SAMPLES: f64 = 67_108_864.0;
+/// ... and where the processor plays GPU: some 0.1 s, after which a frame that nobody wants ends.
+pub(super) const DISPATCH_SAMPLES_IN_SOFTWARE: f64 = 4_194_304.0;
 
 /// Rows of a job's rectangle that are rendered and read back together.
 #[derive(Debug, Clone, PartialEq)]
@@ -71,7 +73,7 @@ pub(super) fn batches(rects: &[PixelRect], capacity: u32) -> Vec<Batch> {
 pub(super) fn dispatches(
     view: &View,
     band: &Band,
-    brick: usize,
+    (brick, most): (usize, f64),
     (boxes, features): (BrickUniform, Features),
 ) -> Vec<Dispatch> {
     let owned = &boxes.owned();
@@ -80,8 +82,8 @@ pub(super) fn dispatches(
         return Vec::new();
     }
     let per_pixel = most_samples(view, owned);
-    let columns = ((DISPATCH_SAMPLES / per_pixel) as u32).clamp(1, rect.size().x);
-    let rows = ((DISPATCH_SAMPLES / (per_pixel * f64::from(columns))) as u32).clamp(1, rect.size().y);
+    let columns = ((most / per_pixel) as u32).clamp(1, rect.size().x);
+    let rows = ((most / (per_pixel * f64::from(columns))) as u32).clamp(1, rect.size().y);
     let stride = band.rect.size().x;
     let mut pieces = Vec::new();
     for y in (rect.lo.y..rect.hi.y).step_by(rows as usize) {
@@ -156,7 +158,7 @@ mod tests {
         let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(512) };
         let band = Band { job: 0, rect: rect([0, 1000], [8192, 1900]), base: 77 };
         let boxes = BrickUniform::of_boxes(&owned, &owned.stored(1));
-        let pieces = dispatches(&view, &band, 3, (boxes, Features::PLAIN));
+        let pieces = dispatches(&view, &band, (3, DISPATCH_SAMPLES), (boxes, Features::PLAIN));
         assert!(pieces.len() > 10);
         let covered = view.project(&owned).intersect(&band.rect);
         let mut pixels = 0;

@@ -10,10 +10,11 @@ use brickcast_volume::PixelRect;
 use super::cells::MapBuilder;
 use super::device::Gpu;
 use super::kernel::{DISPATCH_BYTES, FRAME_BYTES, FrameTables, Kernels, SCENE_BYTES};
-use super::plan::{self, Batch, DISPATCH_SAMPLES, Dispatch, PIXEL_BYTES};
+use super::plan::{self, Batch, Dispatch, PIXEL_BYTES};
 use super::upload::GpuBrick;
 use crate::emptiness::Emptiness;
 use crate::raycaster::{BrickCounts, Job, JobImage, KernelScene, RaycastError, new_pixels};
+use crate::watch::Watch;
 
 /// The most dispatches of one submission.
 const SUBMIT_DISPATCHES: usize = 1024;
@@ -51,6 +52,7 @@ pub(super) struct Call<'a> {
     pub(super) emptiness: Option<&'a Arc<Emptiness>>,
     /// Most bytes of the accumulator buffer.
     pub(super) accumulator_bytes: u64,
+    pub(super) watch: Watch<'a>,
 }
 
 fn buffer(gpu: &Gpu, label: &str, size: u64, usage: wgpu::BufferUsages) -> wgpu::Buffer {
@@ -155,7 +157,8 @@ pub(super) fn render(
         let mut dispatches = Vec::new();
         for band in &batch.bands {
             for (i, brick) in bricks[band.job].iter().enumerate() {
-                dispatches.extend(plan::dispatches(&scene.view, band, i, brick.in_scene(scene, call.emptiness)));
+                let of_brick = brick.in_scene(scene, call.emptiness);
+                dispatches.extend(plan::dispatches(&scene.view, band, (i, call.gpu.dispatch_samples()), of_brick));
             }
         }
         if !dispatches.is_empty() {
@@ -174,11 +177,11 @@ fn bricks_of<'a>(gpu: &Arc<Gpu>, job: &'a Job) -> Result<Vec<&'a GpuBrick>, Rayc
         .ok_or(RaycastError::ForeignBrick { backend: "gpu" })
 }
 
-/// Runs of dispatches that make up a submission: short, so that waits are.
-fn submissions(dispatches: &[Dispatch]) -> Vec<std::ops::Range<usize>> {
+/// Runs of dispatches that make up a submission of at most `most` samples: short, so that waits are.
+fn submissions(dispatches: &[Dispatch], most: f64) -> Vec<std::ops::Range<usize>> {
     let (mut runs, mut first, mut samples) = (Vec::new(), 0, 0.0);
     for (i, dispatch) in dispatches.iter().enumerate() {
-        if i > first && (i - first == SUBMIT_DISPATCHES || samples + dispatch.samples > DISPATCH_SAMPLES) {
+        if i > first && (i - first == SUBMIT_DISPATCHES || samples + dispatch.samples > most) {
             runs.push(first..i);
             (first, samples) = (i, 0.0);
         }
@@ -212,7 +215,7 @@ fn run(
             vacant.insert(call.kernels.pipeline(gpu, call.variant, dispatch.features)?);
         }
     }
-    let runs = submissions(dispatches);
+    let runs = submissions(dispatches, gpu.dispatch_samples());
     let last = runs.len() - 1;
     let mut before = None;
     for (n, run) in runs.into_iter().enumerate() {
@@ -253,6 +256,8 @@ fn run(
         // One submission runs while the next is recorded; the last is waited for by the mapping.
         if let Some(before) = before.replace(submission) {
             gpu.wait("rendering", before)?;
+            // What runs still writes nothing that a later call reads before its own.
+            call.watch.goes_on()?;
         }
     }
     if let Some(submission) = before {

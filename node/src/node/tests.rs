@@ -1,10 +1,12 @@
 //! Loading ahead beside frames, without a network.
 
 use std::sync::atomic::Ordering;
+use std::time::Duration;
 
+use brickcast_proto::{Part, PrepareRequest};
 use brickcast_volume::scene::Scene;
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
-use brickcast_volume::{BrickGrid, MergeTree, Orbit, StoreHash};
+use brickcast_volume::{BrickGrid, MergeTree, Orbit, SessionId, StoreHash};
 
 use super::*;
 use crate::config::DataRoot;
@@ -43,7 +45,7 @@ impl Bench {
     fn load_all(&self) -> PrepareRequest {
         let scene = Self::scene(-2.0);
         let bricks = (0..BRICKS).collect();
-        PrepareRequest { store: self.hash, bricks, scene, background: true, release: Vec::new() }
+        PrepareRequest { session: SessionId(1), store: self.hash, bricks, scene, background: true, release: Vec::new() }
     }
 
     /// Renders a corner of the volume.

@@ -1,31 +1,60 @@
-//! Units rendered in batches that fit the memory, and handed out one by one.
+//! Units rendered slice by slice, and handed out one by one.
 
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 use std::time::Instant;
 
-use brickcast_volume::Premul;
-use brickcast_volume::regions::Region;
-use brickcast_volume::store::{ChunkCache, Store};
+use brickcast_volume::{PixelRect, Premul};
 
-use super::choice::knows_only_region;
+use super::join::Layer;
+use super::load::load_bricks;
 use super::plan::{FramePlan, PlannedBrick, Unit};
-use super::{MAX_BATCH_BYTES, Workshop};
+use super::slices::{Rest, SliceSize};
+use super::{MAX_BATCH_BYTES, Turns, Workshop};
 use crate::error::NodeError;
-use crate::meter::{FrameMeter, LoadMeter};
-use crate::raycaster::{BrickInput, Job, JobImage, Raycaster, ResidentBrick};
-use crate::residency::{BrickKey, Lease, Load, Wanted};
+use crate::meter::FrameMeter;
+use crate::raycaster::{Job, JobImage, ResidentBrick, new_pixels};
+use crate::residency::{BrickKey, Wanted};
 use crate::stores::OpenStore;
+use crate::watch::Watch;
 
-/// The plan's units in their order, rendered when they are needed, several at once.
+/// The plan's units in their order, rendered when they are needed, several at once where they are small. Holds no bricks between
+/// two slices, so that others have the room meanwhile.
 pub(super) struct Batches<'a> {
     plan: &'a FramePlan,
     store: &'a OpenStore,
     workshop: Workshop<'a>,
-    cancelled: &'a (dyn Fn() -> bool + Sync),
-    /// The first unit that is not rendered yet.
+    watch: Watch<'a>,
+    turns: &'a dyn Turns,
+    /// The unit that is handed out next.
     next: usize,
-    finished: VecDeque<JobImage>,
+    /// The units from there on that were begun; only the last may be unfinished.
+    begun: VecDeque<Begun>,
+    /// A slice was rendered in this turn or an earlier one.
+    has_worked: bool,
+    size: SliceSize,
+}
+
+struct Begun {
+    layer: Layer,
+    rest: Rest,
+}
+
+/// What a slice has of one unit.
+struct Part {
+    unit: usize,
+    rect: PixelRect,
+    /// Positions in the plan's bricks, front to back: those that may show in `rect`.
+    bricks: Vec<usize>,
+}
+
+/// A slice that fits the memory.
+struct Slice {
+    parts: Vec<Part>,
+    /// None twice.
+    wanted: Vec<Wanted>,
+    /// At most, as it is guessed.
+    samples: f64,
 }
 
 impl<'a> Batches<'a> {
@@ -33,156 +62,136 @@ impl<'a> Batches<'a> {
         plan: &'a FramePlan,
         store: &'a OpenStore,
         workshop: Workshop<'a>,
-        cancelled: &'a (dyn Fn() -> bool + Sync),
+        watch: Watch<'a>,
+        turns: &'a dyn Turns,
     ) -> Self {
-        Self { plan, store, workshop, cancelled, next: 0, finished: VecDeque::new() }
+        let size = SliceSize::new(workshop.raycaster.info());
+        Self { plan, store, workshop, watch, turns, next: 0, begun: VecDeque::new(), has_worked: false, size }
+    }
+
+    /// All slices of so many samples.
+    #[cfg(test)]
+    pub(super) fn with_slices_of(self, samples: f64) -> Self {
+        Self { size: SliceSize::always(samples), ..self }
     }
 
     /// The unit whose picture [`Batches::take`] gives next.
     pub(super) fn upcoming(&self) -> Option<&'a Unit> {
-        self.plan.units.get(self.next - self.finished.len())
+        self.plan.units.get(self.next)
     }
 
     /// The next unit's picture; `None` after the last.
-    pub(super) fn take(&mut self, meter: &mut FrameMeter) -> Result<Option<JobImage>, NodeError> {
-        if self.finished.is_empty() && self.next < self.plan.units.len() {
-            if (self.cancelled)() {
+    pub(super) fn take(&mut self, meter: &mut FrameMeter) -> Result<Option<Layer>, NodeError> {
+        if self.next == self.plan.units.len() {
+            return Ok(None);
+        }
+        while !self.begun.front().is_some_and(|begun| begun.rest.is_empty()) {
+            if self.watch.is_cancelled() {
                 return Err(NodeError::Cancelled);
+            }
+            // Before what is to come, not after the last: a frame that is done goes.
+            if std::mem::replace(&mut self.has_worked, true) && self.turns.are_wanted() {
+                self.turns.give_way()?;
+                self.size.others_had_the_turn(Instant::now());
             }
             self.render(meter)?;
         }
-        Ok(self.finished.pop_front())
+        self.next += 1;
+        Ok(self.begun.pop_front().map(|begun| begun.layer))
     }
 
+    /// Renders the next slice.
     fn render(&mut self, meter: &mut FrameMeter) -> Result<(), NodeError> {
-        let (end, wanted) = self.fitting();
-        let units = &self.plan.units[self.next..end];
-        let (lease, load) = load_bricks(&wanted, self.store, self.workshop, self.cancelled)?;
+        let Slice { parts, wanted, samples } = self.slice()?;
+        let (workshop, watch) = (self.workshop, self.watch);
+        let is_cancelled = || watch.is_cancelled();
+        let (lease, load) = load_bricks(&wanted, self.store, workshop, &is_cancelled)?;
         meter.loaded(load);
         let resident: HashMap<BrickKey, &Arc<dyn ResidentBrick>> =
             wanted.iter().map(|w| w.key).zip(lease.bricks()).collect();
         let key = |position: &usize| self.plan.bricks[*position].wanted.key;
-        let jobs: Vec<Job> = units
-            .iter()
-            .map(|unit| Job {
-                bricks: unit.bricks.iter().map(|p| resident[&key(p)].clone()).collect(),
-                rect: unit.rect,
-            })
-            .collect();
-        let workshop = self.workshop;
-        let render = || workshop.raycaster.render(&self.plan.scene, &jobs);
-        let (images, work_ms) = workshop.pace.work(self.cancelled, render)?;
+        let brick = |position: &usize| resident[&key(position)].clone();
+        let job = |part: &Part| Job { bricks: part.bricks.iter().map(&brick).collect(), rect: part.rect };
+        let jobs: Vec<Job> = parts.iter().map(job).collect();
+        let render = || workshop.raycaster.render_watched(&self.plan.scene, &jobs, watch);
+        let started = Instant::now();
+        // Of a throttled node the rest is work, too.
+        let (images, work_ms) = workshop.pace.work(&|| watch.goes_on().is_err(), render)?;
+        let now = Instant::now();
+        self.size.took(samples, now - started, now);
         meter.worked(work_ms);
-        for (unit, image) in units.iter().zip(&images) {
-            for (position, counts) in unit.bricks.iter().zip(&image.counts) {
+        for (part, image) in parts.iter().zip(images) {
+            for (position, counts) in part.bricks.iter().zip(&image.counts) {
                 let PlannedBrick { wanted, drawn, index, .. } = &self.plan.bricks[*position];
                 let tree = &self.plan.tree;
                 meter.rendered(wanted.key.brick, tree.chunk_linear(tree.chunk_of(*index)), drawn, counts);
             }
+            self.begun[part.unit - self.next].layer.put(image)?;
         }
-        self.finished = images.into();
-        self.next = end;
         Ok(())
     }
 
-    /// As many units from the next one as fit (at least one): the end of the run, and its bricks, none twice.
-    fn fitting(&self) -> (usize, Vec<Wanted>) {
+    /// Cuts the next slice: as many parts of units as fit the memory and the time, one at least.
+    fn slice(&mut self) -> Result<Slice, NodeError> {
         let budget = self.workshop.residency.budget();
         let mut wanted: HashMap<BrickKey, u64> = HashMap::new();
-        let (mut brick_bytes, mut picture_bytes) = (0_u64, 0_u64);
-        let mut end = self.next;
-        for unit in &self.plan.units[self.next..] {
-            let new = unit.bricks.iter().map(|&p| self.plan.bricks[p].wanted).filter(|w| !wanted.contains_key(&w.key));
-            let more: u64 = new.clone().map(|w| w.bytes).fold(0, u64::saturating_add);
-            let pixels = (unit.rect.pixel_count() * size_of::<Premul>()) as u64;
-            let fits = brick_bytes.saturating_add(more) <= budget && picture_bytes + pixels <= MAX_BATCH_BYTES;
-            if end > self.next && !fits {
+        let mut parts: Vec<Part> = Vec::new();
+        let (mut brick_bytes, mut samples) = (0_u64, 0.0);
+        let mut picture_bytes: u64 = self.begun.iter().map(|begun| begun.layer.bytes()).sum();
+        let finished = self.begun.iter().take_while(|begun| begun.rest.is_empty()).count();
+        for at in self.next + finished..self.plan.units.len() {
+            let unit = &self.plan.units[at];
+            let left = self.size.samples() - samples;
+            if !parts.is_empty() && left < self.size.samples() * 0.1 {
                 break;
             }
-            let new: Vec<Wanted> = new.collect();
-            wanted.extend(new.iter().map(|w| (w.key, w.bytes)));
-            brick_bytes = brick_bytes.saturating_add(more);
+            let new = unit.bricks.iter().map(|&p| self.plan.bricks[p].wanted).filter(|w| !wanted.contains_key(&w.key));
+            let more = new.map(|w| w.bytes).fold(0, u64::saturating_add);
+            let is_begun = at - self.next < self.begun.len();
+            let pixels = if is_begun { 0 } else { (unit.rect.pixel_count() * size_of::<Premul>()) as u64 };
+            let fits = brick_bytes.saturating_add(more) <= budget && picture_bytes + pixels <= MAX_BATCH_BYTES;
+            if !parts.is_empty() && !fits {
+                break;
+            }
+            if !is_begun {
+                self.begun.push_back(Begun { layer: Layer::unborn(unit.rect), rest: Rest::new(unit.rect) });
+            }
+            let rest = &mut self.begun[at - self.next].rest;
+            let rect = rest.cut(unit.samples_per_pixel, left);
+            let is_whole = rest.is_empty();
+            let touches = |&p: &usize| !self.plan.bricks[p].rect.intersect(&rect).is_empty();
+            let bricks: Vec<usize> = unit.bricks.iter().copied().filter(touches).collect();
+            wanted.extend(bricks.iter().map(|&p| self.plan.bricks[p].wanted).map(|w| (w.key, w.bytes)));
+            brick_bytes = wanted.values().copied().fold(0, u64::saturating_add);
             picture_bytes += pixels;
-            end += 1;
+            samples += rect.pixel_count() as f64 * unit.samples_per_pixel;
+            parts.push(Part { unit: at, rect, bricks });
+            if !is_whole {
+                break;
+            }
         }
         let mut wanted: Vec<Wanted> = wanted.into_iter().map(|(key, bytes)| Wanted { key, bytes }).collect();
         wanted.sort_unstable_by_key(|w| w.key);
-        (end, wanted)
+        Ok(Slice { parts, wanted, samples })
     }
 }
 
-/// Holds `wanted`, loading what is missing from the store through the shared cache of decoded chunks.
-pub(crate) fn load_bricks<'a>(
-    wanted: &[Wanted],
-    store: &OpenStore,
-    workshop: Workshop<'a>,
-    cancelled: &(dyn Fn() -> bool + Sync),
-) -> Result<(Lease<'a>, LoadMeter), NodeError> {
-    let (started, decoded) = (Instant::now(), workshop.cache.decoded_bytes());
-    let load = |key: BrickKey| load_brick(key, store, workshop.raycaster, workshop.cache);
-    let load: &Load<'_> = &load;
-    let lease = workshop.residency.lease(wanted, load, cancelled)?;
-    let meter = if lease.loaded().is_empty() {
-        LoadMeter::default()
-    } else {
-        let manifest = store.store.manifest();
-        let grid = manifest.grid;
-        let owned = |key: &BrickKey| {
-            let voxels = grid.owned_box(grid.brick_at(key.brick as usize)).voxel_count();
-            voxels * bytes_read(key, &store.store)
-        };
-        LoadMeter {
-            time: started.elapsed(),
-            decoded_bytes: workshop.cache.decoded_bytes().saturating_sub(decoded),
-            owned_bytes: lease.loaded().iter().map(owned).sum(),
+impl Layer {
+    /// Takes the pixels of a slice.
+    fn put(&mut self, image: JobImage) -> Result<(), NodeError> {
+        if image.rect == self.rect {
+            self.pixels = image.pixels;
+            return Ok(());
         }
-    };
-    Ok((lease, meter))
-}
-
-/// The region that a flattened brick lies in with all that it stores, if it does: its mean is all there is to load.
-fn only_region(key: &BrickKey, store: &Store) -> Option<Region> {
-    key.recipe.guard.filter(|_| knows_only_region(key.ghost))?;
-    let facts = store.brick_facts()?.get(key.brick as usize)?;
-    store.region_table()?.get(facts.only_region).copied()
-}
-
-/// Bytes that a voxel of the brick has in the arrays that are read for it.
-fn bytes_read(key: &BrickKey, store: &Store) -> u64 {
-    if only_region(key, store).is_some() {
-        return 0;
+        if self.pixels.is_empty() {
+            self.pixels = new_pixels(&self.rect)?;
+        }
+        let (width, columns) = (self.rect.size().x as usize, image.rect.size().x as usize);
+        let at = image.rect.lo - self.rect.lo;
+        let rows = self.pixels.chunks_mut(width).skip(at.y as usize);
+        for (to, from) in rows.zip(image.pixels.chunks(columns)) {
+            to[at.x as usize..][..columns].copy_from_slice(from);
+        }
+        Ok(())
     }
-    // Labels are 32 bits, distances 8.
-    let regions = key.recipe.guard.is_some() || key.recipe.region_flags;
-    store.manifest().stored_type.bytes() as u64 + if regions { 5 } else { 0 }
-}
-
-fn load_brick(
-    key: BrickKey,
-    store: &OpenStore,
-    raycaster: &dyn Raycaster,
-    cache: &ChunkCache,
-) -> Result<Arc<dyn ResidentBrick>, NodeError> {
-    let broken = |source| NodeError::of_store(&store.name, source);
-    let (grid, recipe, store) = (store.store.manifest().grid, key.recipe, &store.store);
-    let index = grid.brick_at(key.brick as usize);
-    let owned = grid.owned_box(index);
-    let table = match recipe.guard.is_some() || recipe.region_flags {
-        true => store.region_table(),
-        false => None,
-    };
-    if let Some(region) = only_region(&key, store) {
-        return Ok(raycaster.upload_uniform(owned, region.mean())?);
-    }
-    let voxels = store.read_brick(index, key.ghost, cache).map_err(broken)?;
-    // Inner guards look one voxel further.
-    let regions = match table {
-        Some(table) => Some((
-            store.read_brick_regions(index, key.ghost + 1 + u32::from(recipe.radius), cache).map_err(broken)?,
-            table,
-        )),
-        None => None,
-    };
-    let regions = regions.as_ref().map(|(regions, table)| (regions, *table));
-    Ok(raycaster.upload(owned, &BrickInput { voxels: &voxels, regions, recipe })?)
 }

@@ -7,7 +7,6 @@ use super::batch::Batches;
 use super::plan::{FramePlan, Join, Piece};
 use crate::error::NodeError;
 use crate::meter::FrameMeter;
-use crate::raycaster::JobImage;
 
 /// Pixels of a rectangle of the picture; everything outside is clear.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,13 +16,17 @@ pub(super) struct Layer {
     pub pixels: Vec<Premul>,
 }
 
-impl From<JobImage> for Layer {
-    fn from(image: JobImage) -> Self {
-        Self { rect: image.rect, pixels: image.pixels }
-    }
-}
-
 impl Layer {
+    /// Without pixels: they come slice by slice.
+    pub(super) fn unborn(rect: PixelRect) -> Self {
+        Self { rect, pixels: Vec::new() }
+    }
+
+    /// Bytes of its pixels, once they are there.
+    pub(super) fn bytes(&self) -> u64 {
+        (self.rect.pixel_count() * size_of::<Premul>()) as u64
+    }
+
     /// The pixels of row `y` of the picture between columns `x0` and `x1`, which lie inside the rectangle.
     pub(super) fn row(&self, y: u32, x0: u32, x1: u32) -> &[Premul] {
         let from = (y - self.rect.lo.y) as usize * self.rect.size().x as usize + (x0 - self.rect.lo.x) as usize;
@@ -42,7 +45,7 @@ pub(super) fn picture(
         Join::InOrder => {
             let mut picture: Option<Layer> = None;
             for _ in 0..piece.units {
-                let Some(next) = batches.take(meter)?.map(Layer::from) else { break };
+                let Some(next) = batches.take(meter)? else { break };
                 picture = Some(match picture {
                     Some(front) => layer_over(plan.mode, front, next),
                     None => next,
@@ -63,13 +66,10 @@ pub(super) fn picture(
                         return None;
                     }
                     left -= 1;
-                    batches
-                        .take(meter)
-                        .unwrap_or_else(|error| {
-                            failure = Some(error);
-                            None
-                        })
-                        .map(Layer::from)
+                    batches.take(meter).unwrap_or_else(|error| {
+                        failure = Some(error);
+                        None
+                    })
                 },
                 &mut |front, back| layer_over(plan.mode, front, back),
             );

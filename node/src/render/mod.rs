@@ -1,18 +1,22 @@
-//! An order becomes tiles: plan, then batches of jobs that fit the memory, joined along the merge tree, cut into tiles.
+//! An order becomes tiles: plan, then slices that fit the memory and some 0.1 s, joined along the merge tree, cut into tiles. A piece of
+//! the picture is sent as soon as it is done; between slices others have their turn.
 //!
-//! Memory is bounded three ways: bricks by the residency's budget, accumulators of one call by [`MAX_BATCH_BYTES`], and
+//! Memory is bounded three ways: bricks by the residency's budget, accumulators of units that are begun by [`MAX_BATCH_BYTES`], and
 //! pictures by working in bands of whole tile rows of at most [`MAX_BAND_PIXELS`] pixels.
 
 mod answer;
 mod batch;
 mod choice;
 mod join;
+mod load;
 mod plan;
+mod slices;
 mod tables;
 #[cfg(test)]
 mod tests;
 
 use brickcast_proto::{Part, RenderOrder};
+use brickcast_volume::SessionId;
 use brickcast_volume::store::ChunkCache;
 
 pub use tables::TableCache;
@@ -23,13 +27,14 @@ use crate::pace::Pace;
 use crate::raycaster::Raycaster;
 use crate::residency::Residency;
 use crate::stores::OpenStore;
-pub(crate) use batch::load_bricks;
+use crate::watch::{Pulse, Watch};
 pub(crate) use choice::{BrickChoice, knows_only_region};
+pub(crate) use load::load_bricks;
 
 use batch::Batches;
 use plan::FramePlan;
 
-/// Bytes of accumulators in one call of the kernel.
+/// Bytes of accumulators that are begun at a time.
 pub const MAX_BATCH_BYTES: u64 = 256 << 20;
 /// Pixels of a layer worked on at once.
 pub const MAX_BAND_PIXELS: u64 = 4 << 20;
@@ -42,10 +47,25 @@ pub struct Workshop<'a> {
     pub cache: &'a ChunkCache,
     pub tables: &'a TableCache,
     pub pace: &'a Pace,
+    pub pulse: &'a Pulse,
+    /// Whose bricks they are.
+    pub session: SessionId,
+}
+
+/// The turn to work, of which the one who renders has one.
+pub trait Turns {
+    /// Does somebody else wait for it?
+    fn are_wanted(&self) -> bool;
+
+    /// Lets the others have theirs, and waits for the next. No brick may be held meanwhile.
+    ///
+    /// # Errors
+    /// Nobody wants the frame any more.
+    fn give_way(&self) -> Result<(), NodeError>;
 }
 
 /// Renders `order` and hands every ordered (layer, tile) pair to `emit` exactly once, as pixels or as an empty; the receipt
-/// is the caller's. Stops at the next batch once `cancelled`.
+/// is the caller's. Stops within milliseconds once `cancelled`.
 ///
 /// # Errors
 /// An order that does not fit the store, bricks over budget, a broken store, a failing adapter; what `emit` answers.
@@ -54,11 +74,12 @@ pub fn render_frame(
     store: &OpenStore,
     workshop: Workshop<'_>,
     meter: &mut FrameMeter,
-    cancelled: &(dyn Fn() -> bool + Sync),
+    (cancelled, turns): (&(dyn Fn() -> bool + Sync), &dyn Turns),
     emit: &mut dyn FnMut(Part) -> Result<(), NodeError>,
 ) -> Result<(), NodeError> {
     let plan = FramePlan::new(order, &store.store, workshop)?;
-    let mut batches = Batches::new(&plan, store, workshop, cancelled);
+    let watch = Watch::new(workshop.pulse, cancelled);
+    let mut batches = Batches::new(&plan, store, workshop, watch, turns);
     for piece in &plan.pieces {
         if cancelled() {
             return Err(NodeError::Cancelled);

@@ -7,10 +7,11 @@ use brickcast_volume::merge::{Viewpoint, sort_front_to_back};
 use brickcast_volume::regions::Drawn;
 use brickcast_volume::store::Store;
 use brickcast_volume::style::Mode;
-use brickcast_volume::{BrickIndex, ChunkIndex, MergeTree, PixelRect, TreeNode, View};
+use brickcast_volume::{BrickIndex, ChunkIndex, MergeTree, OwnedBox, PixelRect, TreeNode, View};
 use glam::UVec2;
 
 use super::choice::{BrickChoice, Chosen};
+use super::slices::SliceSize;
 use super::{MAX_BAND_PIXELS, Workshop};
 use crate::error::NodeError;
 use crate::kernel_style::KernelStyle;
@@ -39,7 +40,9 @@ pub(super) struct PlannedBrick {
     pub drawn: Drawn,
     pub index: BrickIndex,
     /// Pixels that it can touch.
-    rect: PixelRect,
+    pub rect: PixelRect,
+    /// What a pixel of them takes, on average and where no ray ends early: a guess.
+    samples_per_pixel: f64,
 }
 
 /// Whole tile rows of one layer.
@@ -71,6 +74,8 @@ pub(super) struct Unit {
     /// Positions in the plan's bricks, front to back.
     pub bricks: Vec<usize>,
     pub rect: PixelRect,
+    /// Of all bricks, as in [`PlannedBrick`], on average.
+    pub samples_per_pixel: f64,
 }
 
 impl FramePlan {
@@ -151,7 +156,8 @@ impl FramePlan {
             }
         }
         let all: Vec<usize> = self.front_to_back(by_chunk.values().flatten().copied().collect());
-        for tiles in layer.tiles.bands(MAX_BAND_PIXELS) {
+        let pixels = self.band_pixels(&all, &window, workshop);
+        for tiles in layer.tiles.bands(pixels) {
             let band = tiles.pixels(order.scene.size);
             let before = self.units.len();
             let join = if order.scene.exact {
@@ -169,6 +175,23 @@ impl FramePlan {
             self.pieces.push(Piece { layer: at, node: layer.node, tiles, join, units });
         }
         Ok(())
+    }
+
+    /// Pixels of a piece: the sooner it is done, the sooner its tiles are on their way. Bricks that do not fit the memory at once are
+    /// loaded once for every piece, so that there are as few as possible.
+    fn band_pixels(&self, bricks: &[usize], window: &PixelRect, workshop: Workshop<'_>) -> u64 {
+        if self.bytes(bricks) > workshop.residency.budget() {
+            return MAX_BAND_PIXELS;
+        }
+        let per_pixel = self.samples(bricks, window) / window.pixel_count().max(1) as f64;
+        let pixels = SliceSize::of_piece(workshop.raycaster.info()) / per_pixel.max(1e-9);
+        (pixels as u64).min(MAX_BAND_PIXELS)
+    }
+
+    /// What `bricks` take within `rect`: a guess.
+    fn samples(&self, bricks: &[usize], rect: &PixelRect) -> f64 {
+        let of = |brick: &PlannedBrick| brick.rect.intersect(rect).pixel_count() as f64 * brick.samples_per_pixel;
+        bricks.iter().map(|&p| of(&self.bricks[p])).sum()
     }
 
     /// Adds the bricks of `chunk` that may show something within `window`; their positions, front to back.
@@ -197,8 +220,9 @@ impl FramePlan {
             if wanted.bytes > budget {
                 return Err(NodeError::BrickTooLarge { brick: index, bytes: wanted.bytes, budget });
             }
+            let samples_per_pixel = samples_across(&self.scene.view, &grid.owned_box(index));
             positions.push(self.bricks.len());
-            self.bricks.push(PlannedBrick { wanted, drawn, index, rect });
+            self.bricks.push(PlannedBrick { wanted, drawn, index, rect, samples_per_pixel });
         }
         Ok(positions)
     }
@@ -239,13 +263,20 @@ impl FramePlan {
             }
         }
         if !touching.is_empty() {
-            self.units.push(Unit { leaf, bricks: touching, rect });
+            let samples_per_pixel = self.samples(&touching, &rect) / rect.pixel_count().max(1) as f64;
+            self.units.push(Unit { leaf, bricks: touching, rect, samples_per_pixel });
         }
     }
 
     pub(super) fn bytes(&self, bricks: &[usize]) -> u64 {
         bricks.iter().map(|&p| self.bricks[p].wanted.bytes).fold(0, u64::saturating_add)
     }
+}
+
+/// Samples of a ray through a box, averaged over the rectangle around its picture: some 0.4 of its diagonal.
+fn samples_across(view: &View, owned: &OwnedBox) -> f64 {
+    let units = owned.dims().as_dvec3() / view.kernel().voxels_per_unit.as_dvec3();
+    0.4 * units.length() / view.step()
 }
 
 /// The layer's chunks, if it is one of this store's.

@@ -1,7 +1,10 @@
 //! Transfer function tables of the last few scenes: a sequence or an orbit uses one.
+//!
+//! A table is built by the first who asks, outside of the lock: who wants another one does not wait for it, and who wants the same waits
+//! for nothing else.
 
 use std::collections::VecDeque;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::transfer_function::{TransferFunction, TransferTable};
@@ -23,8 +26,10 @@ struct Key {
     lit: bool,
 }
 
+/// Built by whoever comes first.
+type Place<T> = Arc<OnceLock<Arc<T>>>;
 /// Latest first.
-type Kept<T> = Mutex<VecDeque<(Key, Arc<T>)>>;
+type Kept<T> = Mutex<VecDeque<(Key, Place<T>)>>;
 
 #[derive(Debug, Default)]
 pub struct TableCache {
@@ -33,7 +38,8 @@ pub struct TableCache {
 }
 
 impl TableCache {
-    /// The table of `entries` entries of `function` over `range` for steps of `delta_over_unit` opacity units.
+    /// The table of `entries` entries of `function` over `range` for steps of `delta_over_unit` opacity units. Computes: call it where
+    /// that is allowed.
     #[must_use]
     pub fn get(
         &self,
@@ -47,7 +53,7 @@ impl TableCache {
         known_or_new(&self.tables, key, KEPT, build)
     }
 
-    /// The pre-integrated table of `function`, `lit` for interpolated light. Built once: who asks meanwhile waits for it.
+    /// The pre-integrated table of `function`, `lit` for interpolated light. Computes, on rayon's global threads.
     #[must_use]
     pub fn slabs(
         &self,
@@ -64,12 +70,56 @@ impl TableCache {
 }
 
 fn known_or_new<T>(cache: &Kept<T>, key: Key, most: usize, build: impl FnOnce() -> T) -> Arc<T> {
+    place(cache, key, most).get_or_init(|| Arc::new(build())).clone()
+}
+
+/// Where the table of `key` is, or will be.
+fn place<T>(cache: &Kept<T>, key: Key, most: usize) -> Place<T> {
     let mut kept = cache.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some((_, table)) = kept.iter().find(|(known, _)| *known == key) {
-        return table.clone();
+    if let Some((_, place)) = kept.iter().find(|(known, _)| *known == key) {
+        return place.clone();
     }
-    let table = Arc::new(build());
+    let place = Place::default();
     kept.truncate(most - 1);
-    kept.push_front((key, table.clone()));
-    table
+    kept.push_front((key, place.clone()));
+    place
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::sync::mpsc;
+    use std::time::Duration;
+
+    use brickcast_volume::transfer_function::Colormap;
+
+    use super::*;
+
+    fn key(lo: f64) -> Key {
+        let function = TransferFunction::window(lo, 200.0, 0.5, Colormap::Viridis).unwrap();
+        Key { function, range: (0.0, 255.0), delta_over_unit: 1.0, entries: 256, lit: false }
+    }
+
+    #[test]
+    fn a_table_that_takes_long_keeps_nobody_from_another_and_is_built_once() {
+        let (cache, built): (Kept<f64>, AtomicUsize) = (Kept::default(), AtomicUsize::new(0));
+        let (go, wait) = mpsc::channel();
+        std::thread::scope(|scope| {
+            let counted = &built;
+            let slow = move || {
+                counted.fetch_add(1, Ordering::SeqCst);
+                wait.recv_timeout(Duration::from_secs(60)).unwrap();
+                1.0
+            };
+            let first = scope.spawn(|| known_or_new(&cache, key(1.0), 4, slow));
+            while built.load(Ordering::SeqCst) == 0 {
+                std::thread::yield_now();
+            }
+            assert_eq!(*known_or_new(&cache, key(2.0), 4, || 2.0), 2.0, "while the other is being built");
+            let same = scope.spawn(|| known_or_new(&cache, key(1.0), 4, || 3.0));
+            go.send(()).unwrap();
+            assert_eq!((*first.join().unwrap(), *same.join().unwrap()), (1.0, 1.0));
+        });
+        assert_eq!(built.load(Ordering::SeqCst), 1);
+    }
 }

@@ -1,10 +1,11 @@
 //! Frames through [`render_frame`] with a raycaster whose picture is known, and with the CPU kernel.
 
+use std::cell::Cell;
 use std::collections::HashMap;
 
 use brickcast_proto::{ChunkCost, Part, Receipt, RenderOrder, Throttle, TileRect, decode_tile};
 use brickcast_volume::store::{ChunkCache, Store};
-use brickcast_volume::{MergeTree, Orbit, Premul, TreeNode, View, over};
+use brickcast_volume::{MergeTree, Orbit, Premul, StoreHash, TreeNode, View, over};
 
 use super::*;
 use crate::cpu::CpuRaycaster;
@@ -17,6 +18,20 @@ struct Bench {
     cache: ChunkCache,
     tables: TableCache,
     pace: Pace,
+    pulse: Pulse,
+}
+
+/// Nobody else wants the turn.
+struct Alone;
+
+impl Turns for Alone {
+    fn are_wanted(&self) -> bool {
+        false
+    }
+
+    fn give_way(&self) -> Result<(), NodeError> {
+        Ok(())
+    }
 }
 
 impl Bench {
@@ -26,7 +41,7 @@ impl Bench {
         make_store(&path, ramp);
         let store = OpenStore { name: "ramp".to_owned(), store: Store::open(&path).unwrap() };
         let (cache, tables, pace) = (ChunkCache::new(1 << 24), TableCache::default(), Pace::new(Throttle::NONE, true));
-        Self { _folder: folder, store, cache, tables, pace }
+        Self { _folder: folder, store, cache, tables, pace, pulse: Pulse::default() }
     }
 
     fn tree(&self) -> MergeTree {
@@ -41,7 +56,8 @@ impl Bench {
     }
 
     fn workshop<'a>(&'a self, raycaster: &'a dyn Raycaster, residency: &'a Residency) -> Workshop<'a> {
-        Workshop { raycaster, residency, cache: &self.cache, tables: &self.tables, pace: &self.pace }
+        let Self { cache, tables, pace, pulse, .. } = self;
+        Workshop { raycaster, residency, cache, tables, pace, pulse, session: SessionId(1) }
     }
 
     fn render(&self, order: &RenderOrder, raycaster: &dyn Raycaster, budget: u64) -> Result<Frame, NodeError> {
@@ -49,7 +65,7 @@ impl Bench {
         let workshop = self.workshop(raycaster, &residency);
         let mut frame = Frame::default();
         let mut meter = FrameMeter::new(std::time::Instant::now(), order.layers.len());
-        render_frame(order, &self.store, workshop, &mut meter, &|| false, &mut |part| {
+        render_frame(order, &self.store, workshop, &mut meter, (&|| false, &Alone), &mut |part| {
             frame.add(order, part);
             Ok(())
         })?;
@@ -86,7 +102,7 @@ impl Frame {
                     *self.answers.entry((node, layer.tiles.tile_at(linear).unwrap())).or_default() += 1;
                 }
             }
-            Part::Receipt(_) => panic!("the receipt is the node's"),
+            Part::Progress { .. } | Part::Receipt(_) => panic!("these are the node's"),
         }
     }
 
@@ -275,7 +291,84 @@ fn a_cancelled_frame_stops_at_its_next_batch() {
     let order = bench.order(120, 80, true);
     let mut meter = FrameMeter::new(std::time::Instant::now(), 1);
     let calls = || raycaster.calls.load(std::sync::atomic::Ordering::SeqCst);
-    let result = render_frame(&order, &bench.store, workshop, &mut meter, &|| calls() >= 2, &mut |_| Ok(()));
+    let result = render_frame(&order, &bench.store, workshop, &mut meter, (&|| calls() >= 2, &Alone), &mut |_| Ok(()));
     assert!(matches!(result, Err(NodeError::Cancelled)));
     assert_eq!(calls(), 2);
+}
+
+/// Counts how often it is asked for the turn, and that no brick is held meanwhile.
+struct Wanted<'a> {
+    residency: &'a Residency,
+    store: StoreHash,
+    given: Cell<u32>,
+}
+
+impl Turns for Wanted<'_> {
+    fn are_wanted(&self) -> bool {
+        true
+    }
+
+    fn give_way(&self) -> Result<(), NodeError> {
+        self.given.set(self.given.get() + 1);
+        let before = self.residency.occupancy().bricks;
+        self.residency.release(SessionId(1), self.store, &(0..175).collect::<Vec<_>>());
+        assert!(before > 0 && self.residency.occupancy().bricks == 0, "a lease is held");
+        Ok(())
+    }
+}
+
+#[test]
+fn a_long_frame_lets_others_have_their_turn_and_is_the_same_picture() {
+    let bench = Bench::new();
+    for exact in [false, true] {
+        let mut order = bench.order(211, 197, exact);
+        let raycaster = FakeRaycaster::new();
+        let short = bench.render(&order, &raycaster, 1 << 30).unwrap();
+        let calls = |raycaster: &FakeRaycaster| raycaster.calls.load(std::sync::atomic::Ordering::SeqCst);
+        assert_eq!(calls(&raycaster), 1, "so little is one slice");
+        // The fake does not look at the step: only what is expected of the frame is long.
+        order.scene.step = 0.01;
+        let (raycaster, residency) = (FakeRaycaster::new(), Residency::new(1 << 30));
+        let turns = Wanted { residency: &residency, store: order.store, given: Cell::new(0) };
+        let mut frame = Frame::default();
+        let mut meter = FrameMeter::new(std::time::Instant::now(), order.layers.len());
+        let workshop = bench.workshop(&raycaster, &residency);
+        render_frame(&order, &bench.store, workshop, &mut meter, (&|| false, &turns), &mut |part| {
+            frame.add(&order, part);
+            Ok(())
+        })
+        .unwrap();
+        assert!(calls(&raycaster) > 2, "{}", calls(&raycaster));
+        assert_eq!(turns.given.get() as usize, calls(&raycaster) - 1, "between slices, and not after the last");
+        assert!(frame.merged(&bench, &order) == short.merged(&bench, &order), "{exact}");
+        assert!(frame.answers.values().all(|&n| n == 1) && frame.answers.len() == short.answers.len());
+    }
+}
+
+/// The kernel itself, in slices of a few pixels: every pixel as in one piece.
+#[test]
+fn slices_of_any_size_have_the_bits_of_the_whole() {
+    let bench = Bench::new();
+    let raycaster = CpuRaycaster::new();
+    let mut order = bench.order(97, 61, false);
+    order.scene.step = 0.02;
+    let residency = Residency::new(1 << 30);
+    let workshop = bench.workshop(&raycaster, &residency);
+    let plan = plan::FramePlan::new(&order, &bench.store.store, workshop).unwrap();
+    assert_eq!(plan.units.len(), 1);
+    let pulse = Pulse::default();
+    let whole = |samples: f64| {
+        let mut batches =
+            Batches::new(&plan, &bench.store, workshop, Watch::new(&pulse, &|| false), &Alone).with_slices_of(samples);
+        let mut meter = FrameMeter::new(std::time::Instant::now(), 1);
+        let layer = batches.take(&mut meter).unwrap().unwrap();
+        assert!(batches.take(&mut meter).unwrap().is_none());
+        let bits: Vec<[u32; 4]> = layer.pixels.iter().map(|p| p.to_array().map(f32::to_bits)).collect();
+        (layer.rect, bits, meter.receipt().samples)
+    };
+    let want = whole(1e18);
+    assert!(pulse.count() > 100 && want.2 > 100_000);
+    for samples in [1.0, 1e4, 1e6] {
+        assert!(whole(samples) == want, "{samples}");
+    }
 }

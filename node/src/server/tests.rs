@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use brickcast_proto::{FramePart, NodeState, Part, PrepareRequest, Receipt, RenderOrder, StoreQuery};
 use brickcast_volume::scene::Scene;
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
-use brickcast_volume::{MergeTree, Orbit, StoreHash};
+use brickcast_volume::{MergeTree, Orbit, SessionId, StoreHash};
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use tonic::transport::Channel;
@@ -124,7 +124,7 @@ async fn stores_are_described_prepared_and_refused_by_name() {
     }
     let request = |bricks: Vec<u32>| {
         let (store, scene) = (served.hash, everything_shown());
-        PrepareRequest { store, bricks, scene, background: false, release: Vec::new() }
+        PrepareRequest { session: SessionId(1), store, bricks, scene, background: false, release: Vec::new() }
     };
     let receipt = client.prepare(request((0..175).collect())).await.unwrap();
     assert!(receipt.fits && receipt.bricks == 175, "{receipt:?}");
@@ -149,6 +149,7 @@ async fn links_that_come_after_a_store_was_opened_are_refused() {
     let open = |name: &str| client.open_store(StoreQuery::Name { name: name.to_owned(), expected: None });
     let load = || {
         client.prepare(PrepareRequest {
+            session: SessionId(1),
             store: halos,
             bricks: (0..36).collect(),
             scene: everything_shown(),

@@ -1,8 +1,8 @@
 //! Descriptions of nodes and stores, and loading ahead.
 
-use brickcast_volume::StoreHash;
 use brickcast_volume::brick::MAX_BRICKS;
 use brickcast_volume::store::{BrickFactsTable, BrickRanges, Manifest, StoreError};
+use brickcast_volume::{SessionId, StoreHash};
 use bytes::Bytes;
 
 use super::{WireError, at_most, duration, text};
@@ -140,6 +140,7 @@ impl From<PrepareRequest> for wire::PrepareRequest {
             scene: Some((&request.scene).into()),
             background: request.background,
             release: request.release,
+            session: request.session.0,
         }
     }
 }
@@ -168,6 +169,7 @@ impl TryFrom<wire::PrepareRequest> for PrepareRequest {
             scene: request.scene.ok_or(WireError::Missing("scene"))?.try_into()?,
             background: request.background,
             release: request.release,
+            session: SessionId(request.session),
         })
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use brickcast_volume::scene::Transport;
-use brickcast_volume::{Epoch, FrameId, TreeNode};
+use brickcast_volume::{Epoch, FrameId, SessionId, TreeNode};
 use prost::Message as _;
 
 use super::scene::{format_from_wire, format_to_wire};
@@ -28,6 +28,7 @@ impl From<&LayerOrder> for wire::Layer {
 impl From<&RenderOrder> for wire::RenderOrder {
     fn from(order: &RenderOrder) -> Self {
         let unsealed = Self {
+            session: order.session.0,
             frame: order.frame.0,
             epoch: order.epoch.0,
             store_hash: order.store.to_string(),
@@ -107,7 +108,8 @@ impl TryFrom<wire::RenderOrder> for RenderOrder {
             return Err(WireError::TooMany { what: "layers x tiles", got: owed, max: MAX_TILES_OWED });
         }
         disjoint(&layers)?;
-        Ok(Self { frame: FrameId(order.frame), epoch: Epoch(order.epoch), store, scene, transport, layers })
+        let (session, frame, epoch) = (SessionId(order.session), FrameId(order.frame), Epoch(order.epoch));
+        Ok(Self { session, frame, epoch, store, scene, transport, layers })
     }
 }
 

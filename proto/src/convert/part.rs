@@ -104,6 +104,7 @@ impl From<FramePart> for wire::FramePart {
         let inner = match part.part {
             Part::Tile(tile) => wire::frame_part::Part::Tile(tile.into()),
             Part::Empty { node, tiles } => wire::frame_part::Part::Empty(wire::EmptyTiles { tree_node: node.0, tiles }),
+            Part::Progress { work } => wire::frame_part::Part::Progress(wire::Progress { work }),
             Part::Receipt(receipt) => wire::frame_part::Part::Receipt(receipt.into()),
         };
         Self { frame: part.frame.0, epoch: part.epoch.0, part: Some(inner) }
@@ -127,6 +128,7 @@ impl TryFrom<wire::FramePart> for FramePart {
                 }
                 Part::Empty { node, tiles: empty.tiles }
             }
+            wire::frame_part::Part::Progress(progress) => Part::Progress { work: progress.work },
             wire::frame_part::Part::Receipt(receipt) => Part::Receipt(receipt.try_into()?),
         };
         Ok(Self { frame: FrameId(part.frame), epoch: Epoch(part.epoch), part: inner })

@@ -13,7 +13,7 @@ use brickcast_proto::{
 use brickcast_volume::scene::{Acceleration, Filter, Leap, MacrocellEdge, RegionView, Scene, Transport};
 use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Lighting, Mode, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
-use brickcast_volume::{Camera, Epoch, FrameId, Geometry, Orbit, PictureSize, Premul, StoreHash, TreeNode};
+use brickcast_volume::{Camera, Epoch, FrameId, Geometry, Orbit, PictureSize, Premul, SessionId, StoreHash, TreeNode};
 use glam::{DVec3, UVec2};
 use prost::Message;
 
@@ -136,6 +136,7 @@ fn order(random: &mut Random) -> RenderOrder {
     };
     let transport = if scene.exact { Transport::F32 } else { [Transport::F16, Transport::U8][random.below(2)] };
     RenderOrder {
+        session: SessionId(random.below(1000) as u64),
         frame: FrameId(random.below(1000) as u64),
         epoch: Epoch(random.below(1000) as u64),
         store: StoreHash::of(&[random.below(256) as u8]),
@@ -146,8 +147,9 @@ fn order(random: &mut Random) -> RenderOrder {
 }
 
 fn part(random: &mut Random) -> FramePart {
-    let part = match random.below(4) {
+    let part = match random.below(5) {
         0 => Part::Empty { node: TreeNode(5), tiles: vec![0, 3, 77] },
+        2 => Part::Progress { work: random.below(1000) as u64 },
         1 => {
             let cost = |i: usize| ChunkCost { chunk: i as u32 * 3, samples: i as u64 * 1000, skips: 1 << i };
             let costs = (0..random.below(20)).map(cost).collect();
@@ -186,7 +188,8 @@ fn node() -> NodeDescription {
 fn prepare(random: &mut Random) -> PrepareRequest {
     let bricks = (0..random.below(40) as u32).map(|b| b * 3).collect();
     let release = (0..random.below(10) as u32).map(|b| b * 3 + 1).collect();
-    PrepareRequest { store: StoreHash(3), bricks, scene: scene(random), background: random.below(2) == 1, release }
+    let (session, background) = (SessionId(random.below(1000) as u64), random.below(2) == 1);
+    PrepareRequest { session, store: StoreHash(3), bricks, scene: scene(random), background, release }
 }
 
 /// Through prost's bytes and back.
@@ -292,6 +295,7 @@ fn check_part(message: wire::FramePart, bytes: usize) -> bool {
                 }
             }
         }
+        Part::Progress { .. } => {}
         Part::Empty { tiles, .. } => assert!(!tiles.is_empty() && tiles.windows(2).all(|w| w[0] < w[1])),
         Part::Receipt(receipt) => {
             let times = [receipt.render_ms, receipt.load_ms, receipt.work_ms];

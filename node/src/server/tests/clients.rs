@@ -68,6 +68,7 @@ async fn a_client_loads_and_asks_so_much_at_once_and_no_more() {
     let held = served.hold();
     let frame = served.start(&served.order(64, 64)).await.unwrap();
     let request = || PrepareRequest {
+        session: SessionId(1),
         store: served.hash,
         bricks: vec![1],
         scene: everything_shown(),
@@ -118,4 +119,69 @@ async fn a_client_that_takes_no_parts_does_not_hold_the_turn() {
     // It may take its parts late; none is lost. Had it kept the turn, the other would have waited until it was given up.
     let (parts, receipt) = tokio::time::timeout(Duration::from_secs(60), lazy.finish()).await.unwrap().unwrap();
     assert_eq!(parts.iter().filter(|p| matches!(p.part, Part::Tile(_))).count(), receipt.tiles as usize);
+}
+
+/// Parts of a frame until one is of another kind, at most so many.
+async fn pulses(frame: &mut Frame, most: usize) -> Vec<u64> {
+    let mut works = Vec::new();
+    while works.len() < most {
+        match frame.next().await.unwrap() {
+            Some(Part::Progress { work }) => works.push(work),
+            _ => break,
+        }
+    }
+    works
+}
+
+/// A kernel that hangs stands still for everyone who waits; a node that goes on, on whatever it may be, says so.
+#[tokio::test(flavor = "multi_thread")]
+async fn whoever_waits_hears_whether_the_node_works() {
+    let served = Served::new().await;
+    let held = served.hold();
+    let mut first = served.start(&served.order(64, 64)).await.unwrap();
+    let mut second = served.start(&served.order(65, 64)).await.unwrap();
+    for frame in [&mut first, &mut second] {
+        let works = pulses(frame, 5).await;
+        assert!(works.len() == 5 && works[1..].iter().all(|w| *w == works[4]), "it hangs: {works:?}");
+    }
+    let stood = pulses(&mut second, 1).await;
+    drop(held);
+    let (parts, _) = first.finish().await.unwrap();
+    assert!(parts.iter().any(|p| matches!(p.part, Part::Tile(_))));
+    let (parts, _) = second.finish().await.unwrap();
+    assert!(!parts.is_empty() && !stood.is_empty());
+    // What was done for others counts, too.
+    let held = served.hold();
+    let mut third = served.start(&served.order(66, 64)).await.unwrap();
+    let later = pulses(&mut third, 1).await;
+    assert!(later[0] > stood[0], "{later:?} {stood:?}");
+    drop(held);
+}
+
+/// The health service answers while every thread that there may be for loading waits.
+#[tokio::test(flavor = "multi_thread", worker_threads = 1)]
+async fn loading_and_tables_do_not_hold_up_the_runtime() {
+    let served = Served::new().await;
+    let held = served.hold();
+    let _frame = served.start(&served.order(64, 64)).await.unwrap();
+    let (store, client) = (served.hash, served.client());
+    let mut loads = tokio::task::JoinSet::new();
+    for width in 0..3 {
+        let client = served.connect().await;
+        let mut scene = everything_shown();
+        scene.step = 0.5 + f64::from(width) * 0.01;
+        let bricks = (0..175).collect();
+        let request =
+            PrepareRequest { session: SessionId(2), store, bricks, scene, background: false, release: vec![] };
+        loads.spawn(async move { client.prepare(request).await });
+    }
+    for _ in 0..10 {
+        let asked = std::time::Instant::now();
+        client.describe().await;
+        assert!(asked.elapsed() < Duration::from_secs(2), "{:?}", asked.elapsed());
+    }
+    drop(held);
+    while let Some(load) = loads.join_next().await {
+        load.unwrap().unwrap();
+    }
 }

@@ -1,0 +1,169 @@
+//! Frames: from the order to the last part.
+
+use std::cell::RefCell;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use brickcast_proto::{FramePart, Part, Receipt, RenderOrder, StoreQuery};
+use tokio::runtime::Handle;
+use tokio::sync::mpsc;
+use tokio::sync::mpsc::error::{SendTimeoutError, TrySendError};
+use tokio::time::MissedTickBehavior;
+
+use super::{MAX_WAITING, Node, flatten};
+use crate::client::Client;
+use crate::error::NodeError;
+use crate::lanes::Turn;
+use crate::meter::FrameMeter;
+use crate::quota::Caller;
+use crate::render::{Turns, render_frame};
+use crate::stores::OpenStore;
+
+/// Parts between the renderer and the connection: 4 MiB of tiles at most.
+const PARTS_IN_FLIGHT: usize = 64;
+/// A client that takes no part for this long is given up, so that it cannot hold memory. Others have their turn meanwhile.
+const STALL_TIMEOUT: Duration = Duration::from_secs(10);
+/// How often a client hears of an order that waits or is worked on: well below what it takes for hanging.
+const PROGRESS_INTERVAL: Duration = Duration::from_millis(200);
+
+/// The parts of a frame as they are made; ends after the receipt or an error.
+pub type Parts = mpsc::Receiver<Result<FramePart, NodeError>>;
+type Sender = mpsc::Sender<Result<FramePart, NodeError>>;
+
+impl Node {
+    /// Takes an order; its parts come as they are made. Dropping the receiver cancels the frame.
+    ///
+    /// # Errors
+    /// Draining, too many orders waiting, an unknown store. What goes wrong later comes through the channel.
+    pub async fn render(self: Arc<Self>, caller: Caller, order: RenderOrder) -> Result<Parts, NodeError> {
+        let started = Instant::now();
+        self.accepting()?;
+        let place = self.places.clone().try_acquire_owned().map_err(|_| NodeError::Busy(MAX_WAITING))?;
+        let store = self.open(&caller, StoreQuery::Hash(order.store)).await?;
+        let (tx, rx) = mpsc::channel(PARTS_IN_FLIGHT);
+        let client = caller.client;
+        let turn = self.lanes.turn(client);
+        tokio::spawn(async move {
+            // Free before the stream ends: the next order may come at once.
+            let _places = (place, caller);
+            let order = Arc::new(order);
+            let coming = async {
+                tokio::select! {
+                    turn = turn => Some(turn),
+                    () = tx.closed() => None,
+                }
+            };
+            let Some(turn) = self.while_telling(&tx, &order, coming).await else { return };
+            let (node, worker, ordered) = (self.clone(), tx.clone(), order.clone());
+            let work = move || node.render_now(&ordered, &store, started, &worker, (client, turn));
+            let done = flatten(self.while_telling(&tx, &order, tokio::task::spawn_blocking(work)).await);
+            let last = match done {
+                Ok(receipt) => Ok(part_of(&order, Part::Receipt(receipt))),
+                Err(error) => {
+                    match &error {
+                        NodeError::Cancelled => tracing::debug!("{error}"),
+                        _ => tracing::warn!("frame failed: {error}"),
+                    }
+                    Err(error)
+                }
+            };
+            // Nobody may be there to hear it.
+            let _ = tx.send_timeout(last, STALL_TIMEOUT).await;
+        });
+        Ok(rx)
+    }
+
+    /// What comes of `work`, while the client is told that something is done.
+    async fn while_telling<T>(&self, tx: &Sender, order: &RenderOrder, work: impl Future<Output = T>) -> T {
+        let mut interval = tokio::time::interval(PROGRESS_INTERVAL);
+        interval.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        interval.reset();
+        tokio::pin!(work);
+        loop {
+            tokio::select! {
+                biased;
+                done = &mut work => return done,
+                _ = interval.tick() => {
+                    // A client that takes nothing is told nothing.
+                    let _ = tx.try_send(Ok(part_of(order, Part::Progress { work: self.pulse.count() })));
+                }
+            }
+        }
+    }
+
+    /// Renders on this (blocking) thread. The turn is given to others between slices, and while the client takes no parts.
+    fn render_now(
+        &self,
+        order: &RenderOrder,
+        store: &OpenStore,
+        started: Instant,
+        parts: &Sender,
+        (client, turn): (Client, Turn),
+    ) -> Result<Receipt, NodeError> {
+        let desk = Desk { node: self, parts, client, turn: RefCell::new(Some(turn)) };
+        let mut meter = FrameMeter::new(started, order.layers.len());
+        let cancelled = || parts.is_closed() || self.stopped();
+        let mut emit = |part| desk.send(Ok(part_of(order, part)));
+        let workshop = self.workshop(order.session);
+        match render_frame(order, store, workshop, &mut meter, (&cancelled, &desk), &mut emit) {
+            Ok(()) => Ok(meter.receipt()),
+            Err(NodeError::Cancelled) if self.stopped() => Err(NodeError::Draining),
+            Err(error) => {
+                self.note_broken(&error, store);
+                Err(error)
+            }
+        }
+    }
+}
+
+fn part_of(order: &RenderOrder, part: Part) -> FramePart {
+    FramePart { frame: order.frame, epoch: order.epoch, part }
+}
+
+/// Where a frame is made: its turn, and the way to its client. On a blocking thread.
+struct Desk<'a> {
+    node: &'a Node,
+    parts: &'a Sender,
+    client: Client,
+    turn: RefCell<Option<Turn>>,
+}
+
+impl Desk<'_> {
+    /// Sends a part. Others have the turn while the client takes none, but it must not wait for ever.
+    fn send(&self, part: Result<FramePart, NodeError>) -> Result<(), NodeError> {
+        let part = match self.parts.try_send(part) {
+            Ok(()) => return Ok(()),
+            Err(TrySendError::Closed(_)) => return Err(NodeError::Cancelled),
+            Err(TrySendError::Full(part)) => part,
+        };
+        self.turn.replace(None);
+        match Handle::current().block_on(self.parts.send_timeout(part, STALL_TIMEOUT)) {
+            Ok(()) => self.wait_for_the_turn(),
+            Err(SendTimeoutError::Closed(_)) => Err(NodeError::Cancelled),
+            Err(SendTimeoutError::Timeout(_)) => Err(NodeError::Stalled(STALL_TIMEOUT.as_secs())),
+        }
+    }
+
+    fn wait_for_the_turn(&self) -> Result<(), NodeError> {
+        let turn = Handle::current().block_on(async {
+            tokio::select! {
+                turn = self.node.lanes.turn(self.client) => Some(turn),
+                () = self.parts.closed() => None,
+            }
+        });
+        let came = turn.is_some();
+        self.turn.replace(turn);
+        if came { Ok(()) } else { Err(NodeError::Cancelled) }
+    }
+}
+
+impl Turns for Desk<'_> {
+    fn are_wanted(&self) -> bool {
+        self.node.lanes.is_wanted()
+    }
+
+    fn give_way(&self) -> Result<(), NodeError> {
+        self.turn.replace(None);
+        self.wait_for_the_turn()
+    }
+}
