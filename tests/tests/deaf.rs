@@ -6,6 +6,7 @@
 
 use std::path::Path;
 use std::process::{Child, Stdio};
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use brickcast_node::probe::probe;
@@ -79,7 +80,7 @@ fn until_it_works(node: &NodeProcess) {
     }
 }
 
-/// How long after the last processor time of any account the node was still at work.
+/// For how long from now on the node is still at work.
 fn until_idle(node: &NodeProcess) -> Duration {
     let started = Instant::now();
     let (mut last, mut busy) = (processor_time(node.id()), Duration::ZERO);
@@ -95,13 +96,24 @@ fn until_idle(node: &NodeProcess) -> Duration {
     busy
 }
 
+/// One test at a time: they tell what takes how long.
+static ALONE: Mutex<()> = Mutex::new(());
+
 #[test]
-fn a_node_on_one_core_answers_everyone_during_a_frame_of_hours() {
+fn a_node_answers_everyone_during_a_frame_of_hours() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     volume(at, "big", "128,128,128");
     volume(at, "small", "48,40,36");
-    let mut node = NodeProcess::start_on(at, &["--backend", "cpu", "-q"], "0");
+    for cores in ["0", "0,1"] {
+        a_frame_of_hours_on(cores, at);
+    }
+}
+
+fn a_frame_of_hours_on(cores: &str, at: &Path) {
+    println!("on cores {cores}:");
+    let mut node = NodeProcess::start_on(at, &["--backend", "cpu", "-q"], cores);
     let address = node.address.clone();
     let long = Long::start(at, &address);
     until_it_works(&node);
@@ -141,11 +153,13 @@ fn a_node_on_one_core_answers_everyone_during_a_frame_of_hours() {
     assert!(answers[answers.len() * 95 / 100] < Duration::from_millis(200), "{answers:?}");
     assert!(took.iter().all(|t| *t < SOON), "{took:?}");
     // Its client is killed: nobody wants the frame any more.
+    until_it_works(&node);
     let killed = Instant::now();
     drop(long);
-    let idle = until_idle(&node);
-    println!("idle {idle:?} after the client was killed ({:?} with the kill)", killed.elapsed());
-    assert!(idle < Duration::from_millis(1000), "{idle:?}");
+    let idle = (killed.elapsed() + until_idle(&node)).as_millis();
+    println!("idle {idle} ms after its client was killed");
+    // A quarter of a second, and what a busy machine adds to the kill itself.
+    assert!(idle < 1000, "{idle} ms");
     // And with a frame under way a node that is told to end does.
     let _long = Long::start(at, &address);
     until_it_works(&node);
@@ -157,6 +171,7 @@ fn a_node_on_one_core_answers_everyone_during_a_frame_of_hours() {
 /// A node that sends no tile for half of the deadline because it computes is not hanging.
 #[test]
 fn a_node_that_works_is_not_taken_for_one_that_hangs() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     volume(at, "big", "96,96,96");

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
+#[allow(dead_code)] // shared with faults.rs, which uses all of it
 mod fault_support;
 
 use brickcast_tests::proxy::Fault;

@@ -64,6 +64,20 @@ fn released_bricks_go_at_once_but_not_what_a_lease_holds_nor_another_stores() {
     assert_eq!(residency.occupancy(), Occupancy { bytes: 20, bricks: 2 });
 }
 
+/// What another session draws stays, whoever loaded it and whoever lets go of it.
+#[test]
+fn bricks_that_another_session_uses_are_not_let_go_of() {
+    let other = SessionId(2);
+    let residency = Residency::new(100);
+    drop(residency.lease(ME, &want(&[0, 1, 2]), &load, &|| false).unwrap());
+    drop(residency.lease(other, &want(&[1, 3]), &load, &|| false).unwrap());
+    assert_eq!(residency.release(ME, StoreHash(1), &[0, 1, 2, 3]), 20, "0 and 2 are mine alone");
+    assert_eq!(residency.release(other, StoreHash(1), &[1, 3]), 10, "1 was mine, too");
+    // Room is another matter: what nobody used for longest goes.
+    drop(residency.lease(ME, &want(&(10..20).collect::<Vec<_>>()), &load, &|| false).unwrap());
+    assert_eq!(residency.occupancy().bricks, 10);
+}
+
 #[test]
 fn leased_bricks_stay_and_who_needs_their_room_waits() {
     let residency = Residency::new(40);
