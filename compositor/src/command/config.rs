@@ -89,6 +89,7 @@ fn settings(args: &ConfigArgs, origins: &Origins) -> Vec<Setting> {
         setting("memory_budget", json!(nodes.memory_budget), only_inside),
         setting("deadline", json!(deadline), ""),
         setting("cache_dir", path(&args.cache.folder()), ""),
+        setting("cache_size", json!(args.cache.cache_size), ""),
     ]
 }
 
