@@ -11,9 +11,10 @@ use crate::balance_args::BalanceArgs;
 use crate::balance_choice::BalanceChoice;
 use crate::bench_args::BenchArgs;
 use crate::camera_path::CameraPath;
-use crate::cli_values::{deadline, pair, picture_size, triple};
+use crate::cli_values::{byte_size, deadline, pair, picture_size, triple};
 use crate::command::config::ConfigArgs;
 use crate::command::tls::TlsArgs;
+use crate::command::verify::VerifyArgs;
 use crate::failure::EXIT_CODES;
 use crate::region_args::RegionArgs;
 use crate::style_args::StyleArgs;
@@ -52,6 +53,8 @@ pub enum Command {
     Prepare(PrepareArgs),
     /// Show what an input or a store holds
     Info(InfoArgs),
+    /// Read all of a store and name every part that is broken, missing or not its own
+    Verify(VerifyArgs),
     /// Render a store or an input to a picture or a sequence
     Render(Box<RenderArgs>),
     /// Show adapter, memory, resident bricks, versions and state of nodes
@@ -169,6 +172,9 @@ pub struct CacheArgs {
     /// Where inputs are prepared on the way; reused while unchanged [default: the user's cache folder]
     #[arg(long, value_name = "DIR", env = "BRICKCAST_CACHE_DIR")]
     pub cache_dir: Option<PathBuf>,
+    /// The most that they may take there; those that were not used for longest make room
+    #[arg(long, value_name = "SIZE", env = "BRICKCAST_CACHE_SIZE", value_parser = byte_size, default_value = "50GiB")]
+    pub cache_size: String,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]

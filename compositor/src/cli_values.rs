@@ -11,6 +11,11 @@ pub(crate) fn picture_size(text: &str) -> Result<(u32, u32), String> {
     parse().ok_or_else(|| format!("`{text}` is not WIDTHxHEIGHT, e.g. 512x512"))
 }
 
+/// Bytes with a unit, as they were written.
+pub(crate) fn byte_size(text: &str) -> Result<String, String> {
+    crate::embedded::parse_size(text).map(|_| text.to_owned())
+}
+
 /// Three numbers, `X,Y,Z`.
 pub(crate) fn triple<T: std::str::FromStr>(text: &str) -> Result<[T; 3], String> {
     let parts: Vec<&str> = text.split(',').collect();

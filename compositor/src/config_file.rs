@@ -17,8 +17,8 @@ use crate::discovery::NodeList;
 use crate::embedded::parse_size;
 
 /// The keys, which are the names of flags with `_` for `-`.
-pub const KEYS: [&str; 8] =
-    ["nodes", "tls", "token_file", "cache_dir", "backend", "deadline", "load_deadline", "memory_budget"];
+pub const KEYS: [&str; 9] =
+    ["nodes", "tls", "token_file", "cache_dir", "cache_size", "backend", "deadline", "load_deadline", "memory_budget"];
 /// The largest configuration file, bytes.
 const MAX_FILE_BYTES: u64 = 64 << 10;
 
@@ -215,7 +215,7 @@ mod tests {
             (
                 "\n\nnode = 'a:1'",
                 3,
-                vec!["`node`", "nodes, tls, token_file, cache_dir, backend, deadline, load_deadline, memory_budget"],
+                vec!["`node`", "nodes, tls, token_file, cache_dir, cache_size, backend, deadline, load_deadline, memory_budget"],
             ),
             ("backend = 'cpu'\n[nodes]\nx = 1", 2, vec!["nodes is table", "list", "token_file"]),
             ("deadline = 30", 1, vec!["deadline is integer", "text", "cache_dir"]),
@@ -226,6 +226,7 @@ mod tests {
             ("\nbackend = 'tpu'", 2, vec!["tpu", "auto, gpu or cpu"]),
             ("deadline = 'soon'", 1, vec!["soon", "30s"]),
             ("memory_budget = 'lots'", 1, vec!["lots", "GiB"]),
+            ("cache_size = 'lots'", 1, vec!["cache_size", "lots", "GiB"]),
             ("tls = 'a'\ntls = 'b'", 2, vec!["TOML", "duplicate"]),
             ("tls = 'a'\n\ncache_dir = ", 3, vec!["TOML"]),
         ] {

@@ -10,6 +10,7 @@ pub mod balanced;
 pub mod bench_args;
 pub mod blend;
 mod bounded_file;
+mod cache;
 mod camera_file;
 pub mod camera_path;
 mod cancels;

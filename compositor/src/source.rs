@@ -1,18 +1,16 @@
 //! What PATH means: a store, an input that is prepared on the way, or a name that the nodes know.
 
-use std::hash::Hasher;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use brickcast_volume::StoreHash;
 use brickcast_volume::brick::BrickGrid;
 use brickcast_volume::format::{self, RawHints};
-use brickcast_volume::store::{
-    Manifest, Phase, PrepareOptions, PrepareSummary, STORE_VERSION, Segmentation, Store, prepare, survey,
-};
+use brickcast_volume::store::{Manifest, Phase, PrepareOptions, PrepareSummary, STORE_VERSION, Store, prepare, survey};
 
-use crate::cli::{CacheArgs, OnTheWayArgs, RawArgs};
+use crate::cache::{Key, Wanted};
+use crate::cli::{OnTheWayArgs, RawArgs};
 use crate::failure::Failure;
 use crate::progress::Bar;
 
@@ -97,61 +95,28 @@ impl OnTheWayArgs {
 
     fn prepared(&self, input: &Path) -> Result<Store, Failure> {
         let hints = self.raw.hints()?;
-        let cache = self.cache.folder();
-        let stem = input.file_stem().and_then(|s| s.to_str()).unwrap_or("volume");
-        let target = cache.join(format!("{stem}-{:016x}", self.key(input)?));
-        if target.is_dir() {
-            match Store::open(&target) {
-                Ok(store) => {
-                    tracing::info!("using the prepared store {}", target.display());
-                    return Ok(store);
-                }
-                Err(error) => tracing::warn!("the cached store cannot be used and is made again: {error}"),
-            }
-        }
-        std::fs::create_dir_all(&cache).with_context(|| {
-            format!("cache folder {}: cannot be made; name another with --cache-dir", cache.display())
-        })?;
         let range = self.range.map(|[lo, hi]| (lo, hi));
         let regions = self.regions.options(self.raw.dims)?;
         let options =
             PrepareOptions { brick_size: self.brick, range, force: true, regions, ..PrepareOptions::default() };
-        prepare_input(input, &hints, &target, &options)?;
-        Ok(Store::open(&target)?)
-    }
-
-    /// Changes whenever the prepared store would: place, size and times of every file that the readers of input and labels open, and
-    /// every option.
-    fn key(&self, input: &Path) -> Result<u64, Failure> {
-        let mut hasher = xxhash_rust::xxh3::Xxh3::new();
-        let (regions, version) = (self.regions.options(self.raw.dims)?, env!("CARGO_PKG_VERSION"));
-        let mut files = format::open(input, &self.raw.hints()?)?.files().to_vec();
-        if let Some(Segmentation::Labels { path, hints }) = regions.as_ref().map(|r| &r.segmentation) {
-            files.extend_from_slice(format::open(path, hints)?.files());
-        }
-        for file in files {
-            let place = file.canonicalize().with_context(|| format!("{}: cannot be found", file.display()))?;
-            let data = place.metadata().with_context(|| format!("{}: cannot be read", file.display()))?;
-            hasher.write(place.as_os_str().as_encoded_bytes());
-            let text = format!("|{}|{:?}|{:?}|", data.len(), data.modified().ok(), inode(&data));
-            hasher.write(text.as_bytes());
-        }
-        let options = format!("{}|{:?}|{:?}|{regions:?}|{version}|{STORE_VERSION}", self.brick, self.range, self.raw);
-        hasher.write(options.as_bytes());
-        Ok(hasher.finish())
+        let source = format::open(input, &hints)?;
+        let header = source.header();
+        // As if nothing could be compressed; what is wider is mapped to 16 bits.
+        let bytes = header.geometry.voxel_count().saturating_mul(header.voxel_type.bytes().min(2) as u64);
+        let version = env!("CARGO_PKG_VERSION");
+        let (brick, regions) = (self.brick, &options.regions);
+        let words = format!("{brick}|{range:?}|{:?}|{regions:?}|{version}|{STORE_VERSION}", self.raw);
+        self.cache.open()?.obtain(&Wanted {
+            input,
+            bytes,
+            key: &|| {
+                let files = options.inputs(format::open(input, &hints)?.as_ref())?;
+                Key::new(input, &files, &words)
+            },
+            make: &|target| prepare_input(input, &hints, target, &options).map(drop),
+        })
     }
 }
-
-/// Which file it is and when anything of it changed last, in seconds and nanoseconds: tells apart what was put in its place or given
-/// the old time.
-#[cfg(unix)]
-fn inode(data: &std::fs::Metadata) -> (u64, i64, i64) {
-    use std::os::unix::fs::MetadataExt as _;
-    (data.ino(), data.ctime(), data.ctime_nsec())
-}
-
-#[cfg(not(unix))]
-fn inode(_: &std::fs::Metadata) {}
 
 /// Tells what is known of how a volume became a store, once a run, however often it is opened. The notes are harmless: see
 /// [`Manifest::notes`].
@@ -164,22 +129,6 @@ pub fn tell(path: &Path, manifest: &Manifest) {
             tracing::warn!("{text}");
             told.push(text);
         }
-    }
-}
-
-impl CacheArgs {
-    /// The folder for prepared inputs.
-    #[must_use]
-    pub fn folder(&self) -> PathBuf {
-        if let Some(folder) = &self.cache_dir {
-            return folder.clone();
-        }
-        let base = std::env::var_os("XDG_CACHE_HOME")
-            .map(PathBuf::from)
-            .or_else(|| std::env::var_os("HOME").map(|home| PathBuf::from(home).join(".cache")))
-            .filter(|p| p.is_absolute())
-            .unwrap_or_else(std::env::temp_dir);
-        base.join("brickcast")
     }
 }
 

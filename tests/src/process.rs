@@ -44,6 +44,7 @@ pub fn brickcast_command(folder: &Path) -> Command {
     for name in ["RUST_LOG", "BRICKCAST_CONFIG", "BRICKCAST_NODES", "BRICKCAST_TLS", "BRICKCAST_TOKEN_FILE"] {
         command.env_remove(name);
     }
+    command.env_remove("BRICKCAST_CACHE_SIZE");
     command.env("XDG_CONFIG_HOME", folder.join("no-configuration"));
     command.current_dir(folder).env("BRICKCAST_CACHE_DIR", folder.join("cache"));
     command
@@ -64,6 +65,18 @@ pub fn brickcast_ok(folder: &Path, args: &[&str]) -> String {
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     assert!(output.status.success(), "{args:?}: {}\n{}", output.status, text(&output.stderr));
     text(&output.stdout)
+}
+
+/// The stores in a cache folder; there are none where there is no folder.
+///
+/// # Panics
+/// An entry that cannot be looked at.
+#[must_use]
+pub fn cached_stores(cache: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(cache).into_iter().flatten().map(|entry| entry.expect("an entry").path());
+    let mut stores: Vec<_> = entries.filter(|path| path.join("brickcast.json").is_file()).collect();
+    stores.sort();
+    stores
 }
 
 /// A running `brickcast-node`, killed when dropped.

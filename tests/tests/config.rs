@@ -61,7 +61,7 @@ const RENDER: [&str; 6] = ["render", "part.nrrd", "-o", "x.png", "--size", "32x3
 fn each_value_is_told_with_where_it_came_from() {
     let site = Site::new(
         "nodes = [\"a:1\", \"file:list\"]\ntls = \"tls\"\ntoken_file = \"t\"\ncache_dir = \"/c\"\n\
-         deadline = \"2s\"\nbackend = \"cpu\"\nmemory_budget = \"1GiB\"\n",
+         cache_size = \"9G\"\ndeadline = \"2s\"\nbackend = \"cpu\"\nmemory_budget = \"1GiB\"\n",
     );
     let check = |told: &Value, key: &str, value: Value, source: &str, from: &str| {
         let got = &told["settings"][key];
@@ -74,6 +74,7 @@ fn each_value_is_told_with_where_it_came_from() {
     check(&told, "tls", Value::Null, "default", "");
     check(&told, "token_file", Value::Null, "default", "");
     check(&told, "deadline", "30s".into(), "default", "");
+    check(&told, "cache_size", "50GiB".into(), "default", "");
     check(&told, "cache_dir", site.at().join("users/brickcast").to_str().unwrap().into(), "default", "");
 
     let told = site.told(&[], &FILE);
@@ -82,9 +83,10 @@ fn each_value_is_told_with_where_it_came_from() {
     check(&told, "tls", "etc/tls".into(), "file", "etc/c.toml:2");
     check(&told, "token_file", "etc/t".into(), "file", "etc/c.toml:3");
     check(&told, "cache_dir", "/c".into(), "file", "etc/c.toml:4");
-    check(&told, "deadline", "2s".into(), "file", "etc/c.toml:5");
-    check(&told, "backend", "cpu".into(), "file", "etc/c.toml:6");
-    check(&told, "memory_budget", "1GiB".into(), "file", "etc/c.toml:7");
+    check(&told, "cache_size", "9G".into(), "file", "etc/c.toml:5");
+    check(&told, "deadline", "2s".into(), "file", "etc/c.toml:6");
+    check(&told, "backend", "cpu".into(), "file", "etc/c.toml:7");
+    check(&told, "memory_budget", "1GiB".into(), "file", "etc/c.toml:8");
 
     let variables = [
         ("BRICKCAST_CONFIG", "etc/c.toml"),
@@ -92,22 +94,27 @@ fn each_value_is_told_with_where_it_came_from() {
         ("BRICKCAST_TLS", "etls"),
         ("BRICKCAST_TOKEN_FILE", "et"),
         ("BRICKCAST_CACHE_DIR", "ec"),
+        ("BRICKCAST_CACHE_SIZE", "8G"),
     ];
     let told = site.told(&variables, &[]);
     check(&told, "nodes", vec!["b:1", "b:2"].into(), "environment", "BRICKCAST_NODES");
     check(&told, "tls", "etls".into(), "environment", "BRICKCAST_TLS");
     check(&told, "token_file", "et".into(), "environment", "BRICKCAST_TOKEN_FILE");
     check(&told, "cache_dir", "ec".into(), "environment", "BRICKCAST_CACHE_DIR");
-    check(&told, "deadline", "2s".into(), "file", "etc/c.toml:5");
+    check(&told, "cache_size", "8G".into(), "environment", "BRICKCAST_CACHE_SIZE");
+    check(&told, "deadline", "2s".into(), "file", "etc/c.toml:6");
 
-    let flags = ["--nodes", "c:1", "--tls", "ftls", "--token-file", "ft", "--cache-dir", "fc", "--deadline", "9s"];
+    let mut flags =
+        vec!["--nodes", "c:1", "--tls", "ftls", "--token-file", "ft", "--cache-dir", "fc", "--deadline", "9s"];
+    flags.extend(["--cache-size", "7G"]);
     let told = site.told(&variables, &flags);
+    check(&told, "cache_size", "7G".into(), "flag", "--cache-size");
     check(&told, "nodes", vec!["c:1"].into(), "flag", "--nodes");
     check(&told, "tls", "ftls".into(), "flag", "--tls");
     check(&told, "token_file", "ft".into(), "flag", "--token-file");
     check(&told, "cache_dir", "fc".into(), "flag", "--cache-dir");
     check(&told, "deadline", "9s".into(), "flag", "--deadline");
-    check(&told, "memory_budget", "1GiB".into(), "file", "etc/c.toml:7");
+    check(&told, "memory_budget", "1GiB".into(), "file", "etc/c.toml:8");
 
     // Set to nothing is not set; the token is the folder's.
     let told = site.told(&[("BRICKCAST_NODES", ""), ("BRICKCAST_CONFIG", ""), ("BRICKCAST_TLS", "x")], &[]);

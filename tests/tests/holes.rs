@@ -7,7 +7,7 @@ mod leap_support;
 
 use std::path::{Path, PathBuf};
 
-use brickcast_tests::process::{brickcast, brickcast_ok};
+use brickcast_tests::process::{brickcast, brickcast_ok, cached_stores};
 use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::format::{self, RawHints};
 use brickcast_volume::scene::{Acceleration, Filter, Leap, MacrocellEdge, RegionView, Scene};
@@ -232,5 +232,5 @@ fn empty_volumes_are_refused_in_words_and_fill_values_are_told() {
         let args = ["render", "filled.nrrd", "-o", "a.png", "--size", "16x16", "--backend", "cpu", "--no-data", fill];
         brickcast_ok(at, &args);
     }
-    assert_eq!(std::fs::read_dir(at.join("cache")).unwrap().count(), 2);
+    assert_eq!(cached_stores(&at.join("cache")).len(), 2);
 }

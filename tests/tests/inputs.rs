@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use brickcast_tests::process::{brickcast, brickcast_ok};
+use brickcast_tests::process::{brickcast, brickcast_ok, cached_stores};
 
 const N: usize = 12;
 
@@ -46,7 +46,7 @@ fn replaced_data_of_a_detached_header_is_noticed_however_it_is_named() {
         write_data(at, files, &voxels(true, 200));
         let old = render(at, &[name], "cache");
         assert!(old == render(at, &[name], "cache"), "{name}");
-        assert_eq!(std::fs::read_dir(at.join("cache")).unwrap().count(), 1, "{name}: unchanged, and made again");
+        assert_eq!(cached_stores(&at.join("cache")).len(), 1, "{name}: unchanged, and made again");
         write_data(at, files, &voxels(false, 200));
         let new = render(at, &[name], "cache");
         assert!(new != old && new == render(at, &[name], "empty"), "{name}: the picture of the old data");
@@ -67,7 +67,7 @@ fn replaced_labels_of_a_detached_header_are_noticed() {
     let stores = |labels: Vec<u8>| {
         std::fs::write(at.join("l.raw"), labels).unwrap();
         render(at, &["v_12x12x12_uint8.raw", "--labels", "l.nrrd"], "cache");
-        std::fs::read_dir(at.join("cache")).unwrap().count()
+        cached_stores(&at.join("cache")).len()
     };
     assert_eq!(stores(vec![5; N * N * N]), 1);
     assert_eq!(stores(vec![0; N * N * N]), 2);

@@ -93,6 +93,7 @@ fn settings(args: &ConfigArgs, origins: &Origins) -> Vec<Setting> {
         setting("deadline", json!(deadline), ""),
         setting("load_deadline", json!(load_deadline), only_elsewhere),
         setting("cache_dir", path(&args.cache.folder()), ""),
+        setting("cache_size", json!(args.cache.cache_size), ""),
     ]
 }
 

@@ -29,7 +29,7 @@ pub async fn run(args: DemoArgs, quiet: bool) -> Result<(), Failure> {
     let size = PictureSize::new(args.size.0, args.size.1).map_err(Failure::usage)?;
     OutputFormat::from_path(&args.output).map_err(Failure::usage)?;
     let [x, y, z] = args.dims;
-    let folder = args.cache.folder().join(format!("demo-{}-{x}x{y}x{z}", env!("CARGO_PKG_VERSION")));
+    let folder = args.cache.ready()?.join(format!("demo-{}-{x}x{y}x{z}", env!("CARGO_PKG_VERSION")));
     std::fs::create_dir_all(&folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
     let (nrrd, store) = (folder.join("phantom.nrrd"), folder.join("phantom.brickcast"));
     let opened = match Store::open(&store) {

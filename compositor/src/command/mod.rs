@@ -14,6 +14,7 @@ pub mod prepare;
 pub mod render;
 pub mod tls;
 pub mod transfer_function;
+pub mod verify;
 
 use std::io::Write as _;
 
@@ -39,6 +40,7 @@ pub fn run(invocation: Invocation) -> Result<(), Failure> {
         Command::Phantom(args) => phantom::run(&args, quiet),
         Command::Prepare(args) => prepare::run(&args, quiet),
         Command::Info(args) => info::run(&args),
+        Command::Verify(args) => verify::run(&args, quiet),
         Command::Render(args) => blocking(render::run(*args, quiet)),
         Command::Nodes(args) => blocking(nodes::run(args)),
         Command::Balance(args) => blocking(balance::run(*args, quiet)),

@@ -52,6 +52,11 @@ pub(super) fn checked(bytes: &[u8]) -> Result<Option<&[u8]>, (u32, u32)> {
     }
 }
 
+/// The checksum at the end of what [`encode`] made.
+pub(super) fn stated_sum(encoded: &[u8]) -> Option<u32> {
+    encoded.last_chunk::<4>().map(|sum| u32::from_le_bytes(*sum))
+}
+
 /// The inverse of [`encode`]; `raw` is how many bytes must come out, and all that is ever allocated.
 pub(super) fn decode(encoded: &[u8], raw: usize) -> Result<Vec<u8>, ChunkFault> {
     let data = checked(encoded)

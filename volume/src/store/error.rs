@@ -115,6 +115,22 @@ pub enum StoreError {
         path.display()
     )]
     NotOurs { path: PathBuf, why: &'static str },
+    #[error(
+        "{} holds what is not of the store in it: {what}; nothing of that is ever removed, so --force does not replace the store: move \
+         it elsewhere, or choose another name",
+        path.display()
+    )]
+    Foreign {
+        path: PathBuf,
+        /// Some by name, the others counted.
+        what: String,
+    },
+    #[error(
+        "the input {} lies in {}, which the new store would replace; move it out of there, or choose another name for the store",
+        input.display(),
+        target.display()
+    )]
+    InputInside { input: PathBuf, target: PathBuf },
     #[error("{} cannot name a store: {why}", path.display())]
     Target { path: PathBuf, why: &'static str },
     #[error(
@@ -180,7 +196,7 @@ pub enum RangesError {
 /// What is wrong with a shard's index.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum IndexFault {
-    #[error("has hash {got}, the manifest promises {want}")]
+    #[error("has hash {got}, the manifest promises {want}: the file is another store's, or was changed")]
     Hash { got: ContentHash, want: ContentHash },
     #[error("has crc32c {got:08x}, it says {want:08x}")]
     Crc { got: u32, want: u32 },
@@ -195,6 +211,8 @@ pub enum ChunkFault {
     Short(usize),
     #[error("crc32c is {got:08x}, it says {want:08x}")]
     Crc { got: u32, want: u32 },
+    #[error("crc32c is {got:08x}, the manifest promises {want:08x}: it is another store's")]
+    Foreign { got: u32, want: u32 },
     #[error("zstd: {0}")]
     Zstd(String),
     #[error("decodes to {got} bytes, {want} are due")]

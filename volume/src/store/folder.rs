@@ -112,7 +112,7 @@ impl StoreFolder {
 }
 
 impl StoreFile {
-    fn read_at_most(self, max: u64) -> io::Result<Vec<u8>> {
+    pub(super) fn read_at_most(self, max: u64) -> io::Result<Vec<u8>> {
         let mut bytes = Vec::with_capacity(self.bytes.min(max) as usize);
         self.file.take(max).read_to_end(&mut bytes)?;
         Ok(bytes)

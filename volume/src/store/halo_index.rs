@@ -76,6 +76,11 @@ impl HaloIndex {
         self.starts.last().copied().unwrap_or(0)
     }
 
+    /// Where the records of the brick at a position of the grid's linear order start; of the last brick's successor, where the file ends.
+    pub(super) fn start(&self, linear: usize) -> u64 {
+        self.starts[linear]
+    }
+
     /// The records of the brick at a position of the grid's linear order, from the inside out.
     pub(super) fn of_brick(&self, linear: usize) -> impl Iterator<Item = HaloRecord> {
         let entries = &self.entries[linear * self.records..][..self.records];

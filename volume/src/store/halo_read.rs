@@ -21,6 +21,9 @@ use super::window::{RowDecoder, Window};
 use crate::brick::{BrickGrid, StoredBox};
 use crate::ids::BrickIndex;
 
+/// How much of a file is read at once where all of it is; more where one brick has more.
+const PART_BYTES: u64 = 8 << 20;
+
 /// One file of halos.
 #[derive(Debug)]
 pub(super) struct Halos {
@@ -132,24 +135,58 @@ impl Halos {
         records.iter().enumerate().map(part).collect::<Result<_, _>>().map(Some)
     }
 
-    /// Decodes every record and compares the whole file with its hash.
-    pub(super) fn verify(&self) -> Result<(), StoreError> {
-        let uncounted = ChunkCache::new(0);
-        (0..self.grid.brick_count() as usize).into_par_iter().try_for_each(|linear| {
-            self.read(self.grid.brick_at(linear), self.reach.last, &uncounted, |_, _| Ok(())).map(drop)
-        })?;
-        let mut file = self.folder.open(self.file)?.file;
-        let (mut hash, mut part) = (Xxh3Default::new(), vec![0; 1 << 20]);
-        loop {
-            match file.read(&mut part).map_err(StoreError::io("read", &self.path()))? {
-                0 => break,
-                n => hash.update(&part[..n]),
+    /// Bytes of the file.
+    pub(super) fn bytes(&self) -> u64 {
+        self.index.file_bytes()
+    }
+
+    pub(super) fn file(&self) -> &'static str {
+        self.file
+    }
+
+    /// Reads the file once, decodes every record and compares all bytes with the file's hash: every broken record.
+    pub(super) fn faults(&self) -> Vec<StoreError> {
+        let mut faults = Vec::new();
+        match self.read_through(&mut faults) {
+            Ok(got) if faults.is_empty() && got != self.hash => {
+                faults.push(StoreError::FileHash { path: self.path(), got, want: self.hash });
             }
+            Ok(_) => {}
+            Err(error) => faults.push(error),
         }
-        match ContentHash(hash.digest128()) {
-            got if got == self.hash => Ok(()),
-            got => Err(StoreError::FileHash { path: self.path(), got, want: self.hash }),
+        faults
+    }
+
+    /// The hash of what was read.
+    fn read_through(&self, faults: &mut Vec<StoreError>) -> Result<ContentHash, StoreError> {
+        let path = self.path();
+        let mut file = self.folder.open(self.file)?.file;
+        let (mut hash, mut bytes) = (Xxh3Default::new(), Vec::new());
+        let bricks = self.grid.brick_count() as usize;
+        let mut first = 0;
+        while first < bricks {
+            let start = self.index.start(first);
+            let more = |brick: &usize| self.index.start(*brick) - start < PART_BYTES;
+            let end = (first + 1..=bricks).take_while(more).last().unwrap_or(first + 1);
+            bytes.resize((self.index.start(end) - start) as usize, 0);
+            file.read_exact(&mut bytes).map_err(StoreError::io("read", &path))?;
+            hash.update(&bytes);
+            let of_brick = |linear| {
+                let (brick, bytes) = (self.grid.brick_at(linear), &bytes);
+                let records = self.index.of_brick(linear).enumerate().filter(|(_, record)| record.length > 0);
+                let broken = records.filter_map(move |(nth, record)| {
+                    let of_record = &bytes[(record.start - start) as usize..][..record.length as usize];
+                    let shell = self.reach.shell(&self.grid, brick, nth);
+                    let fault = decode(of_record, record, self.bound.bytes(shell.voxels())).err()?;
+                    let (layer, start, end) = (self.reach.layer(nth), record.start, record.end());
+                    Some(StoreError::Halo { path: self.path(), brick, layer, start, end, fault })
+                });
+                broken.collect::<Vec<_>>()
+            };
+            faults.extend((first..end).into_par_iter().flat_map_iter(of_brick).collect::<Vec<_>>());
+            first = end;
         }
+        Ok(ContentHash(hash.digest128()))
     }
 
     fn path(&self) -> PathBuf {

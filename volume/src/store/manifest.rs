@@ -24,6 +24,8 @@ pub const HISTOGRAM_BINS: usize = 256;
 /// What a store says of itself; parsed and validated from the bytes that the store's hash is of.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Manifest {
+    /// Of the format; see [`super::STORE_VERSION`].
+    pub version: u64,
     pub geometry: Geometry,
     pub grid: BrickGrid,
     /// Data values (file's units) that codes 0 and 65535 stand for; lo < hi. Where voxels lack data, lo is a code's width below

@@ -1,13 +1,17 @@
 //! The manifest as JSON: keys in a fixed order, and the door where they are checked.
 
+use std::path::Path;
+
 use glam::DMat3;
 use serde::{Deserialize, Serialize};
 
 use super::error::{ManifestError, StoreError};
+use super::folder::StoreFolder;
 use super::halo_manifest::{self, HaloFile};
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
 use super::no_data::{NoData, with_room_below};
 use super::notes;
+use super::profile::MANIFEST_FILE;
 use super::region_manifest::RegionsFile;
 use super::value_map::check_range;
 use super::voxel::{SOURCE_TYPES, StoredType};
@@ -17,8 +21,8 @@ use crate::space::Geometry;
 
 pub(super) const FORMAT: &str = "brickcast-store";
 /// Of the format that is written.
-pub const VERSION: u64 = 5;
-/// Read as well: it lacks keys that may be left out.
+pub const VERSION: u64 = 6;
+/// Read as well: 4 lacks keys that may be left out, and before 6 shards have no checksums of their chunks at their end.
 const OLDEST: u64 = 4;
 /// The longest text in a manifest, in bytes.
 pub(super) const MAX_TEXT: usize = 255;
@@ -103,6 +107,11 @@ struct Marker {
 /// True where `bytes` claim to be a manifest of ours, of any version.
 pub(super) fn is_ours(bytes: &[u8]) -> bool {
     serde_json::from_slice::<Marker>(bytes).is_ok_and(|m| m.format == FORMAT)
+}
+
+/// The manifest's bytes in a folder of whoever runs the program, where there is a file of that name and of a manifest's size.
+pub(super) fn read_free(folder: &Path) -> Option<Vec<u8>> {
+    StoreFolder::free(folder).read_at_most(MANIFEST_FILE, Manifest::MAX_BYTES + 1).ok()
 }
 
 pub(super) fn parse(bytes: &[u8]) -> Result<ManifestFile, ManifestError> {
@@ -205,6 +214,7 @@ impl TryFrom<ManifestFile> for Manifest {
             return Err(field("nan_voxels", "more voxels than there are").into());
         }
         Ok(Self {
+            version: file.version,
             geometry,
             grid,
             range,
@@ -261,7 +271,7 @@ impl From<&Manifest> for ManifestFile {
     fn from(m: &Manifest) -> Self {
         Self {
             format: FORMAT.to_owned(),
-            version: VERSION,
+            version: m.version,
             writer: m.writer.clone(),
             source: SourceFile {
                 name: m.source.name.clone(),

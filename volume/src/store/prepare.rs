@@ -1,8 +1,6 @@
 //! From an input volume to a store, in one pass (two for voxels of 32 and 64 bits), holding a layer of inner chunks of a tile at
 //! a time.
 
-use std::fs::{self, File};
-use std::io::Write;
 use std::path::Path;
 use std::time::Instant;
 
@@ -13,6 +11,7 @@ use super::halo_manifest::HaloEntry;
 use super::halo_write::{VoxelHalos, WrittenHalos};
 use super::hash::ContentHash;
 use super::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
+use super::manifest_file::VERSION;
 use super::memory;
 use super::no_data::{Fill, Missing, NoData, with_room_below};
 use super::noise;
@@ -29,6 +28,7 @@ use super::region_write::{Written, write_regions};
 use super::segment::{self, Segmenter};
 use super::shard_read::Shards;
 use super::shard_table::{self, ShardRecord};
+use super::shard_tail::TailLayout;
 use super::shard_write::ShardWriter;
 use super::shell::has_halos;
 use super::spool::Spool;
@@ -36,7 +36,7 @@ use super::statistics::Statistics;
 use super::tiles::Tiles;
 use super::value_map::{ValueMap, check_range, default_range};
 use super::voxel::{StoredType, Voxel, read_le};
-use super::workdir::WorkDir;
+use super::workdir::{self, WorkDir, write_synced};
 use super::zarr_json;
 use crate::brick::BrickGrid;
 use crate::format::{SourceHeader, VolumeSource};
@@ -46,7 +46,7 @@ use crate::regions::code::{MAX_DENSITY, density_of_code};
 /// Makes the store `out` of an input that stands at its first plane. The same input and options give the same bytes.
 ///
 /// Memory follows the tile, [`PrepareOptions::tile_voxels`], not the plane: 16 planes of it in the stored type, 22 to 31 for halos, and as
-/// many again as halos are compressed; 16 more where there are several tiles; 4 MiB of the input, and 64 KiB per shard. With regions
+/// many again as halos are compressed; 16 more where there are several tiles; 4 MiB of the input, and 80 KiB per shard. With regions
 /// whole planes are held: 32 of codes, 37 to 66 of labels and distances for their halos, and the components that are open: see
 /// [`super::segment`].
 ///
@@ -69,6 +69,7 @@ pub fn prepare(
         segment::checked(regions)?;
         memory::check_regions(&grid)?;
     }
+    workdir::check_inputs(out, &options.inputs(source)?)?;
     let work = WorkDir::create(out, options.force)?;
     let fill = Fill::new(header.voxel_type, &header.no_data);
     let tiles = Tiles::new(&grid, options.tile_voxels);
@@ -240,7 +241,8 @@ impl Job<'_> {
         let map = manifest.value_map();
         let root = work.store();
         let (folder, voxel_bytes) = (StoreFolder::free(&root), manifest.stored_type.bytes());
-        let shards = Shards::new(folder, StoreArray::Voxels, self.shards, gathered.shards.clone(), voxel_bytes);
+        let written = (gathered.shards.clone(), TailLayout::WRITTEN);
+        let shards = Shards::new(folder, StoreArray::Voxels, self.shards, written, voxel_bytes);
         let mut histogram = vec![0; usize::from(MAX_DENSITY) + 1];
         for (code, count) in map.code_of_ordinal_table().into_iter().zip(gathered.statistics.histogram.counts()) {
             histogram[usize::from(density_of_code(code))] += count;
@@ -324,6 +326,7 @@ impl Job<'_> {
         let quantiles = QUANTILES.map(|q| value(histogram.quantile(q)));
         let unknown = ContentHash(0);
         Ok(Manifest {
+            version: VERSION,
             geometry: self.header.geometry,
             grid: self.grid,
             range,
@@ -386,15 +389,4 @@ fn zeroed_slab<T: Voxel>(voxels: usize) -> Result<Vec<T>, StoreError> {
     slab.try_reserve_exact(voxels).map_err(|_| StoreError::Memory { bytes })?;
     slab.resize(voxels, T::zeroed());
     Ok(slab)
-}
-
-fn write_synced(path: &Path, content: &[u8]) -> Result<(), StoreError> {
-    if let Some(dir) = path.parent() {
-        fs::create_dir_all(dir).map_err(StoreError::io("create", dir))?;
-    }
-    let written = File::create_new(path).and_then(|mut file| {
-        file.write_all(content)?;
-        file.sync_all()
-    });
-    written.map_err(StoreError::io("write", path))
 }

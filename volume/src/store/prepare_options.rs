@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
+use super::error::StoreError;
 use super::manifest::Manifest;
 use super::tiles::MAX_TILE_VOXELS;
-use crate::format::RawHints;
+use crate::format::{self, RawHints, VolumeSource};
 use crate::ids::StoreHash;
 
 /// How a store is made.
@@ -60,6 +61,20 @@ impl Default for PrepareOptions {
     }
 }
 
+impl PrepareOptions {
+    /// Every file that a store of `source` is made from; none where all is in memory.
+    ///
+    /// # Errors
+    /// A label volume that cannot be opened.
+    pub fn inputs(&self, source: &dyn VolumeSource) -> Result<Vec<PathBuf>, StoreError> {
+        let mut files = source.files().to_vec();
+        if let Some(Segmentation::Labels { path, hints }) = self.regions.as_ref().map(|r| &r.segmentation) {
+            files.extend_from_slice(format::open(path, hints)?.files());
+        }
+        Ok(files)
+    }
+}
+
 /// What [`super::prepare`] or [`super::Store::verify`] is at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
@@ -79,11 +94,11 @@ pub enum Phase {
     Labels,
     /// The last files are written and all is brought to the disk.
     Finish,
-    /// Shards of a finished store are read and checked.
+    /// A finished store is read and checked.
     Verify,
 }
 
-/// How far it is: shards for verify, z-planes while regions are found, voxels for all else.
+/// How far it is: bytes for verify, z-planes while regions are found, voxels for all else.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
     pub phase: Phase,

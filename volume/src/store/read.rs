@@ -20,6 +20,7 @@ use super::profile::{
 use super::region_read::StoreRegions;
 use super::shard_read::Shards;
 use super::shard_table;
+use super::shard_tail::TailLayout;
 use super::window::{RowDecoder, ToCodes, Window};
 use crate::brick::StoredBox;
 use crate::ids::{BrickIndex, StoreHash};
@@ -88,7 +89,9 @@ impl Store {
         let ranges = BrickRanges::from_bytes(&manifest, &ranges)?;
         let grid = ShardGrid::new(manifest.geometry.dims())?;
         let voxel_bytes = manifest.stored_type.bytes();
-        let shards = open_shards(folder, StoreArray::Voxels, grid, (SHARDS_FILE, manifest.files.shards), voxel_bytes)?;
+        let layout = TailLayout::of_version(manifest.version);
+        let table = (SHARDS_FILE, manifest.files.shards, layout);
+        let shards = open_shards(folder, StoreArray::Voxels, grid, table, voxel_bytes)?;
         let halos = manifest.halo.map(|halo| {
             let files = (HALOS_FILE, HALO_INDEX_FILE, halo.voxels);
             let bound = RecordBound { head: 0, per_voxel: voxel_bytes as u64 };
@@ -223,15 +226,27 @@ pub(super) fn open_shards(
     folder: &StoreFolder,
     array: StoreArray,
     grid: ShardGrid,
-    (table_file, table_hash): (&str, ContentHash),
+    table: (&str, ContentHash, TailLayout),
     voxel_bytes: usize,
 ) -> Result<Shards, StoreError> {
-    let table = folder.read_exactly(table_file, shard_table::table_bytes(&grid))?;
-    folder.check_hash(table_file, &table, table_hash)?;
-    let table = shard_table::from_bytes(array, &grid, &table, codec::encoded_bound(CHUNK_VOXELS * voxel_bytes))?;
-    let shards = Shards::new(folder.clone(), array, grid, table, voxel_bytes);
+    let shards = described_shards(folder, array, grid, table, voxel_bytes)?;
     for linear in 0..shards.table.len() {
         shards.open_file(grid.at(linear))?;
     }
     Ok(shards)
+}
+
+/// The same, whether or not the shards are there.
+pub(super) fn described_shards(
+    folder: &StoreFolder,
+    array: StoreArray,
+    grid: ShardGrid,
+    (table_file, table_hash, layout): (&str, ContentHash, TailLayout),
+    voxel_bytes: usize,
+) -> Result<Shards, StoreError> {
+    let table = folder.read_exactly(table_file, shard_table::table_bytes(&grid))?;
+    folder.check_hash(table_file, &table, table_hash)?;
+    let table =
+        shard_table::from_bytes(array, &grid, &table, codec::encoded_bound(CHUNK_VOXELS * voxel_bytes), layout)?;
+    Ok(Shards::new(folder.clone(), array, grid, (table, layout), voxel_bytes))
 }

@@ -15,6 +15,7 @@ use super::profile::{
 use super::read::{Store, open_shards};
 use super::region_error::RegionsError;
 use super::shard_read::Shards;
+use super::shard_tail::TailLayout;
 use super::window::{ToDistances, ToLabels};
 use crate::ids::BrickIndex;
 use crate::regions::{BrickFacts, BrickRegions, RegionTable};
@@ -49,9 +50,10 @@ impl StoreRegions {
         let bytes = folder.read_exactly(REGION_BRICKS_FILE, manifest.grid.brick_count() * FACTS_BYTES as u64)?;
         folder.check_hash(REGION_BRICKS_FILE, &bytes, files.bricks)?;
         let facts = BrickFactsTable::from_bytes(manifest, &bytes)?;
-        let labels = (LABEL_SHARDS_FILE, files.label_shards);
+        let layout = TailLayout::of_version(manifest.version);
+        let labels = (LABEL_SHARDS_FILE, files.label_shards, layout);
         let labels = open_shards(folder, StoreArray::Labels, grid, labels, size_of::<u32>())?;
-        let distances = (DISTANCE_SHARDS_FILE, files.distance_shards);
+        let distances = (DISTANCE_SHARDS_FILE, files.distance_shards, layout);
         let distances = open_shards(folder, StoreArray::Distances, grid, distances, size_of::<u8>())?;
         let halos = manifest.halo.and_then(|halo| {
             let files = (REGION_HALOS_FILE, REGION_HALO_INDEX_FILE, halo.regions?);

@@ -7,13 +7,13 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use super::codec;
-use super::error::{IndexFault, StoreError};
+use super::error::StoreError;
 use super::folder::{StoreFile, StoreFolder};
-use super::hash::ContentHash;
-use super::profile::{ABSENT, CHUNK_VOXELS, INDEX_BYTES, InnerChunk, ShardGrid, ShardIndex, StoreArray};
+use super::profile::{CHUNK_VOXELS, InnerChunk, ShardGrid, ShardIndex, StoreArray};
 use super::shard_table::ShardRecord;
+use super::shard_tail::{ShardTail, TailLayout};
 
-/// Shards of one array that are open at once: a file and 64 KiB of index each.
+/// Shards of one array that are open at once: a file and 80 KiB of its end each.
 const MAX_OPEN: usize = 32;
 
 /// The shards of one array of a store.
@@ -23,6 +23,7 @@ pub(super) struct Shards {
     pub(super) array: StoreArray,
     pub(super) grid: ShardGrid,
     pub(super) table: Vec<ShardRecord>,
+    layout: TailLayout,
     voxel_bytes: usize,
     open: Mutex<OpenShards>,
 }
@@ -34,15 +35,14 @@ struct OpenShards {
     clock: u64,
 }
 
-/// An open shard with its index, checked.
+/// An open shard with its end, checked.
 #[derive(Debug)]
-pub(super) struct OpenShard {
+struct OpenShard {
     array: StoreArray,
     shard: ShardIndex,
     path: PathBuf,
     file: File,
-    /// Offset and length per inner chunk, inside the file or [`ABSENT`].
-    index: Vec<[u64; 2]>,
+    tail: ShardTail,
 }
 
 impl Shards {
@@ -50,10 +50,10 @@ impl Shards {
         folder: StoreFolder,
         array: StoreArray,
         grid: ShardGrid,
-        table: Vec<ShardRecord>,
+        (table, layout): (Vec<ShardRecord>, TailLayout),
         voxel_bytes: usize,
     ) -> Self {
-        Self { folder, array, grid, table, voxel_bytes, open: Mutex::default() }
+        Self { folder, array, grid, table, layout, voxel_bytes, open: Mutex::default() }
     }
 
     /// Bytes of a decoded inner chunk.
@@ -94,19 +94,28 @@ impl Shards {
         Ok(opened)
     }
 
-    /// Opens a shard and checks length and index.
-    pub(super) fn open_new(&self, shard: ShardIndex) -> Result<OpenShard, StoreError> {
+    /// Opens a shard and checks its length and its end.
+    fn open_new(&self, shard: ShardIndex) -> Result<OpenShard, StoreError> {
         let file = self.open_file(shard)?.file;
         let path = self.folder.path_of(&shard.path(self.array));
-        let record = self.table[self.grid.linear(shard)];
-        let data = record.bytes - INDEX_BYTES as u64;
-        let mut bytes = vec![0; INDEX_BYTES];
-        read_exact_at(&file, &mut bytes, data).map_err(StoreError::io("read", &path))?;
-        let index = parse_index(shard, &bytes, &record, codec::encoded_bound(self.chunk_bytes()) as u64);
-        match index {
-            Ok(index) => Ok(OpenShard { array: self.array, shard, path, file, index }),
-            Err(fault) => Err(StoreError::ShardIndex { array: self.array, shard, path, fault }),
-        }
+        let mut bytes = vec![0; self.layout.bytes()];
+        let start = self.table[self.grid.linear(shard)].bytes - bytes.len() as u64;
+        read_exact_at(&file, &mut bytes, start).map_err(StoreError::io("read", &path))?;
+        let tail = self.tail(shard, &bytes)?;
+        Ok(OpenShard { array: self.array, shard, path, file, tail })
+    }
+
+    /// The end of a shard, from its bytes.
+    pub(super) fn tail(&self, shard: ShardIndex, bytes: &[u8]) -> Result<ShardTail, StoreError> {
+        let (record, bound) = (&self.table[self.grid.linear(shard)], codec::encoded_bound(self.chunk_bytes()) as u64);
+        ShardTail::parse(self.layout, shard, bytes, record, bound).map_err(|fault| {
+            let path = self.folder.path_of(&shard.path(self.array));
+            StoreError::ShardIndex { array: self.array, shard, path, fault }
+        })
+    }
+
+    pub(super) fn tail_bytes(&self) -> usize {
+        self.layout.bytes()
     }
 }
 
@@ -131,54 +140,18 @@ impl OpenShards {
 
 impl OpenShard {
     /// See [`Shards::read_chunk`]; `raw` is the length of a decoded inner chunk.
-    pub(super) fn read_chunk(&self, chunk: InnerChunk, raw: usize) -> Result<Option<Vec<u8>>, StoreError> {
-        let [offset, length] = self.index[chunk.slot()];
-        if offset == ABSENT {
-            return Ok(None);
-        }
+    fn read_chunk(&self, chunk: InnerChunk, raw: usize) -> Result<Option<Vec<u8>>, StoreError> {
+        let slot = chunk.slot();
+        let Some((start, length)) = self.tail.place(slot) else { return Ok(None) };
         // The index was checked: no more than an inner chunk can have.
         let mut bytes = vec![0; length as usize];
-        read_exact_at(&self.file, &mut bytes, offset).map_err(StoreError::io("read", &self.path))?;
-        codec::decode(&bytes, raw).map(Some).map_err(|fault| StoreError::Chunk {
-            array: self.array,
-            shard: self.shard,
-            path: self.path.clone(),
-            chunk,
-            start: offset,
-            end: offset + length,
-            fault,
+        read_exact_at(&self.file, &mut bytes, start).map_err(StoreError::io("read", &self.path))?;
+        let decoded = codec::decode(&bytes, raw).and_then(|voxels| self.tail.check(slot, &bytes).map(|()| voxels));
+        decoded.map(Some).map_err(|fault| {
+            let (array, shard, path) = (self.array, self.shard, self.path.clone());
+            StoreError::Chunk { array, shard, path, chunk, start, end: start + length, fault }
         })
     }
-}
-
-fn parse_index(
-    shard: ShardIndex,
-    bytes: &[u8],
-    record: &ShardRecord,
-    chunk_bound: u64,
-) -> Result<Vec<[u64; 2]>, IndexFault> {
-    let entries = match codec::checked(bytes) {
-        Ok(entries) => entries.unwrap_or_default(),
-        Err((got, want)) => return Err(IndexFault::Crc { got, want }),
-    };
-    let (got, want) = (ContentHash::of(bytes), record.index_hash);
-    if got != want {
-        return Err(IndexFault::Hash { got, want });
-    }
-    let data = record.bytes - INDEX_BYTES as u64;
-    let parsed = entries.as_chunks::<16>().0.iter().enumerate().map(|(slot, entry)| {
-        let (offset, length) = entry.split_at(8);
-        let u64_of = |b: &[u8]| b.iter().rev().fold(0u64, |n, &byte| n << 8 | u64::from(byte));
-        let (offset, length) = (u64_of(offset), u64_of(length));
-        let absent = (offset, length) == (ABSENT, ABSENT);
-        let inside = length <= chunk_bound && offset.checked_add(length).is_some_and(|end| end <= data);
-        if absent || inside {
-            Ok([offset, length])
-        } else {
-            Err(IndexFault::Entry { chunk: InnerChunk::at(shard, slot), offset, length, data })
-        }
-    });
-    parsed.collect()
 }
 
 /// Reads at a position, whatever other threads read from the same file.
@@ -199,34 +172,4 @@ pub(super) fn read_exact_at(file: &File, mut out: &mut [u8], mut offset: u64) ->
         }
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::store::profile::CHUNKS_PER_SHARD;
-
-    fn index_with(slot: usize, entry: [u64; 2]) -> (Vec<u8>, ShardRecord) {
-        let mut entries = vec![[ABSENT; 2]; CHUNKS_PER_SHARD];
-        entries[slot] = entry;
-        let mut bytes: Vec<u8> = entries.iter().flatten().flat_map(|n| n.to_le_bytes()).collect();
-        bytes.extend(crc32c::crc32c(&bytes).to_le_bytes());
-        let hash = ContentHash::of(&bytes);
-        (bytes, ShardRecord { bytes: 1000 + INDEX_BYTES as u64, hash, index_hash: hash })
-    }
-
-    /// Entries whose checksum is right, as a forger would make them.
-    #[test]
-    fn index_entries_outside_the_data_are_refused() {
-        let shard = ShardIndex([0; 3]);
-        for good in [[0, 900], [100, 900], [1000, 0], [ABSENT, ABSENT]] {
-            let (bytes, record) = index_with(3, good);
-            assert_eq!(parse_index(shard, &bytes, &record, 900).unwrap()[3], good);
-        }
-        for bad in [[0, 901], [101, 900], [ABSENT, 1], [0, ABSENT], [ABSENT - 1, 2], [u64::MAX / 2, 10]] {
-            let (bytes, record) = index_with(3, bad);
-            let fault = parse_index(shard, &bytes, &record, 900).unwrap_err();
-            assert!(matches!(fault, IndexFault::Entry { chunk: InnerChunk([3, 0, 0]), .. }), "{bad:?}: {fault}");
-        }
-    }
 }

@@ -2,7 +2,8 @@
 
 use super::error::StoreError;
 use super::hash::ContentHash;
-use super::profile::{CHUNKS_PER_SHARD, INDEX_BYTES, ShardGrid, StoreArray};
+use super::profile::{CHUNKS_PER_SHARD, ShardGrid, StoreArray};
+use super::shard_tail::TailLayout;
 
 /// One line of the table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -11,47 +12,50 @@ pub(super) struct ShardRecord {
     pub(super) bytes: u64,
     /// Hash of the whole file.
     pub(super) hash: ContentHash,
-    /// Hash of the index at its end, so that a read notices a shard that was exchanged as a whole.
-    pub(super) index_hash: ContentHash,
+    /// Hash of its end, see [`super::shard_tail`]: with that, a read notices every chunk that is not this store's.
+    pub(super) tail_hash: ContentHash,
 }
 
-const RECORD_BYTES: usize = 8 + 16 + 16;
+/// Bytes of a line.
+pub(super) const RECORD_BYTES: usize = 8 + 16 + 16;
 
 /// Bytes of the table of `grid`'s shards.
 pub(super) fn table_bytes(grid: &ShardGrid) -> u64 {
     grid.count() * RECORD_BYTES as u64
 }
 
-/// Bytes of `shards.bin`: per shard, x fastest, length (u64), hash and hash of the index (u128), all little endian.
+/// Bytes of `shards.bin`: per shard, x fastest, length (u64), hash and hash of its end (u128), all little endian.
 pub(super) fn to_bytes(table: &[ShardRecord]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(table.len() * RECORD_BYTES);
     for record in table {
         bytes.extend(record.bytes.to_le_bytes());
         bytes.extend(record.hash.0.to_le_bytes());
-        bytes.extend(record.index_hash.0.to_le_bytes());
+        bytes.extend(record.tail_hash.0.to_le_bytes());
     }
     bytes
 }
 
-/// `chunk_bound` is the longest that an inner chunk can be: no shard is longer than its inner chunks and index.
+/// `chunk_bound` is the longest that an inner chunk can be: no shard is longer than its inner chunks and its end.
 /// The length of `bytes` must have been checked.
 pub(super) fn from_bytes(
     array: StoreArray,
     grid: &ShardGrid,
     bytes: &[u8],
     chunk_bound: usize,
+    tail: TailLayout,
 ) -> Result<Vec<ShardRecord>, StoreError> {
-    let most = (CHUNKS_PER_SHARD * chunk_bound + INDEX_BYTES) as u64;
+    let least = tail.bytes() as u64;
+    let most = (CHUNKS_PER_SHARD * chunk_bound) as u64 + least;
     let records = bytes.as_chunks::<RECORD_BYTES>().0.iter().enumerate().map(|(linear, b)| {
         let (length, hashes) = b.split_at(8);
-        let (hash, index_hash) = hashes.split_at(16);
+        let (hash, tail_hash) = hashes.split_at(16);
         let u128_of = |b: &[u8]| b.iter().rev().fold(0u128, |n, &byte| n << 8 | u128::from(byte));
         let record = ShardRecord {
             bytes: u128_of(length) as u64,
             hash: ContentHash(u128_of(hash)),
-            index_hash: ContentHash(u128_of(index_hash)),
+            tail_hash: ContentHash(u128_of(tail_hash)),
         };
-        if (INDEX_BYTES as u64..=most).contains(&record.bytes) {
+        if (least..=most).contains(&record.bytes) {
             Ok(record)
         } else {
             Err(StoreError::ShardTable { array, shard: grid.at(linear), bytes: record.bytes })
@@ -68,16 +72,17 @@ mod tests {
     #[test]
     fn the_table_survives_its_bytes_and_lengths_are_bounded() {
         let grid = ShardGrid::new(UVec3::new(300, 10, 10)).unwrap();
-        let record = |bytes| ShardRecord { bytes, hash: ContentHash(1 << 100), index_hash: ContentHash(77) };
-        let table = [record(70_000), record(INDEX_BYTES as u64)];
+        let record = |bytes| ShardRecord { bytes, hash: ContentHash(1 << 100), tail_hash: ContentHash(77) };
+        let tail = TailLayout::SumsAndIndex;
+        let least = tail.bytes() as u64;
+        let table = [record(90_000), record(least)];
         let bytes = to_bytes(&table);
         assert_eq!(bytes.len() as u64, table_bytes(&grid));
-        assert_eq!(from_bytes(StoreArray::Voxels, &grid, &bytes, 100).unwrap(), table);
-        let index = INDEX_BYTES as u64;
-        for bad in [0, index - 1, index + CHUNKS_PER_SHARD as u64 * 100 + 1, u64::MAX] {
-            let bytes = to_bytes(&[record(70_000), record(bad)]);
+        assert_eq!(from_bytes(StoreArray::Voxels, &grid, &bytes, 100, tail).unwrap(), table);
+        for bad in [0, least - 1, least + CHUNKS_PER_SHARD as u64 * 100 + 1, u64::MAX] {
+            let bytes = to_bytes(&[record(90_000), record(bad)]);
             assert!(
-                matches!(from_bytes(StoreArray::Voxels, &grid, &bytes, 100), Err(StoreError::ShardTable { .. })),
+                matches!(from_bytes(StoreArray::Voxels, &grid, &bytes, 100, tail), Err(StoreError::ShardTable { .. })),
                 "{bad}"
             );
         }

@@ -1,5 +1,5 @@
 //! Shards are written append-only, those of one z of a tile at a time: inner chunks as their slab comes, the index when the last
-//! slab has come. Memory holds their indices, never a shard.
+//! slab has come. Memory holds their ends (indices and checksums), never a shard.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
@@ -12,10 +12,11 @@ use super::codec;
 use super::error::StoreError;
 use super::hash::ContentHash;
 use super::profile::{
-    ABSENT, CHUNK_EDGE, CHUNK_VOXELS, CHUNKS_PER_EDGE, CHUNKS_PER_SHARD, INDEX_BYTES, InnerChunk, SHARD_EDGE,
-    ShardGrid, ShardIndex, StoreArray,
+    ABSENT, CHUNK_EDGE, CHUNK_VOXELS, CHUNKS_PER_EDGE, CHUNKS_PER_SHARD, InnerChunk, SHARD_EDGE, ShardGrid, ShardIndex,
+    StoreArray,
 };
 use super::shard_table::ShardRecord;
+use super::shard_tail;
 use super::tiles::Tile;
 use super::voxel::Cell;
 
@@ -37,6 +38,8 @@ struct OpenShard {
     hash: Xxh3Default,
     /// Offset and length per inner chunk.
     index: Vec<[u64; 2]>,
+    /// Checksums, by the same places.
+    sums: Vec<u32>,
 }
 
 impl ShardWriter {
@@ -86,8 +89,8 @@ impl ShardWriter {
                 if let (true, Some(dir)) = (x == first_x, path.parent()) {
                     fs::create_dir_all(dir).map_err(StoreError::io("create", dir))?;
                 }
-                let index = vec![[ABSENT; 2]; CHUNKS_PER_SHARD];
-                self.row.push(OpenShard { shard, path, bytes: 0, hash: Xxh3Default::new(), index });
+                let (index, sums) = (vec![[ABSENT; 2]; CHUNKS_PER_SHARD], vec![0; CHUNKS_PER_SHARD]);
+                self.row.push(OpenShard { shard, path, bytes: 0, hash: Xxh3Default::new(), index, sums });
             }
         }
         Ok(())
@@ -104,25 +107,24 @@ impl OpenShard {
             file.write_all(&bytes).map_err(StoreError::io("write", &self.path))?;
             self.hash.update(&bytes);
             self.index[slot] = [self.bytes, bytes.len() as u64];
+            self.sums[slot] = codec::stated_sum(&bytes).unwrap_or_default();
             self.bytes += bytes.len() as u64;
         }
         file.flush().map_err(StoreError::io("write", &self.path))
     }
 
     fn finish(mut self) -> Result<ShardRecord, StoreError> {
-        let mut index: Vec<u8> = Vec::with_capacity(INDEX_BYTES);
-        index.extend(self.index.iter().flatten().flat_map(|n| n.to_le_bytes()));
-        index.extend(crc32c::crc32c(&index).to_le_bytes());
-        self.hash.update(&index);
+        let tail = shard_tail::to_bytes(&self.index, &self.sums);
+        self.hash.update(&tail);
         let written = File::options().append(true).create(true).open(&self.path).and_then(|mut file| {
-            file.write_all(&index)?;
+            file.write_all(&tail)?;
             file.sync_all()
         });
         written.map_err(StoreError::io("write", &self.path))?;
         Ok(ShardRecord {
-            bytes: self.bytes + index.len() as u64,
+            bytes: self.bytes + tail.len() as u64,
             hash: ContentHash(self.hash.digest128()),
-            index_hash: ContentHash::of(&index),
+            tail_hash: ContentHash::of(&tail),
         })
     }
 }

@@ -2,38 +2,79 @@
 
 use rayon::prelude::*;
 
-use super::error::StoreError;
+use super::codec;
+use super::error::{ChunkFault, StoreError};
+use super::hash::ContentHash;
 use super::prepare_options::{Phase, Progress};
-use super::profile::{CHUNKS_PER_SHARD, InnerChunk};
+use super::profile::{CHUNKS_PER_SHARD, InnerChunk, ShardIndex};
 use super::read::Store;
+use super::shard_read::Shards;
 
 impl Store {
     /// Reads every shard and halo, decodes every inner chunk and record, and compares all bytes with the manifest's hashes. A chunk (or
     /// a halo's brick and layer) is named where one is broken; bytes that belong to no chunk are found by the shard's hash.
     ///
     /// # Errors
-    /// The first damage found.
+    /// The first damage found; [`super::inspect`] finds all.
     pub fn verify(&self, progress: &mut dyn FnMut(Progress)) -> Result<(), StoreError> {
-        let arrays = self.arrays();
-        let shards: u64 = arrays.iter().map(|shards| shards.table.len() as u64).sum();
-        let total = shards + self.halos().count() as u64;
-        let all = arrays.iter().flat_map(|shards| shards.table.iter().enumerate().map(move |(i, r)| (shards, i, r)));
-        for (done, (shards, linear, record)) in (0..).zip(all) {
+        let (arrays, halos) = (self.arrays(), self.halos().collect::<Vec<_>>());
+        let shards = arrays.iter().flat_map(|shards| shards.table.iter()).map(|record| record.bytes);
+        let total = shards.chain(halos.iter().map(|h| h.bytes())).sum();
+        let mut done = 0;
+        let mut read = |bytes| {
             progress(Progress { phase: Phase::Verify, done, total });
-            let shard = shards.grid.at(linear);
-            let open = shards.open_new(shard)?;
-            (0..CHUNKS_PER_SHARD).into_par_iter().try_for_each(|slot| {
-                let chunk = InnerChunk::at(shard, slot);
-                open.read_chunk(chunk, shards.chunk_bytes()).map(drop)
-            })?;
-            // No longer than inner chunks and index of one shard can be: the table was checked.
-            shards.folder.check_file(&shard.path(shards.array), record.bytes, record.hash)?;
+            done += bytes;
+        };
+        for shards in arrays {
+            for (linear, record) in shards.table.iter().enumerate() {
+                read(record.bytes);
+                shards.faults(shards.grid.at(linear)).into_iter().next().map_or(Ok(()), Err)?;
+            }
         }
-        for (done, halos) in (shards..).zip(self.halos()) {
-            progress(Progress { phase: Phase::Verify, done, total });
-            halos.verify()?;
+        for halos in halos {
+            read(halos.bytes());
+            halos.faults().into_iter().next().map_or(Ok(()), Err)?;
         }
-        progress(Progress { phase: Phase::Verify, done: total, total });
+        read(0);
         Ok(())
+    }
+}
+
+impl Shards {
+    /// Reads a shard once and decodes every inner chunk: what is missing, cut or broken of it. Bytes of no chunk count as the file's.
+    pub(super) fn faults(&self, shard: ShardIndex) -> Vec<StoreError> {
+        match self.decoded(shard) {
+            Ok(broken) => broken,
+            Err(error) => vec![error],
+        }
+    }
+
+    fn decoded(&self, shard: ShardIndex) -> Result<Vec<StoreError>, StoreError> {
+        let file = shard.path(self.array);
+        let path = self.folder.path_of(&file);
+        let record = self.table[self.grid.linear(shard)];
+        // No longer than inner chunks and end of one shard can be: the table was checked.
+        let bytes = self.open_file(shard)?.read_at_most(record.bytes).map_err(StoreError::io("read", &path))?;
+        let (got, want) = (bytes.len() as u64, record.bytes);
+        if got != want {
+            return Err(StoreError::ShardLength { array: self.array, shard, path, got, want });
+        }
+        let tail = self.tail(shard, &bytes[bytes.len() - self.tail_bytes()..])?;
+        let broken = |slot| {
+            let (start, length) = tail.place(slot)?;
+            let encoded = &bytes[start as usize..][..length as usize];
+            let whole = codec::decode(encoded, self.chunk_bytes()).and_then(|_| tail.check(slot, encoded));
+            let of = |fault: ChunkFault| {
+                let (array, path, chunk) = (self.array, path.clone(), InnerChunk::at(shard, slot));
+                StoreError::Chunk { array, shard, path, chunk, start, end: start + length, fault }
+            };
+            whole.err().map(of)
+        };
+        let mut broken: Vec<_> = (0..CHUNKS_PER_SHARD).into_par_iter().filter_map(broken).collect();
+        let got = ContentHash::of(&bytes);
+        if broken.is_empty() && got != record.hash {
+            broken.push(StoreError::FileHash { path, got, want: record.hash });
+        }
+        Ok(broken)
     }
 }

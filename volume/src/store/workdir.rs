@@ -3,16 +3,21 @@
 //! `.NAME.brickcast-tmp-PID-N/` holds `lock` (held while its writer lives), `store/` (being written), scratch files and, for the moment
 //! of replacing one, `old/`. A working directory whose lock is free was left by a writer that was killed: the next
 //! writer for the same target puts `old/` back where the target is gone, and removes the rest.
+//!
+//! Nothing is ever removed that no store has: a folder that holds anything else is refused, before the work and again before the old store
+//! goes; of what dead writers left, it stays.
 
 use std::ffi::OsString;
-use std::fs::{self, File, TryLockError};
-use std::io::{self, Read};
+use std::fs::{self, File};
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
 use super::error::StoreError;
-use super::manifest::Manifest;
-use super::manifest_file;
-use super::profile::MANIFEST_FILE;
+use super::store_files::StoreShape;
+use super::store_walk::{self, Found};
+
+/// Between a target's name and a writer's number in the name of a working directory.
+const MARK: &str = ".brickcast-tmp-";
 
 #[derive(Debug)]
 pub(super) struct WorkDir {
@@ -40,7 +45,7 @@ impl WorkDir {
         }
         let mut prefix = OsString::from(".");
         prefix.push(name);
-        prefix.push(".brickcast-tmp-");
+        prefix.push(MARK);
         recover(target, &parent, &prefix);
         check_replaceable(target, force)?;
         for n in 0..10_000u32 {
@@ -80,12 +85,17 @@ impl WorkDir {
         if check_replaceable(&self.target, self.force)? {
             let old = self.dir.join("old");
             fs::rename(&self.target, &old).map_err(StoreError::io("move away", &self.target))?;
-            if let Err(source) = fs::rename(&staged, &self.target) {
-                if fs::rename(&old, &self.target).is_err() {
+            // Where it is now, nobody puts anything any more: what came since the first look is seen.
+            let kept = foreign_in(&old, &self.target);
+            let put = kept.and_then(|()| {
+                fs::rename(&staged, &self.target).map_err(StoreError::io("put the finished store at", &self.target))
+            });
+            if let Err(error) = put {
+                if let Err(source) = fs::rename(&old, &self.target) {
                     self.keep = true;
                     return Err(StoreError::Stranded { target: self.target.clone(), old, source });
                 }
-                return Err(StoreError::io("put the finished store at", &self.target)(source));
+                return Err(error);
             }
         } else {
             fs::rename(&staged, &self.target).map_err(StoreError::io("put the finished store at", &self.target))?;
@@ -99,7 +109,7 @@ impl Drop for WorkDir {
         if !self.keep {
             // What cannot be removed now is removed by the next writer.
             drop(self.lock.take());
-            let _ = fs::remove_dir_all(&self.dir);
+            clear(&self.dir);
         }
     }
 }
@@ -121,33 +131,100 @@ fn check_replaceable(target: &Path, force: bool) -> Result<bool, StoreError> {
     if !metadata.is_dir() {
         return not_ours("it is no directory");
     }
-    let mut bytes = Vec::new();
-    let manifest = File::open(target.join(MANIFEST_FILE));
-    let read = manifest.and_then(|file| file.take(Manifest::MAX_BYTES + 1).read_to_end(&mut bytes));
-    match read {
-        Ok(_) if manifest_file::is_ours(&bytes) => Ok(true),
-        _ => not_ours("it has no manifest of one"),
+    foreign_in(target, target).map(|()| true)
+}
+
+/// An error where `folder`, called `name` in it, is no store, or holds anything that no store has there.
+fn foreign_in(folder: &Path, name: &Path) -> Result<(), StoreError> {
+    let Some(shape) = StoreShape::in_folder(folder) else {
+        return Err(StoreError::NotOurs { path: name.to_path_buf(), why: "it has no manifest of one" });
+    };
+    match Found::below(folder, &shape)?.not_ours() {
+        Some(what) => Err(StoreError::Foreign { path: name.to_path_buf(), what }),
+        None => Ok(()),
+    }
+}
+
+/// An error where one of `inputs` lies in the folder at `target`, which would go with it.
+pub(super) fn check_inputs(target: &Path, inputs: &[PathBuf]) -> Result<(), StoreError> {
+    // Where nothing is there yet, nothing is in it.
+    let Ok(folder) = target.canonicalize() else { return Ok(()) };
+    let inside = |input: &&PathBuf| input.canonicalize().is_ok_and(|place| place.starts_with(&folder));
+    match inputs.iter().find(inside) {
+        Some(input) => Err(StoreError::InputInside { input: input.clone(), target: target.to_path_buf() }),
+        None => Ok(()),
+    }
+}
+
+/// Removes a working directory: what a store has, scratch files, and nothing else.
+fn clear(dir: &Path) {
+    for (name, shape) in [("store", Some(StoreShape::any())), ("old", StoreShape::in_folder(&dir.join("old")))] {
+        let part = dir.join(name);
+        // A store that is removed in part has lost its manifest, perhaps.
+        let shape = shape.unwrap_or_else(StoreShape::any);
+        if part.is_dir() && !part.is_symlink() {
+            let _ = store_walk::remove(&part, &shape);
+        }
+    }
+    for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
+        if entry.file_type().is_ok_and(|kind| kind.is_file()) && entry.file_name() != "lock" {
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+    // The lock stays with what could not be removed, so that the next writer looks at it again.
+    let only_lock = fs::read_dir(dir).is_ok_and(|entries| entries.flatten().all(|e| e.file_name() == "lock"));
+    if only_lock {
+        let _ = fs::remove_file(dir.join("lock"));
+        let _ = fs::remove_dir(dir);
     }
 }
 
 /// Puts back and removes what killed writers for `target` left. Failures are left to the next writer.
 fn recover(target: &Path, parent: &Path, prefix: &OsString) {
-    let Ok(entries) = fs::read_dir(parent) else { return };
     let prefix = prefix.as_encoded_bytes();
-    for entry in entries.flatten().filter(|e| e.file_name().as_encoded_bytes().starts_with(prefix)) {
-        let dir = entry.path();
-        // Without a lock file its writer is just starting.
-        let Ok(lock) = File::options().write(true).open(dir.join("lock")) else { continue };
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock | TryLockError::Error(_)) => continue,
-        }
+    for dir in entries(parent).filter(|name| name.as_encoded_bytes().starts_with(prefix)).map(|name| parent.join(name))
+    {
+        let Some(_lock) = dead(&dir) else { continue };
         let old = dir.join("old");
         if old.is_dir() && fs::symlink_metadata(target).is_err() && fs::rename(&old, target).is_err() {
             continue;
         }
-        let _ = fs::remove_dir_all(&dir);
+        clear(&dir);
     }
+}
+
+/// Removes what killed writers for any target in `folder` left, old stores that should be put back first apart.
+pub fn remove_leftovers(folder: &Path) {
+    let marked = |name: &OsString| name.to_str().is_some_and(|name| name.starts_with('.') && name.contains(MARK));
+    for dir in entries(folder).filter(marked).map(|name| folder.join(name)) {
+        if let Some(_lock) = dead(&dir)
+            && !dir.join("old").exists()
+        {
+            clear(&dir);
+        }
+    }
+}
+
+fn entries(folder: &Path) -> impl Iterator<Item = OsString> {
+    fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.file_name())
+}
+
+/// The lock of a working directory whose writer is dead. Without a lock file its writer is just starting.
+fn dead(dir: &Path) -> Option<File> {
+    let lock = File::options().write(true).open(dir.join("lock")).ok()?;
+    lock.try_lock().ok().map(|()| lock)
+}
+
+/// Writes a file of a store and brings it to the disk.
+pub(super) fn write_synced(path: &Path, content: &[u8]) -> Result<(), StoreError> {
+    if let Some(dir) = path.parent() {
+        fs::create_dir_all(dir).map_err(StoreError::io("create", dir))?;
+    }
+    let written = File::create_new(path).and_then(|mut file| {
+        file.write_all(content)?;
+        file.sync_all()
+    });
+    written.map_err(StoreError::io("write", path))
 }
 
 /// Brings a directory's entries to the disk.
@@ -176,6 +253,7 @@ fn sync_directories(root: &Path) -> Result<(), StoreError> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::profile::MANIFEST_FILE;
     use super::*;
 
     const OURS: &str = r#"{ "format": "brickcast-store", "version": 1 }"#;
@@ -191,7 +269,7 @@ mod tests {
     fn an_abandoned_writer_leaves_nothing() {
         let dir = tempfile::tempdir().unwrap();
         let work = WorkDir::create(&dir.path().join("s"), false).unwrap();
-        fs::write(work.store().join("x"), b"half").unwrap();
+        fs::write(work.store().join("zarr.json"), b"half").unwrap();
         assert_eq!(names(dir.path()).len(), 1);
         drop(work);
         assert!(names(dir.path()).is_empty());
@@ -231,12 +309,64 @@ mod tests {
         assert!(matches!(WorkDir::create(&target, false), Err(StoreError::Exists { .. })));
         assert!(matches!(WorkDir::create(&target, true), Err(StoreError::NotOurs { .. })));
         fs::write(target.join(MANIFEST_FILE), OURS).unwrap();
+        let Err(StoreError::Foreign { what, .. }) = WorkDir::create(&target, true) else { panic!("thesis lost") };
+        assert_eq!(what, "thesis.tex");
+        fs::rename(target.join("thesis.tex"), dir.path().join("thesis.tex")).unwrap();
+        fs::create_dir_all(target.join("0/c/1/2")).unwrap();
+        fs::write(target.join("0/c/1/2/3"), b"shard").unwrap();
         let work = WorkDir::create(&target, true).unwrap();
-        assert_eq!(names(&target), [MANIFEST_FILE, "thesis.tex"], "the old store stays until the end");
-        fs::write(work.store().join("new"), b"").unwrap();
+        assert_eq!(names(&target), ["0", MANIFEST_FILE], "the old store stays until the end");
+        fs::write(work.store().join("zarr.json"), b"").unwrap();
         work.publish().unwrap();
-        assert_eq!(names(&target), ["new"]);
+        assert_eq!(names(&target), ["zarr.json"]);
+        assert_eq!(names(dir.path()), ["s", "thesis.tex"]);
+    }
+
+    #[test]
+    fn what_is_put_into_the_old_store_while_the_new_one_is_made_is_not_lost() {
+        let dir = tempfile::tempdir().unwrap();
+        let target = dir.path().join("s");
+        fs::create_dir(&target).unwrap();
+        fs::write(target.join(MANIFEST_FILE), OURS).unwrap();
+        let work = WorkDir::create(&target, true).unwrap();
+        fs::write(target.join("thesis.tex"), b"years of work").unwrap();
+        assert!(matches!(work.publish(), Err(StoreError::Foreign { .. })));
+        assert_eq!(names(&target), [MANIFEST_FILE, "thesis.tex"]);
         assert_eq!(names(dir.path()), ["s"]);
+    }
+
+    #[test]
+    fn what_lies_with_a_dead_writers_old_store_stays_there() {
+        let dir = tempfile::tempdir().unwrap();
+        let target = dir.path().join("s");
+        let dead = dir.path().join(".s.brickcast-tmp-1-0");
+        fs::create_dir_all(dead.join("old/notes")).unwrap();
+        fs::write(dead.join("old").join(MANIFEST_FILE), OURS).unwrap();
+        fs::write(dead.join("old/notes/thesis.tex"), b"years of work").unwrap();
+        fs::write(dead.join("voxels"), b"scratch").unwrap();
+        fs::write(dead.join("lock"), b"").unwrap();
+        fs::create_dir(&target).unwrap();
+        fs::write(target.join(MANIFEST_FILE), OURS).unwrap();
+        WorkDir::create(&target, true).unwrap().publish().unwrap();
+        assert_eq!(names(&dead), ["lock", "old"]);
+        assert_eq!(names(&dead.join("old")), [MANIFEST_FILE, "notes"]);
+        fs::remove_dir_all(dead.join("old/notes")).unwrap();
+        drop(WorkDir::create(&target, true));
+        assert_eq!(names(dir.path()), ["s"]);
+    }
+
+    #[test]
+    fn an_input_in_the_folder_to_be_replaced_is_refused_by_name() {
+        let dir = tempfile::tempdir().unwrap();
+        let target = dir.path().join("s");
+        let (inside, beside) = (target.join("scan.raw"), dir.path().join("s.raw"));
+        fs::create_dir(&target).unwrap();
+        fs::write(&inside, b"").unwrap();
+        fs::write(&beside, b"").unwrap();
+        check_inputs(&target, std::slice::from_ref(&beside)).unwrap();
+        check_inputs(&dir.path().join("new"), &[beside.clone(), inside.clone()]).unwrap();
+        let error = check_inputs(&target, &[beside, dir.path().join("s/../s/scan.raw")]).unwrap_err().to_string();
+        assert!(error.contains("s/../s/scan.raw lies in"), "{error}");
     }
 
     #[test]

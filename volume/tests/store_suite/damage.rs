@@ -7,10 +7,7 @@ use brickcast_volume::format::VoxelType;
 use brickcast_volume::store::{ChunkCache, ChunkFault, IndexFault, PrepareOptions, ShardIndex, Store, StoreError};
 
 use crate::regions::windows;
-use crate::support::{Volume, files_of, noisy};
-
-/// Offset and length of each of the 16^3 inner chunks of a shard, and a crc32c.
-const INDEX_BYTES: usize = 16 * 4096 + 4;
+use crate::support::{INDEX_BYTES, SUM_BYTES, Volume, downgrade, files_of, noisy};
 
 /// A store of two shards, the first with absent inner chunks.
 fn store_in(dir: &Path) -> PathBuf {
@@ -82,7 +79,7 @@ fn flip_bits(path: &Path) {
                     assert!(is_shard && (start..end).contains(&(at as u64)), "{file:?} byte {at}");
                 }
                 StoreError::ShardIndex { .. } => {
-                    assert!(is_shard && at >= good.len() - INDEX_BYTES, "{file:?} byte {at}")
+                    assert!(is_shard && at >= good.len() - INDEX_BYTES - SUM_BYTES, "{file:?} byte {at}")
                 }
                 _ => assert!(!is_shard, "{file:?} byte {at}: {error}"),
             }
@@ -160,7 +157,7 @@ fn cut_grown_missing_and_forged_shards_are_named() {
     let second = path.join("0/c/0/0/1");
     let good = fs::read(&second).unwrap();
     let index = ShardIndex([1, 0, 0]);
-    for length in [0, 1, INDEX_BYTES - 1, good.len() - 1] {
+    for length in [0, 1, INDEX_BYTES - 1, INDEX_BYTES + SUM_BYTES - 1, good.len() - 1] {
         fs::write(&second, &good[..length]).unwrap();
         let error = Store::open(&path).unwrap_err();
         let (want, got) = (good.len() as u64, length as u64);
@@ -193,6 +190,57 @@ fn cut_grown_missing_and_forged_shards_are_named() {
     );
 }
 
+/// Two volumes of noise that does not compress: all chunks of one length, so that the shards' indices are the same bytes.
+fn twins(dir: &Path) -> [PathBuf; 2] {
+    [0, 0x5A].map(|flip| {
+        let path = dir.join(format!("twin{flip}"));
+        let noise = Volume::new([48, 48, 48], VoxelType::U8, |p| {
+            f64::from(crate::support::noise(p.map(|v| v + 50)) >> 8 ^ flip)
+        });
+        noise.prepare(&path, &PrepareOptions { brick_size: 32, ..PrepareOptions::default() }).unwrap();
+        path
+    })
+}
+
+const ONLY: &str = "0/c/0/0/0";
+
+#[test]
+fn a_shard_of_another_store_with_the_same_index_is_named_at_the_first_read() {
+    let dir = tempfile::tempdir().unwrap();
+    let [own, other] = twins(dir.path());
+    let (good, swapped) = (fs::read(own.join(ONLY)).unwrap(), fs::read(other.join(ONLY)).unwrap());
+    let index = good.len() - INDEX_BYTES;
+    assert!(good[index..] == swapped[index..] && good != swapped, "the premise: equal indices");
+    fs::write(own.join(ONLY), &swapped).unwrap();
+    let error = read_all(&own).unwrap_err();
+    assert!(matches!(error, StoreError::ShardIndex { fault: IndexFault::Hash { .. }, .. }), "{error}");
+    for word in ["shard 0/c/0/0/0", "another store's", "prepare it again"] {
+        assert!(error.to_string().contains(word), "{error}");
+    }
+    // The chunks alone, with the own end behind them: each of them is whole.
+    let sums = index - SUM_BYTES;
+    fs::write(own.join(ONLY), [&swapped[..sums], &good[sums..]].concat()).unwrap();
+    let error = read_all(&own).unwrap_err();
+    assert!(matches!(error, StoreError::Chunk { fault: ChunkFault::Foreign { .. }, .. }), "{error}");
+    assert!(error.to_string().contains("it is another store's"), "{error}");
+    fs::write(own.join(ONLY), good).unwrap();
+    read_all(&own).unwrap();
+}
+
+/// What docs/store-format.md says of versions before 6.
+#[test]
+fn in_stores_before_version_6_only_verify_finds_a_swapped_shard() {
+    let dir = tempfile::tempdir().unwrap();
+    let [own, other] = twins(dir.path());
+    downgrade(&own, 5);
+    downgrade(&other, 5);
+    read_all(&own).unwrap();
+    fs::copy(other.join(ONLY), own.join(ONLY)).unwrap();
+    read_all(&own).unwrap();
+    let error = Store::open(&own).unwrap().verify(&mut |_| {}).unwrap_err();
+    assert!(matches!(error, StoreError::FileHash { .. }), "{error}");
+}
+
 #[test]
 fn a_shard_that_vanishes_after_opening_is_an_error_not_a_panic() {
     let dir = tempfile::tempdir().unwrap();
@@ -215,8 +263,8 @@ fn what_is_no_finished_store_is_refused() {
     let path = store_in(dir.path());
     let manifest = fs::read_to_string(path.join("brickcast.json")).unwrap();
     let changed = [
-        ("\"version\": 5", "\"version\": 3", "this brickcast knows 5"),
-        ("\"version\": 5", "\"version\": 3", "prepare the store again"),
+        ("\"version\": 6", "\"version\": 3", "this brickcast knows 6"),
+        ("\"version\": 6", "\"version\": 3", "prepare the store again"),
         ("brickcast-store", "someone-elses", "is not a brickcast store's"),
         ("\"brick_size\": 32", "\"brick_size\": 33", "power of two"),
         ("\"uint8\"", "\"uint9\"", "uint9"),

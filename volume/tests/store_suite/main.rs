@@ -5,6 +5,7 @@
 
 mod damage;
 mod halos;
+mod inspect;
 #[cfg(unix)]
 mod jail;
 mod labels;

@@ -5,9 +5,9 @@ use std::path::Path;
 
 use brickcast_volume::format::{VolumeSource as _, VoxelType};
 use brickcast_volume::ids::StoreHash;
-use brickcast_volume::store::{NotFinite, Phase, PrepareOptions, Store, StoreError, prepare, survey};
+use brickcast_volume::store::{ChunkCache, NotFinite, Phase, PrepareOptions, Store, StoreError, prepare, survey};
 
-use crate::support::{Volume, files_of, noisy};
+use crate::support::{Volume, downgrade, files_of, noisy};
 
 fn entries(dir: &Path) -> usize {
     fs::read_dir(dir).unwrap().count()
@@ -154,21 +154,27 @@ fn notes_are_kept_in_the_store_and_read_back() {
     assert_eq!(survey(&mut source, &mut |_| {}).unwrap().notes, notes);
 }
 
-/// A store that an older release made: it has no notes, and no other key of version 5.
+/// Stores that older releases made: 4 has no notes, and neither has checksums at the end of its shards.
 #[test]
-fn a_manifest_of_version_4_is_read_and_others_are_not() {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("s");
-    noisy([9, 9, 9], VoxelType::U8).prepare(&path, &PrepareOptions::default()).unwrap();
-    let text = std::fs::read_to_string(path.join("brickcast.json")).unwrap();
-    assert!(text.contains("\"version\": 5") && !text.contains("notes"), "{text}");
-    let of = |version: &str| text.replacen("\"version\": 5", &format!("\"version\": {version}"), 1);
-    std::fs::write(path.join("brickcast.json"), of("4")).unwrap();
-    let store = Store::open(&path).unwrap();
-    assert_eq!(store.manifest().notes, [""; 0]);
-    store.verify(&mut |_| {}).unwrap();
-    for version in ["3", "6"] {
-        std::fs::write(path.join("brickcast.json"), of(version)).unwrap();
-        assert!(Store::open(&path).unwrap_err().to_string().contains(&format!("version {version}")));
+fn stores_of_versions_4_and_5_are_read_and_others_are_not() {
+    for version in [4, 5] {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("s");
+        noisy([270, 9, 9], VoxelType::U8).prepare(&path, &PrepareOptions::default()).unwrap();
+        let brick =
+            |store: &Store| store.read_brick(store.manifest().grid.brick_at(4), 4, &ChunkCache::new(1 << 20)).unwrap();
+        let before = brick(&Store::open(&path).unwrap());
+        downgrade(&path, version);
+        let store = Store::open(&path).unwrap();
+        assert_eq!((store.manifest().version, store.manifest().notes.len()), (version, 0));
+        assert_eq!(store.manifest().to_bytes().unwrap(), store.manifest_bytes(), "the version is kept");
+        store.verify(&mut |_| {}).unwrap();
+        assert_eq!(brick(&store), before);
+        let text = std::fs::read_to_string(path.join("brickcast.json")).unwrap();
+        for other in ["3", "7"] {
+            let changed = text.replacen(&format!("\"version\": {version}"), &format!("\"version\": {other}"), 1);
+            std::fs::write(path.join("brickcast.json"), changed).unwrap();
+            assert!(Store::open(&path).unwrap_err().to_string().contains(&format!("version {other}")));
+        }
     }
 }

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use brickcast_volume::format::{FormatError, SourceHeader, VolumeSource, VoxelType};
 use brickcast_volume::space::Geometry;
-use brickcast_volume::store::{PrepareOptions, PrepareSummary, StoreError, prepare};
+use brickcast_volume::store::{ContentHash, PrepareOptions, PrepareSummary, StoreError, prepare};
 
 #[derive(Debug)]
 pub(crate) struct MemorySource {
@@ -171,6 +171,39 @@ pub(crate) fn noisy(dims: [u32; 3], voxel_type: VoxelType) -> Volume {
             VoxelType::F64 => n * 1.7e300 - 20.0,
         }
     })
+}
+
+/// Bytes of the checksums before the index at a shard's end.
+pub(crate) const SUM_BYTES: usize = 4 * 4096;
+/// Offset and length of each of the 16^3 inner chunks of a shard, and a crc32c.
+pub(crate) const INDEX_BYTES: usize = 16 * 4096 + 4;
+
+/// Makes a store one of an older version, whose shards have no checksums of their chunks at their end.
+pub(crate) fn downgrade(path: &Path, version: u64) {
+    let manifest = path.join("brickcast.json");
+    let mut text = std::fs::read_to_string(&manifest).unwrap();
+    assert!(text.contains("\"version\": 6"));
+    text = text.replacen("\"version\": 6", &format!("\"version\": {version}"), 1);
+    for (table, array) in
+        [("shards.bin", "0"), ("label_shards.bin", "labels/regions/0"), ("distance_shards.bin", "distances")]
+    {
+        let Ok(mut records) = std::fs::read(path.join(table)) else { continue };
+        let old = ContentHash::of(&records);
+        for shard in files_of(&path.join(array).join("c")) {
+            let whole = std::fs::read(&shard).unwrap();
+            let (sums, index) = (whole.len() - INDEX_BYTES - SUM_BYTES, whole.len() - INDEX_BYTES);
+            let bare = [&whole[..sums], &whole[index..]].concat();
+            let hash = ContentHash::of(&whole).0.to_le_bytes();
+            let record = records.chunks_exact_mut(40).find(|record| record[8..24] == hash).unwrap();
+            record[..8].copy_from_slice(&(bare.len() as u64).to_le_bytes());
+            record[8..24].copy_from_slice(&ContentHash::of(&bare).0.to_le_bytes());
+            record[24..].copy_from_slice(&ContentHash::of(&bare[sums..]).0.to_le_bytes());
+            std::fs::write(&shard, bare).unwrap();
+        }
+        text = text.replace(&old.to_string(), &ContentHash::of(&records).to_string());
+        std::fs::write(path.join(table), records).unwrap();
+    }
+    std::fs::write(manifest, text).unwrap();
 }
 
 pub(crate) fn files_of(root: &Path) -> Vec<PathBuf> {
