@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use brickcast_proto::credentials::{Badge, CredentialError, Tls, Token, tokens};
+use brickcast_proto::credentials::{Badge, CLIENT_FILES, CredentialError, Tls, Token, exposed, token_file, tokens};
 use clap::Args;
 
 use crate::cli_values::deadline;
@@ -42,6 +42,9 @@ impl Access {
     pub fn read(args: &AccessArgs) -> Result<Self, CredentialError> {
         let tls = args.tls.as_deref().map(Tls::of_client).transpose()?;
         let tokens = tokens(args.token_file.as_deref(), args.tls.as_deref())?;
+        let key = args.tls.as_ref().map(|folder| folder.join(CLIENT_FILES[1]));
+        let secrets = key.into_iter().chain(token_file(args.token_file.as_deref(), args.tls.as_deref()));
+        secrets.filter_map(|path| exposed(&path)).for_each(|note| tracing::warn!("{note}"));
         Ok(Self { tls, badge: Badge::of_first(&tokens), patience: args.load_deadline })
     }
 

@@ -5,9 +5,9 @@
 
 use std::ffi::OsString;
 use std::fmt::Display;
-use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
+use brickcast_volume::small_file::{FileError, read_text};
 use clap::ValueEnum as _;
 use toml::de::{DeTable, DeValue};
 
@@ -24,13 +24,8 @@ const MAX_FILE_BYTES: u64 = 64 << 10;
 
 #[derive(Debug, thiserror::Error)]
 pub enum ConfigFileError {
-    #[error(
-        "configuration file {}: {source}; name another with --config FILE or BRICKCAST_CONFIG",
-        path.display()
-    )]
-    Read { path: PathBuf, source: std::io::Error },
-    #[error("configuration file {}: more than {MAX_FILE_BYTES} bytes cannot be meant", path.display())]
-    TooLarge { path: PathBuf },
+    #[error("{0}; name another with --config FILE or BRICKCAST_CONFIG")]
+    Read(#[from] FileError),
     #[error("{}:{line}: not TOML: {reason}", path.display())]
     Syntax { path: PathBuf, line: usize, reason: String },
     #[error("{}:{line}: there is no `{key}`; the keys are {}", path.display(), KEYS.join(", "))]
@@ -61,14 +56,7 @@ impl ConfigFile {
     /// # Errors
     /// A file that cannot be read, is no TOML, or holds a key or a value that is none.
     pub fn read(path: &Path) -> Result<Self, ConfigFileError> {
-        let failed = |source| ConfigFileError::Read { path: path.to_path_buf(), source };
-        let mut text = String::new();
-        let file = std::fs::File::open(path).map_err(failed)?;
-        // Not by its length: a pipe has none.
-        let length = file.take(MAX_FILE_BYTES + 1).read_to_string(&mut text).map_err(failed)?;
-        if length as u64 > MAX_FILE_BYTES {
-            return Err(ConfigFileError::TooLarge { path: path.to_path_buf() });
-        }
+        let text = read_text("configuration file", path, MAX_FILE_BYTES)?;
         Self::parse(path, &text)
     }
 
@@ -241,7 +229,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("big.toml");
         std::fs::write(&path, "#".repeat(MAX_FILE_BYTES as usize + 1)).unwrap();
-        assert!(matches!(ConfigFile::read(&path), Err(ConfigFileError::TooLarge { .. })));
+        assert!(matches!(ConfigFile::read(&path), Err(ConfigFileError::Read(FileError::TooLong { .. }))));
         for path in [folder.path().join("none.toml"), folder.path().to_path_buf()] {
             let error = ConfigFile::read(&path).unwrap_err().to_string();
             assert!(error.contains(path.to_str().unwrap()) && error.contains("--config"), "{error}");

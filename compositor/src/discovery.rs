@@ -1,6 +1,8 @@
 //! Which nodes there are: addresses, names that resolve to many (`dns:NAME:PORT`), and files (`file:PATH`).
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
+
+use brickcast_volume::small_file::read_text;
 
 /// The most nodes of a session.
 pub const MAX_NODES: usize = 4096;
@@ -15,8 +17,8 @@ pub enum DiscoveryError {
     FileForm(String),
     #[error("dns:{name}:{port} cannot be resolved ({reason}); is the name right, and are its services up?")]
     Resolve { name: String, port: u16, reason: String },
-    #[error("file:{}: {reason}; it holds one address (host:port) a line, # starts a comment", path.display())]
-    File { path: PathBuf, reason: String },
+    #[error("{0}; it holds one address (host:port) a line, # starts a comment")]
+    File(String),
     #[error("{got} nodes are named, at most {MAX_NODES} can be")]
     TooMany { got: usize },
 }
@@ -117,23 +119,15 @@ impl NodeSource {
             }
             Self::File(path) => {
                 let file = path.clone();
-                let read = tokio::task::spawn_blocking(move || read(&file)).await;
-                let text = read.map_err(|e| e.to_string()).and_then(|text| text);
-                let text = text.map_err(|reason| DiscoveryError::File { path: path.clone(), reason })?;
+                let read = move || read_text("list of nodes", &file, MAX_FILE_BYTES).map_err(|e| e.to_string());
+                let read = tokio::task::spawn_blocking(read).await;
+                let text = read.map_err(|e| e.to_string()).and_then(|text| text).map_err(DiscoveryError::File)?;
                 let lines = text.lines().map(|line| line.split('#').next().unwrap_or("").trim());
                 let target = |line: &str| Target { address: line.to_owned(), server_name: None, explicit: false };
                 Ok(lines.filter(|line| !line.is_empty()).map(target).collect())
             }
         }
     }
-}
-
-fn read(path: &Path) -> Result<String, String> {
-    let size = std::fs::metadata(path).map_err(|e| e.to_string())?.len();
-    if size > MAX_FILE_BYTES {
-        return Err(format!("it has {size} bytes, at most {MAX_FILE_BYTES} are read"));
-    }
-    std::fs::read_to_string(path).map_err(|e| e.to_string())
 }
 
 #[cfg(test)]

@@ -2,13 +2,16 @@
 
 use std::process::ExitCode;
 
+use brickcast_volume::shown::{causes, shown};
+
 /// Exit codes, as `--help` names them.
 pub const EXIT_CODES: &str = "\
 Exit codes:
   0  complete: every picture or file asked for was written
   1  failure: nothing half-written is left behind
   2  usage: the arguments are wrong
-  3  incomplete picture written: its manifest and this code say so";
+  3  incomplete picture written: its manifest and this code say so
+  128 + N  ended by signal N (130: ctrl-c): nothing half-written is left behind";
 
 /// Why a command did not end well.
 #[derive(Debug)]
@@ -35,12 +38,12 @@ impl Failure {
         }
     }
 
-    /// One line for people: the error with its causes.
+    /// One line for people: the error with its causes, each told once.
     #[must_use]
     pub fn message(&self) -> String {
         match self {
-            Self::Usage(e) | Self::Failed(e) => format!("{e:#}"),
-            Self::Incomplete(what) => what.clone(),
+            Self::Usage(e) | Self::Failed(e) => shown(&causes(e.as_ref())).into_owned(),
+            Self::Incomplete(what) => shown(what).into_owned(),
         }
     }
 }

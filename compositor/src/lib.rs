@@ -1,5 +1,7 @@
 //! The compositor: plan, order, over, ledger, outputs and the command line.
 
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they have written"))]
+
 pub mod accel_args;
 pub mod access;
 pub mod audit;
@@ -9,7 +11,6 @@ pub mod balance_choice;
 pub mod balanced;
 pub mod bench_args;
 pub mod blend;
-mod bounded_file;
 mod cache;
 mod camera_file;
 pub mod camera_path;
@@ -26,11 +27,13 @@ pub mod embedded;
 pub mod failure;
 mod follow;
 mod frame;
+pub mod interrupts;
 pub mod invocation;
 pub mod ledger;
 mod light_from;
 mod nothing_shows;
 pub mod output;
+mod output_paths;
 pub mod pings;
 pub mod plan;
 pub mod preset_file;
@@ -47,5 +50,6 @@ pub mod style_args;
 mod style_json;
 mod table_note;
 mod tls_words;
+mod together;
 pub mod transfer_function_args;
 mod worker;

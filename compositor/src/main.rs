@@ -5,7 +5,8 @@ use std::process::ExitCode;
 
 use brickcast::failure::Failure;
 use brickcast::invocation::{Invocation, NotInvoked};
-use brickcast::{command, embedded, progress};
+use brickcast::{command, embedded, interrupts, progress};
+use brickcast_volume::shown::ShownLog;
 
 fn main() -> ExitCode {
     // SAFETY: the first thing that happens; there are no other threads.
@@ -21,19 +22,28 @@ fn main() -> ExitCode {
     let level = match (cli.quiet, cli.verbose) {
         (true, _) => "error",
         (false, 0) => "warn",
-        (false, 1) => "info,wgpu=warn,wgpu_core=warn,wgpu_hal=warn,naga=warn",
-        (false, _) => "debug,wgpu=warn,wgpu_core=warn,wgpu_hal=warn,naga=warn,h2=info,hyper=info",
+        (false, 1) => "info",
+        (false, _) => "debug",
     };
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| level.into());
+    // Other crates speak of what is normal here (a peer that goes away) as if it were not.
+    let ours = ["brickcast", "brickcast_node"].map(|name| format!("{name}={level}")).join(",");
+    let filter =
+        tracing_subscriber::EnvFilter::try_from_default_env().unwrap_or_else(|_| format!("error,{ours}").into());
+    let colours = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
     tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(std::io::stderr)
+        .with_writer(move || ShownLog::new(std::io::stderr(), colours))
         .without_time()
         .with_target(false)
-        .with_ansi(std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty()))
+        .with_ansi(colours)
         .init();
     if cli.quiet {
         progress::hide();
+    }
+    if let Err(error) = interrupts::watch() {
+        tracing::warn!(
+            "signals cannot be listened for ({error}): one that ends this leaves half-written files, which the next run removes"
+        );
     }
     match command::run(invocation) {
         Ok(()) => ExitCode::SUCCESS,

@@ -2,14 +2,17 @@
 
 use std::path::Path;
 
+use brickcast_volume::small_file::read_text;
 use brickcast_volume::store::Manifest;
 use brickcast_volume::transfer_function::{
     OpacityPoint, Preset, PresetList, PresetOptions, default_opacities, describe_default_opacities,
 };
 
-use crate::bounded_file;
 use crate::failure::Failure;
 use crate::preset_fit::{Fit, fit};
+
+/// The longest that is read, bytes: presets of 65,536 points, and lists of hundreds.
+const MAX_FILE_BYTES: u64 = 16 << 20;
 
 /// What is asked of a file.
 #[derive(Debug, Clone, Copy, Default)]
@@ -27,7 +30,7 @@ pub struct Wanted<'a> {
 /// # Errors
 /// A file that cannot be read or is none of them, a name that it does not hold, a preset that cannot be used.
 pub fn read(path: &Path, wanted: Wanted<'_>, volume: Option<&Manifest>) -> Result<Preset, Failure> {
-    let text = bounded_file::read("transfer function", path)?;
+    let text = read_text("transfer function", path, MAX_FILE_BYTES)?;
     let list = PresetList::from_text(&path.display().to_string(), &text)?;
     let opacities = volume
         .map_or_else(|| vec![OpacityPoint { x: 0.0, opacity: 0.0 }], |m| default_opacities(m.otsu, m.quantile_999));

@@ -2,6 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use brickcast_volume::shown::shown;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 static HIDDEN: AtomicBool = AtomicBool::new(false);
@@ -25,13 +26,13 @@ impl Bar {
         if let Ok(style) = ProgressStyle::with_template("{msg} [{wide_bar}] {percent}% {eta}") {
             bar.set_style(style.progress_chars("=> "));
         }
-        bar.set_message(what.to_owned());
+        bar.set_message(shown(what).into_owned());
         Self(bar)
     }
 
     /// What is done now.
     pub fn say(&self, what: &str) {
-        self.0.set_message(what.to_owned());
+        self.0.set_message(shown(what).into_owned());
     }
 
     pub fn at(&self, done: u64, total: u64) {

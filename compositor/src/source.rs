@@ -84,7 +84,8 @@ impl OnTheWayArgs {
             }
             return Ok(Source::Store(Store::open(path)?));
         }
-        if path.is_file() {
+        // What is there but no regular file is refused by name, not taken for a name that nodes know.
+        if path.exists() {
             return Ok(Source::Store(self.prepared(path)?));
         }
         match path.to_str() {

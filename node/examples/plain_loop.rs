@@ -36,7 +36,7 @@ fn cut(stored: StoredBox) -> BrickVoxels {
 
 /// Processor seconds of this process, user and system.
 fn cpu_seconds() -> Option<f64> {
-    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    let stat = brickcast_volume::small_file::system_text("/proc/self/stat")?;
     let ticks = stat.rsplit(')').next()?.split_whitespace().skip(11).take(2).map(str::parse::<f64>);
     ticks.sum::<Result<f64, _>>().ok().map(|ticks| ticks / 100.0)
 }

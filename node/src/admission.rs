@@ -3,7 +3,7 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use brickcast_proto::credentials::{CredentialError, Doorkeeper, Tls, tokens};
+use brickcast_proto::credentials::{CredentialError, Doorkeeper, NODE_FILES, Tls, exposed, token_file, tokens};
 
 #[derive(Debug, thiserror::Error)]
 pub enum AdmissionError {
@@ -44,6 +44,9 @@ impl Admission {
     pub fn read(options: &AdmissionOptions) -> Result<Self, AdmissionError> {
         let tls = options.tls.as_deref().map(Tls::of_node).transpose()?;
         let tokens = tokens(options.token_file.as_deref(), options.tls.as_deref())?;
+        let key = options.tls.as_ref().map(|folder| folder.join(NODE_FILES[1]));
+        let secrets = key.into_iter().chain(token_file(options.token_file.as_deref(), options.tls.as_deref()));
+        secrets.filter_map(|path| exposed(&path)).for_each(|note| tracing::warn!("{note}"));
         Ok(Self { tls, tokens: Doorkeeper::new(tokens) })
     }
 

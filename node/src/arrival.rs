@@ -2,6 +2,7 @@
 
 use std::future::Future as _;
 use std::pin::Pin;
+use std::sync::Arc;
 use std::task::{Context, Poll};
 use std::time::Duration;
 
@@ -13,6 +14,8 @@ use tonic::Status;
 use tonic::body::Body;
 
 use crate::error::NodeError;
+use crate::held::Share;
+use crate::refusals::refused;
 
 /// A request of which nothing more comes for so long is given up ...
 pub const SILENCE: Duration = Duration::from_secs(10);
@@ -27,15 +30,17 @@ pub(crate) struct Arrival {
     most: usize,
     /// Bytes that came.
     got: usize,
+    /// Taken as they come: what is only announced holds nothing.
+    share: Arc<Share>,
     end: Instant,
     wake: Pin<Box<Sleep>>,
 }
 
 impl Arrival {
-    /// Of at most `most` bytes.
-    pub(crate) fn new(body: Body, most: usize) -> Self {
+    /// Of at most `most` bytes, which `share` holds.
+    pub(crate) fn new(body: Body, most: usize, share: Arc<Share>) -> Self {
         let now = Instant::now();
-        Self { body, most, got: 0, end: now + ARRIVAL, wake: Box::pin(sleep_until(now + SILENCE)) }
+        Self { body, most, got: 0, share, end: now + ARRIVAL, wake: Box::pin(sleep_until(now + SILENCE)) }
     }
 
     fn came(&mut self, bytes: usize) -> Result<(), NodeError> {
@@ -43,6 +48,7 @@ impl Arrival {
         if self.got > self.most {
             return Err(NodeError::TooLong(self.most));
         }
+        self.share.grow(bytes)?;
         if bytes > 0 {
             let end = self.end.min(Instant::now() + SILENCE);
             self.wake.as_mut().reset(end);
@@ -52,6 +58,7 @@ impl Arrival {
 }
 
 fn failed<T>(error: NodeError) -> Poll<Option<Result<T, Status>>> {
+    error.refusal().into_iter().for_each(refused);
     Poll::Ready(Some(Err(Failure::from(error).into())))
 }
 

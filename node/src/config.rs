@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use brickcast_proto::Throttle;
+use brickcast_volume::memory::Limit;
 
 /// Where a node finds stores.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -40,6 +41,24 @@ pub fn unique_node_id() -> String {
     let count = COUNT.fetch_add(1, Ordering::Relaxed);
     let nanos = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos());
     format!("{:x}-{:x}-{count}", std::process::id(), nanos & 0xffff_ffff_ffff)
+}
+
+/// What a node of this budget takes beside its bricks, at least, bytes: the program, what is being decoded, requests and frames.
+const BESIDE: u64 = 96 << 20;
+
+/// What to tell of a budget that is more than can be had: the node would be killed once it is used up, in the middle of a frame.
+#[must_use]
+pub fn too_much(budget: u64, most: Option<Limit>) -> Option<String> {
+    let Limit { bytes, by } = most?;
+    (budget.saturating_add(BESIDE) > bytes).then(|| {
+        format!(
+            "--memory-budget {}: {} is all that there is ({by}), and a node takes {} and more beside its bricks; it may be killed in the \
+             middle of a frame: lower the budget to half of that, or raise the limit",
+            format_bytes(budget),
+            format_bytes(bytes),
+            format_bytes(BESIDE),
+        )
+    })
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -96,6 +115,8 @@ pub fn format_bytes(bytes: u64) -> String {
 
 #[cfg(test)]
 mod tests {
+    use brickcast_volume::memory::LimitBy;
+
     use super::*;
 
     #[test]
@@ -121,6 +142,16 @@ mod tests {
             let error = parse_bytes(text).unwrap_err().to_string();
             assert!(error.contains("GiB") || error.contains("EiB"), "{text}: {error}");
         }
+    }
+
+    #[test]
+    fn a_budget_beyond_what_the_container_has_is_told_of_with_both_figures() {
+        let limit = |bytes| Some(Limit { bytes, by: LimitBy::Group("/sys/fs/cgroup/pod".into()) });
+        let note = too_much(4 << 30, limit(2 << 30)).unwrap();
+        assert!(note.contains("4.0 GiB") && note.contains("2.0 GiB") && note.contains("/sys/fs/cgroup/pod"), "{note}");
+        assert!(too_much(2 << 30, limit(2 << 30)).is_some(), "nothing is left for frames");
+        assert_eq!(too_much(1 << 30, limit(2 << 30)), None);
+        assert_eq!(too_much(u64::MAX, None), None);
     }
 
     #[test]

@@ -15,6 +15,7 @@ use tonic::transport::server::{Connected, TcpConnectInfo};
 
 use crate::client::Client;
 use crate::quota::{Place, Quota};
+use crate::refusals::refused;
 
 /// Connections that a node has open at a time; more are closed as they come.
 pub const MAX_CONNECTIONS: usize = 512;
@@ -57,12 +58,16 @@ impl<P: Pipe, I: Stream<Item = io::Result<P>> + Unpin> Stream for Connections<I>
             let client = Client::from(stream.connect_info().remote_addr().map(|address| address.ip()));
             // A stream that is dropped is closed: the client sees a connection that ends at once.
             let Some(own) = self.each.take(client) else {
+                refused("more connections than one client may have open");
                 tracing::debug!("{client:?} has {MAX_CONNECTIONS_EACH} connections open: closed another");
                 continue;
             };
             match self.places.clone().try_acquire_owned() {
                 Ok(place) => return Poll::Ready(Some(Ok(Connection::new(stream, client, (own, place))))),
-                Err(_) => tracing::debug!("{MAX_CONNECTIONS} connections are open: closed another"),
+                Err(_) => {
+                    refused("more connections than all may have open");
+                    tracing::debug!("{MAX_CONNECTIONS} connections are open: closed another");
+                }
             }
         }
     }

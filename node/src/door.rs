@@ -1,7 +1,7 @@
-//! What a call passes before its message is read: a place of its client's quota, a size, and a time to arrive.
+//! What a call passes before its message is read: a place of its client's quota, a size, room for its bytes, and a time to arrive.
 
 use std::pin::Pin;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::task::{Context, Poll, ready};
 
 use brickcast_proto::Failure;
@@ -18,7 +18,9 @@ use tower::{Layer, Service};
 use crate::arrival::Arrival;
 use crate::client::Client;
 use crate::error::NodeError;
+use crate::held::Held;
 use crate::quota::{Caller, MAX_FRAMES, MAX_LOADS, MAX_QUESTIONS, Quota};
+use crate::refusals::refused;
 
 /// Bytes of a request that is only a name or less: of every call but `RenderFrame` and `Prepare`.
 pub const MAX_QUESTION_BYTES: usize = 64 << 10;
@@ -31,12 +33,13 @@ pub(crate) struct Door {
     frames: Arc<Quota>,
     loads: Arc<Quota>,
     questions: Arc<Quota>,
+    held: Arc<Mutex<Held>>,
 }
 
 impl Door {
     pub(crate) fn new() -> Self {
         let (frames, loads) = (Quota::new(MAX_FRAMES), Quota::new(MAX_LOADS));
-        Self { frames, loads, questions: Quota::new(MAX_QUESTIONS) }
+        Self { frames, loads, questions: Quota::new(MAX_QUESTIONS), held: Held::new() }
     }
 
     /// The caller with its place, and the bytes that the message may have. Health and reflection need no place: what they hold
@@ -90,24 +93,27 @@ where
         let (caller, most) = match self.door.admit(&request) {
             Ok(admitted) => admitted,
             Err(error) => {
+                error.refusal().into_iter().for_each(refused);
                 let status = Status::from(Failure::from(error));
                 return Box::pin(async { Ok(status.into_http()) });
             }
         };
+        let share = Held::share(&self.door.held, caller.client);
+        let caller = caller.holding(share.clone());
         request.extensions_mut().insert(caller.clone());
-        let answer = self.inner.call(request.map(|body| Body::new(Arrival::new(body, most))));
-        Box::pin(async move { Ok(answer.await?.map(|body| Body::new(Held { body, caller: Some(caller) }))) })
+        let answer = self.inner.call(request.map(|body| Body::new(Arrival::new(body, most, share))));
+        Box::pin(async move { Ok(answer.await?.map(|body| Body::new(Answer { body, caller: Some(caller) }))) })
     }
 }
 
 /// An answer; the caller's place is taken until the client has it.
 #[derive(Debug)]
-struct Held {
+struct Answer {
     body: Body,
     caller: Option<Caller>,
 }
 
-impl http_body::Body for Held {
+impl http_body::Body for Answer {
     type Data = Bytes;
     type Error = Status;
 

@@ -72,6 +72,10 @@ pub enum NodeError {
     TooManyLoads(usize),
     #[error("{0} questions of this client are open already; take the answers, or try again later")]
     TooManyQuestions(usize),
+    #[error("requests of this client hold the {0} bytes that one client's may; take the answers, or try again later")]
+    TooManyBytesOfClient(usize),
+    #[error("requests of all clients hold the {0} bytes that they may together; try again later")]
+    TooManyBytes(usize),
     #[error("nothing more of the request came for {0} s; look at the network, or try again later")]
     Silent(u64),
     #[error("the request was not there as a whole after {0} s; look at the network, or try again later")]
@@ -98,6 +102,20 @@ impl NodeError {
         }
     }
 
+    /// For the count of refusals in the log; nothing for what is no refusal.
+    pub(crate) fn refusal(&self) -> Option<&'static str> {
+        Some(match self {
+            Self::TooManyFrames(_) => "more frames than one client may have open",
+            Self::TooManyLoads(_) => "more loading calls than one client may have",
+            Self::TooManyQuestions(_) => "more questions than one client may have",
+            Self::TooManyBytesOfClient(_) => "more bytes of requests than one client may hold",
+            Self::TooManyBytes(_) => "more bytes of requests than all may hold",
+            Self::TooLong(_) => "a request longer than its call takes",
+            Self::Silent(_) | Self::Unfinished(_) => "a request that did not come as a whole",
+            _ => return None,
+        })
+    }
+
     #[must_use]
     pub fn fault(&self) -> Fault {
         match self {
@@ -117,7 +135,12 @@ impl NodeError {
             | Self::BatchTooLarge { .. }
             | Self::Raycast(RaycastError::BrickTooLarge { .. }) => Fault::BudgetTooSmall,
             Self::Raycast(_) => Fault::Device,
-            Self::Busy(_) | Self::TooManyFrames(_) | Self::TooManyLoads(_) | Self::TooManyQuestions(_) => Fault::Busy,
+            Self::Busy(_)
+            | Self::TooManyFrames(_)
+            | Self::TooManyLoads(_)
+            | Self::TooManyQuestions(_)
+            | Self::TooManyBytesOfClient(_)
+            | Self::TooManyBytes(_) => Fault::Busy,
             Self::Draining => Fault::Draining,
             Self::Stalled(_) | Self::Cancelled | Self::Silent(_) | Self::Unfinished(_) => Fault::Abandoned,
             Self::Panicked(_) => Fault::Internal,

@@ -9,11 +9,13 @@ use std::time::Duration;
 
 use anyhow::Context as _;
 use brickcast_node::admission::{Admission, AdmissionError};
-use brickcast_node::config::format_bytes;
+use brickcast_node::config::{self, format_bytes};
 use brickcast_node::probe::probe;
 use brickcast_node::{DataRoot, Node, NodeConfig, raycaster, serve_admitted};
 use brickcast_proto::Throttle;
 use brickcast_proto::credentials::{Badge, tokens};
+use brickcast_volume::memory;
+use brickcast_volume::shown::{ShownLog, causes, shown};
 use clap::Parser as _;
 use tokio::net::TcpListener;
 
@@ -36,7 +38,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             // The log may be filtered; the reason for the exit never is.
-            let _ = writeln!(io::stderr(), "brickcast-node: {error:#}");
+            let _ = writeln!(io::stderr(), "brickcast-node: {}", shown(&causes(error.as_ref())));
             match error.downcast_ref::<AdmissionError>() {
                 Some(AdmissionError::Open(_) | AdmissionError::TokenInClear(_)) => ExitCode::from(USAGE),
                 _ => ExitCode::FAILURE,
@@ -46,13 +48,15 @@ fn main() -> ExitCode {
 }
 
 fn start_log(cli: &Cli) {
-    let ours = format!("warn,brickcast_node={}", cli.level());
+    // Other crates speak of what is normal here (a peer that goes away) as if it were not.
+    let ours = format!("error,brickcast_node={}", cli.level());
     let filter = tracing_subscriber::EnvFilter::try_from_default_env()
         .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(ours));
+    let colours = io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
     // Fails only where a log exists already.
     let _ = tracing_subscriber::fmt()
-        .with_writer(io::stderr)
-        .with_ansi(io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty()))
+        .with_writer(move || ShownLog::new(io::stderr(), colours))
+        .with_ansi(colours)
         .with_env_filter(filter)
         .try_init();
 }
@@ -97,6 +101,9 @@ async fn run_node(cli: &Cli) -> anyhow::Result<()> {
     }
     if cli.throttle > Throttle::NONE {
         tracing::warn!("--throttle {}: rendering that many times slower than it could", cli.throttle.get());
+    }
+    if let Some(note) = config::too_much(cli.memory_budget, memory::most()) {
+        tracing::warn!("{note}");
     }
     let data = DataRoot::Folder(cli.data.clone().unwrap_or_default());
     let config = NodeConfig { throttle: cli.throttle, ..NodeConfig::new(data, cli.memory_budget) };

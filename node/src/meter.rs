@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use brickcast_proto::{ChunkCost, Receipt};
 use brickcast_volume::regions::Drawn;
+use brickcast_volume::small_file::system_text;
 
 use crate::raycaster::BrickCounts;
 
@@ -131,7 +132,7 @@ fn count(bricks: &HashSet<u32>) -> u32 {
 /// Peak resident set of this process, bytes; 0 where the system does not tell.
 #[must_use]
 pub fn peak_resident_set() -> u64 {
-    let Ok(status) = std::fs::read_to_string("/proc/self/status") else { return 0 };
+    let Some(status) = system_text("/proc/self/status") else { return 0 };
     status
         .lines()
         .find_map(|line| line.strip_prefix("VmHWM:"))

@@ -5,6 +5,7 @@ use std::collections::hash_map::Entry;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::client::Client;
+use crate::held::Share;
 
 /// Frames that one client may have open, from the first byte of the order to the last of the answer. A session needs one, and up
 /// to three where it takes over for lost nodes; no client alone can fill a node's `MAX_WAITING + 1` places.
@@ -70,11 +71,18 @@ impl Drop for Place {
 pub struct Caller {
     pub(crate) client: Client,
     _place: Option<Arc<Place>>,
+    /// What its request holds.
+    _share: Option<Arc<Share>>,
 }
 
 impl Caller {
     pub(crate) fn new(client: Client, place: Option<Place>) -> Self {
-        Self { client, _place: place.map(Arc::new) }
+        Self { client, _place: place.map(Arc::new), _share: None }
+    }
+
+    /// As long as anything works for the call, its request is held.
+    pub(crate) fn holding(self, share: Arc<Share>) -> Self {
+        Self { _share: Some(share), ..self }
     }
 }
 

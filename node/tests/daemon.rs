@@ -76,3 +76,21 @@ fn sigterm_ends_the_node_with_0_within_ten_seconds_even_with_idle_connections() 
     assert_eq!(status.code(), Some(0), "{stderr}");
     assert!(stderr.contains("shutting down"), "{stderr}");
 }
+
+/// The node was killed once its bricks filled what the container has, in the middle of a frame.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_budget_of_more_than_there_is_is_told_of_at_the_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().to_str().unwrap();
+    for (budget, told) in [("9000TiB", true), ("1MiB", false)] {
+        let args = ["--backend", "cpu", "--listen", "127.0.0.1:0", "--data", data, "--memory-budget", budget];
+        let mut child = node(&args).spawn().unwrap();
+        address(&mut child);
+        child.kill().unwrap();
+        let mut stderr = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut stderr).unwrap();
+        child.wait().unwrap();
+        assert_eq!(stderr.contains("is all that there is"), told, "{budget}: {stderr}");
+    }
+}

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
+use brickcast_volume::small_file::{FileError, read};
 use tonic::metadata::{Ascii, MetadataMap, MetadataValue};
 use tonic::service::Interceptor;
 use tonic::transport::{Certificate, ClientTlsConfig, Identity, ServerTlsConfig};
@@ -31,23 +32,12 @@ const MAX_FILE_BYTES: u64 = 1 << 20;
 
 #[derive(Debug, thiserror::Error)]
 pub enum CredentialError {
-    #[error("{what} {}: {source}; `brickcast tls init DIR` makes what is needed", path.display())]
-    Read { what: &'static str, path: PathBuf, source: std::io::Error },
-    #[error("{what} {}: {length} bytes, at most {MAX_FILE_BYTES} are sensible", path.display())]
-    TooLarge { what: &'static str, path: PathBuf, length: u64 },
+    #[error("{0}; `brickcast tls init DIR` makes what is needed")]
+    Read(#[from] FileError),
     #[error("token file {}, line {line}: a token is {MIN_TOKEN} to {MAX_TOKEN} visible ASCII characters", path.display())]
     Token { path: PathBuf, line: usize },
     #[error("token file {} holds no token: write one a line (# starts a comment)", path.display())]
     NoToken { path: PathBuf },
-}
-
-fn read(what: &'static str, path: PathBuf) -> Result<Vec<u8>, CredentialError> {
-    let failed = |source| CredentialError::Read { what, path: path.clone(), source };
-    let length = std::fs::metadata(&path).map_err(failed)?.len();
-    if length > MAX_FILE_BYTES {
-        return Err(CredentialError::TooLarge { what, path, length });
-    }
-    std::fs::read(&path).map_err(failed)
 }
 
 /// One side's certificate and key, and the authority that both sides trust.
@@ -82,9 +72,9 @@ impl Tls {
     }
 
     fn read(folder: &Path, [certificate, key]: [&str; 2]) -> Result<Self, CredentialError> {
-        let authority = Certificate::from_pem(read("certificate authority", folder.join(CA_FILE))?);
-        let certificate = read("certificate", folder.join(certificate))?;
-        let identity = Identity::from_pem(certificate, read("private key", folder.join(key))?);
+        let read = |what, file: &str| read(what, &folder.join(file), MAX_FILE_BYTES);
+        let authority = Certificate::from_pem(read("certificate authority", CA_FILE)?);
+        let identity = Identity::from_pem(read("certificate", certificate)?, read("private key", key)?);
         Ok(Self { folder: folder.to_path_buf(), authority, identity })
     }
 
@@ -155,7 +145,7 @@ impl Token {
 /// # Errors
 /// A file that cannot be read, holds no token, or something that is none.
 pub fn read_tokens(path: &Path) -> Result<Vec<Token>, CredentialError> {
-    let text = read("token file", path.to_path_buf())?;
+    let text = read("token file", path, MAX_FILE_BYTES)?;
     let text = String::from_utf8_lossy(&text);
     let lines = text.lines().map(str::trim).enumerate().filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
     let tokens = lines
@@ -178,6 +168,30 @@ pub fn token_file(given: Option<&Path>, tls: Option<&Path>) -> Option<PathBuf> {
 /// As [`read_tokens`].
 pub fn tokens(given: Option<&Path>, tls: Option<&Path>) -> Result<Vec<Token>, CredentialError> {
     token_file(given, tls).map_or(Ok(Vec::new()), |path| read_tokens(&path))
+}
+
+/// What to tell of a secret's file that others may read or change; nothing where its owner alone may, or a group may read it: that is
+/// what `brickcast tls init --group-readable` is for.
+#[must_use]
+pub fn exposed(path: &Path) -> Option<String> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt as _;
+        const OTHERS: u32 = 0o037;
+        let mode = std::fs::metadata(path).ok()?.permissions().mode() & 0o777;
+        (mode & OTHERS != 0).then(|| {
+            format!(
+                "{} (mode {mode:03o}) can be read or changed by others, who can then pass for its owner: chmod 600 it, and make new \
+                 ones where they may have been read",
+                path.display()
+            )
+        })
+    }
+    #[cfg(not(unix))]
+    {
+        let _ = path;
+        None
+    }
 }
 
 /// What a client shows with every call.
@@ -294,6 +308,24 @@ mod tests {
         assert_eq!(read_tokens(&path).unwrap().len(), 2);
         let missing = read_tokens(&folder.path().join("none")).unwrap_err().to_string();
         assert!(missing.contains("tls init"), "{missing}");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_key_that_others_can_read_is_told_of() {
+        use std::os::unix::fs::PermissionsExt as _;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("node.key");
+        std::fs::write(&path, "secret").unwrap();
+        for (mode, told) in
+            [(0o600, false), (0o400, false), (0o640, false), (0o644, true), (0o660, true), (0o604, true)]
+        {
+            std::fs::set_permissions(&path, std::fs::Permissions::from_mode(mode)).unwrap();
+            let note = exposed(&path);
+            assert_eq!(note.is_some(), told, "{mode:o}");
+            assert!(note.is_none_or(|n| n.contains("node.key") && n.contains(&format!("{mode:03o}"))));
+        }
+        assert_eq!(exposed(&folder.path().join("none")), None);
     }
 
     #[test]

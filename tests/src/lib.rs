@@ -8,6 +8,7 @@
 #![allow(clippy::unwrap_used)]
 
 pub mod compare;
+pub mod patience;
 pub mod placed;
 pub mod process;
 pub mod product;

@@ -2,7 +2,7 @@
 //!
 //! Load is counted as cost times the declared throttle, which is the same in every run; wall times of nodes that share cores say nothing.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;

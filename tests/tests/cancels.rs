@@ -1,7 +1,7 @@
 //! Frames that are cancelled in bursts cost nobody a connection: neither the client that cancels, whatever its node takes for too
 //! many, nor another. And calls that are reset by the thousand, as an attack, cost only their own.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 #![cfg(target_os = "linux")]
 
 mod cancel_support;

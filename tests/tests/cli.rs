@@ -1,6 +1,6 @@
 //! The command line: what good input gives, and what bad input gets.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
 use std::path::Path;
 

@@ -1,6 +1,6 @@
 //! The launch that the guide describes (docs/guide/compose.md), and nodes that die in it.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 #![cfg(unix)]
 
 mod compose_support;

@@ -1,6 +1,6 @@
 //! Settings: flag over environment over configuration file over default, told by `brickcast config` and obeyed by the others.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
 use std::path::Path;
 use std::process::{Command, Output};

@@ -1,6 +1,6 @@
 //! Real nodes that are cut off, stall, lie, hang and die in the middle of a frame: it completes with the bits of one node.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
 mod fault_support;
 

@@ -1,6 +1,6 @@
 //! What users meet in the field: presets and cameras of other tools, empty pictures, logs of batch jobs.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
 use std::path::Path;
 use std::process::Command;

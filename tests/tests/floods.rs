@@ -1,7 +1,7 @@
 //! Floods: what one client can do to a node by sheer number or size, while another is served all along. The other comes from
 //! another address: that is what makes it another client.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 #![cfg(target_os = "linux")]
 
 #[allow(dead_code)] // of tests of faults

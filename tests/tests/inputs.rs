@@ -1,6 +1,6 @@
 //! Inputs through the command line: the cache notices every file that a volume is read from, and notes stay with the volume.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
 use std::path::Path;
 

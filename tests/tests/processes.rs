@@ -1,6 +1,6 @@
 //! Nodes as separate processes, the command line in front of them.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
 use std::path::Path;
 

@@ -1,6 +1,6 @@
 //! Who may use a node: certificates and tokens of real processes, floods, and the data root as a jail.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 #![cfg(unix)]
 
 mod security_support;

@@ -3,7 +3,7 @@
 //! By hand, longer: `BRICKCAST_SOAK_FRAMES=1000 BRICKCAST_SOAK_KILL_SECONDS=5 BRICKCAST_SOAK_CLIENTS=20 cargo test --workspace --test soak
 //! -- --nocapture`
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
 #[allow(dead_code)] // shared with faults.rs, which uses all of it
 mod fault_support;

@@ -1,6 +1,6 @@
 //! Transfer functions on the command line: shown, converted, suggested, and taken by `render`.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
 use std::path::Path;
 

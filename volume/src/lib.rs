@@ -2,23 +2,30 @@
 //!
 //! No GPU, no network, no async. Everything here has validated values inside and parses at the door.
 
+#![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they have written"))]
+
 pub mod brick;
 pub mod camera;
 pub mod camera_file;
 pub mod chord;
 pub mod format;
 pub mod ids;
+pub mod leftovers;
 pub mod macrocell;
+pub mod memory;
 pub mod merge;
 pub mod phantom;
 pub mod preintegration;
 pub mod premul;
 pub mod regions;
 pub mod scene;
+pub mod shown;
+pub mod small_file;
 pub mod space;
 pub mod store;
 pub mod style;
 pub mod transfer_function;
+pub mod unfinished;
 pub mod visibility;
 
 pub use brick::{BrickGrid, OwnedBox, StoredBox};

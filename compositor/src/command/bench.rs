@@ -1,11 +1,12 @@
 //! `brickcast bench`: backends and node counts on one view, as ratios in one run.
 
 use anyhow::anyhow;
+use brickcast_volume::small_file::system_text;
 use brickcast_volume::store::Store;
 use comfy_table::Table;
 use serde_json::json;
 
-use super::{bench_table, print, say};
+use super::{bench_table, say, tell};
 use crate::bench_args::BenchArgs;
 use crate::cli::BackendArg;
 use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
@@ -133,7 +134,7 @@ fn report(args: &BenchArgs, store: &Store, rows: &[Row], adapters: &[serde_json:
         }));
     }
     let (w, h) = args.scene.size;
-    print(&format!(
+    tell(&format!(
         "{w} x {h}, step {}, median of {} frames; ratio: {} with {} node = 1\n{table}\n",
         args.scene.step, args.repeat, base.backend, base.nodes
     ))?;
@@ -154,7 +155,7 @@ fn report(args: &BenchArgs, store: &Store, rows: &[Row], adapters: &[serde_json:
 fn cpu_seconds() -> f64 {
     // Fields 14 and 15 of /proc/self/stat, in ticks of 1/100 s; the process's name (field 2) may hold spaces.
     let read = || {
-        let text = std::fs::read_to_string("/proc/self/stat").ok()?;
+        let text = system_text("/proc/self/stat")?;
         let fields: Vec<&str> = text.rsplit_once(')')?.1.split_whitespace().collect();
         Some((fields.get(11)?.parse::<f64>().ok()? + fields.get(12)?.parse::<f64>().ok()?) / 100.0)
     };

@@ -9,7 +9,7 @@ use comfy_table::Table;
 use serde::Serialize;
 use serde_json::json;
 
-use super::print;
+use super::tell;
 use crate::bench_args::BenchArgs;
 use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
 use crate::failure::Failure;
@@ -60,7 +60,7 @@ pub(super) async fn run(args: &BenchArgs) -> Result<(), Failure> {
     };
     let rows = measure(args, &kernel, &store, budget).await?;
     let (w, h) = args.scene.size;
-    print(&format!(
+    tell(&format!(
         "{backend}: {adapter}\n{w} x {h}, median of {} frames; errors against step 1/64, /255\n{}\n",
         args.repeat,
         table_of(&rows)

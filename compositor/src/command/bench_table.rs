@@ -10,7 +10,7 @@ use comfy_table::Table;
 use serde::Serialize;
 use serde_json::json;
 
-use super::{print, say};
+use super::{say, tell};
 use crate::accel_args::AccelArg;
 use crate::bench_args::BenchArgs;
 use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
@@ -93,7 +93,7 @@ pub async fn run(args: &BenchArgs, which: TableArg, quiet: bool) -> Result<(), F
         rows.extend(measure(args, &kernel, &store, modes, budget).await?);
     }
     let (w, h) = args.scene.size;
-    print(&format!(
+    tell(&format!(
         "{backend}: {adapter}\n{w} x {h}, step {}, median of {} frames; speed-up and difference against none\n{}\n",
         args.scene.step,
         args.repeat,

@@ -5,7 +5,7 @@ use clap::Args;
 use comfy_table::Table;
 use serde_json::{Value, json};
 
-use super::print;
+use super::{print, tell};
 use crate::cli::{CacheArgs, NodeArgs};
 use crate::failure::Failure;
 use crate::invocation::{Origin, Origins};
@@ -54,7 +54,7 @@ pub fn run(args: &ConfigArgs, origins: &Origins) -> Result<(), Failure> {
         table.add_row([s.key.to_owned(), words(&s.value), s.origin.in_words(s.key), s.note.to_owned()]);
     }
     let file = file.unwrap_or_else(|| "none".to_owned());
-    print(&format!("configuration file: {file}\n{table}\n"))
+    tell(&format!("configuration file: {file}\n{table}\n"))
 }
 
 fn settings(args: &ConfigArgs, origins: &Origins) -> Vec<Setting> {

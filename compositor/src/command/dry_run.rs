@@ -4,7 +4,7 @@ use brickcast_volume::View;
 use brickcast_volume::store::Store;
 use comfy_table::Table;
 
-use super::{access, bytes, print};
+use super::{access, bytes};
 use crate::cli::RenderArgs;
 use crate::discovery::NodeList;
 use crate::failure::Failure;
@@ -69,7 +69,7 @@ pub async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -> Resul
         ]);
     }
     let d = geometry.dims();
-    print(&format!(
+    super::tell(&format!(
         "{} x {} x {} voxels in {} bricks of {}^3; {} of them are shown by the transfer function\n\
          {} chunks of {}^3 bricks\n{out}\n",
         d.x,

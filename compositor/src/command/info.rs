@@ -5,7 +5,7 @@ use brickcast_volume::store::{Manifest, QUANTILES, Store};
 use brickcast_volume::{Geometry, MergeTree};
 use serde_json::{Value, json};
 
-use super::{print, region_words};
+use super::{print, region_words, tell};
 use crate::cli::InfoArgs;
 use crate::failure::Failure;
 use crate::source::{Surveyed, surveyed};
@@ -18,7 +18,7 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     if args.json {
         print(&format!("{value:#}\n"))
     } else {
-        print(&text(&args.path.display().to_string(), &manifest, &value))
+        tell(&text(&args.path.display().to_string(), &manifest, &value))
     }
 }
 

@@ -19,6 +19,7 @@ pub mod verify;
 use std::io::Write as _;
 
 use anyhow::Context as _;
+use brickcast_volume::shown::shown_lines;
 use brickcast_volume::store::RegionsEntry;
 use clap::CommandFactory as _;
 
@@ -72,7 +73,15 @@ pub(crate) fn access(args: &AccessArgs) -> Result<Dial, Failure> {
     Ok(Access::read(args).map_err(anyhow::Error::new)?.dial())
 }
 
-/// Results go to stdout. A reader that has had enough (`| head`) is no failure.
+/// Results for people go to stdout, what others wrote in them made harmless for a terminal.
+///
+/// # Errors
+/// As [`print`].
+pub(crate) fn tell(text: &str) -> Result<(), Failure> {
+    print(&shown_lines(text))
+}
+
+/// Results for programs go to stdout as they are. A reader that has had enough (`| head`) is no failure.
 ///
 /// # Errors
 /// stdout cannot be written.
@@ -88,7 +97,7 @@ pub(crate) fn print(text: &str) -> Result<(), Failure> {
 
 /// What was done, for people: stdout, unless quiet.
 pub(crate) fn say(quiet: bool, text: &str) -> Result<(), Failure> {
-    if quiet { Ok(()) } else { print(&format!("{text}\n")) }
+    if quiet { Ok(()) } else { tell(&format!("{text}\n")) }
 }
 
 /// Bytes for people: `12.3 MiB`.

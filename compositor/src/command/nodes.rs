@@ -4,7 +4,7 @@ use brickcast_proto::{NodeDescription, StoreName, Throttle};
 use comfy_table::Table;
 use serde_json::json;
 
-use super::{access, bytes, print};
+use super::{access, bytes, print, tell};
 use crate::cli::NodesArgs;
 use crate::discovery::NodeList;
 use crate::failure::Failure;
@@ -64,7 +64,7 @@ pub async fn run(args: NodesArgs) -> Result<(), Failure> {
                 ]),
             };
         }
-        print(&format!("{table}\n"))?;
+        tell(&format!("{table}\n"))?;
     }
     if failed.is_empty() { Ok(()) } else { Err(anyhow::anyhow!(failed.join("; ")).into()) }
 }

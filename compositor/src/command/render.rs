@@ -19,6 +19,7 @@ use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
 use crate::failure::Failure;
 use crate::nothing_shows::{self, Outlook};
 use crate::output::{FrameOptions, FrameWriter, MAX_FRAMES, OutputFormat, hatched, write_json, write_manifest};
+use crate::output_paths::RenderPaths;
 use crate::scene_args::SceneChoice;
 use crate::session::{Frame, Session};
 use crate::source::{Source, short};
@@ -76,7 +77,28 @@ fn check(args: &RenderArgs) -> Result<(), Failure> {
             )));
         }
     }
-    Ok(())
+    match &args.stats {
+        Some(stats) => paths(args).check(stats),
+        None => Ok(()),
+    }
+}
+
+fn paths(args: &RenderArgs) -> RenderPaths<'_> {
+    let is_one_file =
+        args.output.as_ref().is_some_and(|path| OutputFormat::from_path(path).ok() == Some(OutputFormat::Apng));
+    let named = [
+        ("the volume (PATH)", Some(&args.path)),
+        ("--transfer-function", args.scene.transfer_function.as_ref()),
+        ("--region-transfer-function", args.scene.accel.region_transfer_function.as_ref()),
+        ("--camera", args.scene.camera.as_ref()),
+        ("--labels", args.prepare.regions.labels.as_ref()),
+    ];
+    RenderPaths {
+        output: args.output.as_deref(),
+        files: if is_one_file { 1 } else { args.frames },
+        has_manifest: !args.no_manifest,
+        inputs: named.into_iter().filter_map(|(what, path)| Some((what, path?.as_path()))).collect(),
+    }
 }
 
 /// A session on the nodes that are named, or on some inside this process.

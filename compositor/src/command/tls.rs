@@ -1,8 +1,6 @@
 //! `brickcast tls init`: a private certificate authority, certificates for nodes and clients, and a token.
 
-use std::fs;
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context as _, anyhow};
 use brickcast_proto::credentials::{CA_FILE, CLIENT_FILES, NODE_FILES, SERVER_NAME, TOKEN_FILE};
@@ -12,9 +10,10 @@ use rcgen::{
 };
 use time::{Duration, OffsetDateTime};
 
-use super::print;
+use super::tell;
 use crate::access::random_token;
 use crate::failure::Failure;
+use crate::together::{NewFile, write_together};
 
 /// The authority's own key: whoever has it can make certificates.
 const CA_KEY_FILE: &str = "ca.key";
@@ -53,7 +52,7 @@ pub struct TlsInitArgs {
 }
 
 /// # Errors
-/// A folder that holds certificates already, files that cannot be written.
+/// A folder that holds certificates already, files that cannot be written. Nothing has changed then.
 pub fn run(args: TlsArgs) -> Result<(), Failure> {
     let TlsCommand::Init(args) = args.command;
     let dir = &args.dir;
@@ -65,13 +64,18 @@ pub fn run(args: TlsArgs) -> Result<(), Failure> {
         )
         .into());
     }
-    fs::create_dir_all(dir).with_context(|| format!("{}: cannot make the folder", dir.display()))?;
     let files = issue(&args).context("cannot make certificates")?;
-    for (name, content, secret) in &files {
+    let files = files.into_iter().map(|(name, content, secret)| {
         // Whoever reads the authority's key is the authority.
-        write(&dir.join(name), content, *secret, args.group_readable && *name != CA_KEY_FILE)?;
-    }
-    print(&format!(
+        let mode = match (secret, args.group_readable && name != CA_KEY_FILE) {
+            (false, _) => 0o644,
+            (true, false) => 0o600,
+            (true, true) => 0o640,
+        };
+        NewFile { name, content, mode }
+    });
+    write_together(dir, &files.collect::<Vec<_>>())?;
+    tell(&format!(
         "{}: authority, certificates for nodes and clients ({} days), token\n\
          on every node:    {CA_FILE} {} {} {TOKEN_FILE}   brickcast-node --tls DIR\n\
          on every client:  {CA_FILE} {} {} {TOKEN_FILE}   brickcast render --tls DIR\n\
@@ -128,29 +132,4 @@ fn issue(args: &TlsInitArgs) -> anyhow::Result<Files> {
         (CLIENT_FILES[1], client_key, true),
         (TOKEN_FILE, format!("{}\n", token.reveal()), true),
     ])
-}
-
-/// Whole or not at all, and never readable by others on the way.
-fn write(path: &Path, content: &str, secret: bool, group_readable: bool) -> anyhow::Result<()> {
-    let temporary = path.with_extension("new");
-    let mut options = fs::OpenOptions::new();
-    options.write(true).create(true).truncate(true);
-    #[cfg(unix)]
-    {
-        use std::os::unix::fs::OpenOptionsExt as _;
-        options.mode(match (secret, group_readable) {
-            (false, _) => 0o644,
-            (true, false) => 0o600,
-            (true, true) => 0o640,
-        });
-    }
-    // One that is left over may have another mode.
-    let _ = fs::remove_file(&temporary);
-    let written = options.open(&temporary).and_then(|mut file| {
-        file.write_all(content.as_bytes())?;
-        file.sync_all()
-    });
-    written
-        .and_then(|()| fs::rename(&temporary, path))
-        .with_context(|| format!("{}: cannot be written", path.display()))
 }

@@ -12,7 +12,7 @@ use brickcast_volume::transfer_function::suggest::{SuggestError, Suggestion, sug
 use brickcast_volume::transfer_function::{Colormap, Preset};
 
 use self::plot::Plot;
-use super::{print, say};
+use super::{say, tell};
 use crate::failure::Failure;
 use crate::output::{OutputFormat, write_text};
 use crate::preset_file::{self, Wanted};
@@ -54,7 +54,7 @@ fn show(args: &ShowArgs, quiet: bool) -> Result<(), Failure> {
         lines.push(format!("* opacity   : voxels of {}, logarithmic", path.display()));
     }
     lines.extend(chart::table(&plot));
-    print(&(lines.join("\n") + "\n"))?;
+    tell(&(lines.join("\n") + "\n"))?;
     if let Some(output) = &args.output {
         picture::write(output, &plot)?;
         say(quiet, &format!("wrote {}", output.display()))?;
@@ -91,7 +91,7 @@ fn suggested(args: &SuggestArgs, quiet: bool) -> Result<(), Failure> {
     let mut lines = description(&volume, &suggestion);
     lines.extend(chart::lines(&Plot::new(&suggestion.function, true, Some(&manifest))));
     lines.push(format!("* opacity   : voxels of {volume}, logarithmic"));
-    print(&(lines.join("\n") + "\n"))?;
+    tell(&(lines.join("\n") + "\n"))?;
     let Some(output) = &args.output else {
         return say(quiet, "keep it with --output FILE.json, for render --transfer-function FILE.json");
     };

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use brickcast_volume::small_file::FileError;
+
 #[derive(Debug, thiserror::Error)]
 pub enum OutputError {
     #[error("{path:?}: the format is chosen by the extension; use .png, .apng or .exr")]
@@ -12,8 +14,8 @@ pub enum OutputError {
     IsFolder { path: PathBuf },
     #[error("cannot write {path:?}: {error}")]
     Write { path: PathBuf, error: std::io::Error },
-    #[error("cannot read {path:?}: {error}")]
-    Read { path: PathBuf, error: std::io::Error },
+    #[error(transparent)]
+    Read(#[from] FileError),
     #[error("cannot encode {path:?}: {problem}")]
     Encode { path: PathBuf, problem: String },
     #[error("cannot decode {path:?}: {problem}")]

@@ -1,17 +1,17 @@
 //! OpenEXR: premultiplied RGBA in 32-bit float, the very bits of the picture.
 
-use std::io::{BufReader, Write as _};
+use std::io::{Cursor, Write as _};
 use std::path::{Path, PathBuf};
 
 use ::exr::image::read::read as read_image;
 use ::exr::prelude::{
-    Compression, Encoding, Image, Layer, LayerAttributes, SpecificChannels, Vec2, WritableImage as _,
+    Compression, Encoding, Image, Layer, LayerAttributes, MetaData, SpecificChannels, Vec2, WritableImage as _,
 };
 use ::exr::prelude::{ReadChannels as _, ReadLayers as _};
-use brickcast_volume::{PictureSize, Premul};
+use brickcast_volume::{PictureSize, Premul, small_file};
 
 use super::atomic::AtomicFile;
-use super::{OutputError, Picture};
+use super::{MAX_FILE_BYTES, OutputError, Picture};
 
 /// Writes channels R, G, B, A of 32 bits, losslessly compressed.
 ///
@@ -43,7 +43,14 @@ pub fn write(path: &Path, picture: &Picture) -> Result<PathBuf, OutputError> {
 /// No such file, no EXR with these channels, a picture over the limits.
 pub fn read(path: &Path) -> Result<Picture, OutputError> {
     let problem = |problem: String| OutputError::Decode { path: path.to_owned(), problem };
-    let file = std::fs::File::open(path).map_err(|error| OutputError::Read { path: path.to_owned(), error })?;
+    let file = small_file::read("picture", path, MAX_FILE_BYTES)?;
+    // Memory is asked for by what the header says: looked at first.
+    let about = MetaData::read_from_buffered(Cursor::new(&file), false).map_err(|e| problem(e.to_string()))?;
+    let side = |v: usize| u32::try_from(v).unwrap_or(u32::MAX);
+    for header in &about.headers {
+        let Vec2(width, height) = header.layer_size;
+        PictureSize::new(side(width), side(height)).map_err(|e| problem(e.to_string()))?;
+    }
     let image = read_image()
         .no_deep_data()
         .largest_resolution_level()
@@ -56,10 +63,9 @@ pub fn read(path: &Path) -> Result<Picture, OutputError> {
         .first_valid_layer()
         .all_attributes()
         .non_parallel()
-        .from_buffered(BufReader::new(file))
+        .from_buffered(Cursor::new(file))
         .map_err(|e| problem(e.to_string()))?;
     let Vec2(width, height) = image.layer_data.size;
-    let side = |v: usize| u32::try_from(v).unwrap_or(u32::MAX);
     let size = PictureSize::new(side(width), side(height)).map_err(|e| problem(e.to_string()))?;
     Picture::new(size, image.layer_data.channel_data.pixels.1)
 }

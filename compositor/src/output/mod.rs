@@ -20,6 +20,9 @@ pub use hatch::hatched;
 pub use manifest::{write_json, write_manifest, write_text};
 pub use writer::{FrameOptions, FrameWriter, MAX_FRAMES};
 
+/// The largest picture that is read back, bytes of its file.
+const MAX_FILE_BYTES: u64 = 2 << 30;
+
 /// What a file name's extension stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OutputFormat {

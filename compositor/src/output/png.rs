@@ -1,12 +1,12 @@
 //! PNG: 8-bit straight RGBA, or opaque RGB over a background.
 
-use std::io::{BufReader, BufWriter, Write};
+use std::io::{BufWriter, Cursor, Write};
 use std::path::{Path, PathBuf};
 
-use brickcast_volume::{PictureSize, Premul};
+use brickcast_volume::{PictureSize, Premul, small_file};
 
 use super::atomic::AtomicFile;
-use super::{OutputError, Picture};
+use super::{MAX_FILE_BYTES, OutputError, Picture};
 
 /// Writes `picture` as straight RGBA, or as opaque RGB over `background` (display-referred, each channel in 0..=1).
 ///
@@ -90,8 +90,8 @@ const MAX_DECODED: usize = 2 << 30;
 /// No such file, no PNG, another pixel format than 8-bit RGB or RGBA, a picture over the limits.
 pub fn read(path: &Path) -> Result<Decoded, OutputError> {
     let problem = |problem: String| OutputError::Decode { path: path.to_owned(), problem };
-    let file = std::fs::File::open(path).map_err(|error| OutputError::Read { path: path.to_owned(), error })?;
-    let mut reader = ::png::Decoder::new(BufReader::new(file)).read_info().map_err(|e| problem(e.to_string()))?;
+    let file = small_file::read("picture", path, MAX_FILE_BYTES)?;
+    let mut reader = ::png::Decoder::new(Cursor::new(file)).read_info().map_err(|e| problem(e.to_string()))?;
     let info = reader.info();
     let size = PictureSize::new(info.width, info.height).map_err(|e| problem(e.to_string()))?;
     let channels = match (info.color_type, info.bit_depth) {

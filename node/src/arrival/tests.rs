@@ -6,6 +6,8 @@ use http_body::Body as _;
 use tonic::Code;
 
 use super::*;
+use crate::client::Client;
+use crate::held::Held;
 
 /// Pieces of a body, each so long after the one before; nothing more comes then, unless it `ends`.
 #[derive(Debug)]
@@ -34,7 +36,8 @@ impl http_body::Body for Trickle {
 /// What comes of the pieces (seconds apart, bytes), and after how many seconds.
 async fn arrive(pieces: impl IntoIterator<Item = (u64, usize)>, ends: bool) -> (Result<usize, Status>, u64) {
     let pieces = pieces.into_iter().map(|(seconds, bytes)| (Duration::from_secs(seconds), bytes)).collect();
-    let mut body = Arrival::new(Body::new(Trickle { pieces, ends, pause: None }), 1000);
+    let mut body =
+        Arrival::new(Body::new(Trickle { pieces, ends, pause: None }), 1000, Held::share(&Held::new(), Client::Local));
     let started = Instant::now();
     let mut got = 0;
     let outcome = loop {
@@ -77,4 +80,19 @@ async fn a_request_larger_than_its_call_takes_is_cut() {
     let status = arrive([(0, 500), (0, 501)], true).await.0.unwrap_err();
     assert_eq!(status.code(), Code::InvalidArgument);
     assert!(status.message().contains("1000 bytes"), "{status:?}");
+}
+
+/// Bytes count as they come: what is only announced takes no room from others.
+#[tokio::test(start_paused = true)]
+async fn a_request_for_which_there_is_no_room_is_told_to_come_again() {
+    let held = Held::new();
+    let (first, second) = (Held::share(&held, Client::Local), Held::share(&held, Client::Local));
+    first.grow(crate::held::MAX_HELD_EACH - 50).unwrap();
+    let trickle = Trickle { pieces: [(Duration::ZERO, 40), (Duration::ZERO, 40)].into(), ends: true, pause: None };
+    let mut body = Arrival::new(Body::new(trickle), 1000, second);
+    let mut next = async || std::future::poll_fn(|context| Pin::new(&mut body).poll_frame(context)).await.unwrap();
+    assert!(next().await.is_ok());
+    let status = next().await.unwrap_err();
+    assert_eq!(status.code(), Code::ResourceExhausted);
+    assert!(status.message().contains("try again later"), "{status:?}");
 }

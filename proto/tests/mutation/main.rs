@@ -1,7 +1,7 @@
 //! Law 6, the messages' half: nothing that a peer sends can make the other side panic or allocate without bound. Valid
 //! messages survive the wire unchanged; damaged ones are refused or become other valid values.
 
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)]
 
 mod refusals;
 

@@ -1,6 +1,6 @@
 //! The same picture from any number of nodes: partitions in process, over real loopback gRPC.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
 mod memory;
 

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::nrrd::NrrdError;
 use super::raw::RawError;
 use super::voxel_type::VoxelType;
+use crate::small_file::FileKind;
 use crate::space::GeometryError;
 
 #[derive(Debug, thiserror::Error)]
@@ -14,8 +15,8 @@ pub enum FormatError {
     Io { path: PathBuf, action: &'static str, reason: io::Error },
     #[error("{path} is a directory; give one file. Read are: {}", super::supported())]
     Directory { path: PathBuf },
-    #[error("{path} is neither a file nor a directory; copy its content to a regular file first")]
-    NotRegular { path: PathBuf },
+    #[error("{path} is {kind}; copy its content to a regular file first, which is read more than once")]
+    NotRegular { path: PathBuf, kind: FileKind },
     #[error("{path} is empty (0 bytes); copy or export it again")]
     Empty { path: PathBuf },
     #[error(

@@ -14,10 +14,11 @@ mod text_voxels;
 mod voxel_type;
 
 use std::ffi::OsStr;
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{Read as _, Seek as _};
 use std::path::{Path, PathBuf};
 
+use crate::small_file::{self, FileKind, NotOpened};
 use crate::space::Geometry;
 
 pub use error::FormatError;
@@ -167,14 +168,11 @@ pub fn open(path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, Form
     }
 }
 
-/// Opens a regular file; asked before opening, since opening a pipe would wait for its writer for ever.
+/// Opens a regular file; anything else is refused, never waited for.
 fn open_regular(path: &Path) -> Result<File, FormatError> {
-    let kind = fs::metadata(path).map_err(|reason| FormatError::io(path, "open", reason))?.file_type();
-    if kind.is_dir() {
-        return Err(FormatError::Directory { path: path.into() });
-    }
-    if !kind.is_file() {
-        return Err(FormatError::NotRegular { path: path.into() });
-    }
-    File::open(path).map_err(|reason| FormatError::io(path, "open", reason))
+    small_file::open_regular(path).map_err(|error| match error {
+        NotOpened::Io(reason) => FormatError::io(path, "open", reason),
+        NotOpened::NotRegular(FileKind::Folder) => FormatError::Directory { path: path.into() },
+        NotOpened::NotRegular(kind) => FormatError::NotRegular { path: path.into(), kind },
+    })
 }

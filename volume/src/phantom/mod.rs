@@ -2,7 +2,6 @@
 //!
 //! Every voxel is a function of its place, the dims and the seed alone, so the file does not depend on the number of threads.
 
-mod finished;
 mod grey;
 mod part;
 mod pores;
@@ -17,8 +16,8 @@ use rayon::prelude::*;
 
 use crate::format::{VoxelType, nrrd};
 use crate::space::{Geometry, GeometryError};
+use crate::unfinished::Unfinished;
 
-use finished::Unfinished;
 use grey::Grey;
 use part::Part;
 

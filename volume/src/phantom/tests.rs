@@ -127,14 +127,3 @@ fn unusable_options_are_refused_and_leave_nothing() {
     assert!(placed < 5_000);
     assert_eq!(names(folder.path()), [""; 0]);
 }
-
-#[test]
-fn a_write_that_fails_half_way_leaves_nothing() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("x.nrrd");
-    let mut file = Unfinished::create(&path).unwrap();
-    file.write_all(b"half").unwrap();
-    assert_eq!(names(folder.path()).len(), 1);
-    drop(file);
-    assert_eq!(names(folder.path()), [""; 0]);
-}

@@ -150,6 +150,11 @@ pub enum StoreError {
          with more"
     )]
     Memory { bytes: u64 },
+    #[error(
+        "preparing this volume needs at least {need} bytes of memory, and {available} are free ({by}); end other programs, raise the \
+         limit, or use a machine with more"
+    )]
+    TooLittleMemory { need: u64, available: u64, by: String },
     #[error("zstd: {0}")]
     Compress(io::Error),
 }

@@ -44,6 +44,7 @@ pub(super) fn sorted(
             run.first += bricks(tile, 0).len();
         }
     }
+    #[expect(clippy::disallowed_methods, reason = "a scratch file that was just written")]
     let source = File::open(&from.path).map_err(StoreError::io("read", &from.path))?;
     let mut to = HaloWriter::create(path, from.records)?;
     to.entries.reserve_exact(from.entries.len());

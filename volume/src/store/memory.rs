@@ -1,11 +1,14 @@
-//! What finding regions needs, before it is asked for: whole planes are held for it.
+//! What preparing needs, before it is asked for: a header may promise more than this machine or container has.
 
-use std::fs;
-
-use super::profile::REGION_HALO;
+use super::error::StoreError;
+use super::profile::{INDEX_BYTES, REGION_HALO, SHARD_EDGE, ShardGrid, VOXEL_HALO};
 use super::region_error::RegionsError;
-use super::shell::has_halos;
+use super::shard_table::table_bytes;
+use super::shell::{HaloReach, has_halos};
+use super::tiles::Tiles;
+use super::voxel::StoredType;
 use crate::brick::BrickGrid;
+use crate::memory::{Limit, available};
 use crate::regions::components::SLAB_PLANES;
 
 /// Bytes for each voxel of a slab: its code, its label, its distance in the scratch file and in the store.
@@ -15,47 +18,84 @@ const PLANE_BYTES: u64 = 32;
 /// Bytes of a label and a distance.
 const HALO_BYTES: u64 = 4 + 1;
 
+/// Bytes of length and checksum of a record of a halo.
+const ENTRY_BYTES: u64 = 8;
+/// What does not follow the volume: pieces of the input, histograms, buffers of files.
+const FIXED_BYTES: u64 = 16 << 20;
+
+/// Bytes that the voxels of a volume need at least, whatever is in it; see [`super::prepare`].
+pub(super) fn voxel_bytes(grid: &BrickGrid, shards: &ShardGrid, tiles: &Tiles, stored: StoredType) -> u64 {
+    let (several, depth) = (tiles.count() > 1, u64::from(grid.volume_dims().z));
+    let with_halos = has_halos(grid.brick_size());
+    let reach = if with_halos { VOXEL_HALO.last } else { 0 };
+    let slabs = tiles.largest_slab(reach) as u64 + if several { tiles.largest_slab(0) as u64 } else { 0 };
+    let widest = tiles.iter().map(|tile| tile.voxels() as u64).max().unwrap_or(0);
+    let shells = if with_halos { widest * shell_planes(grid, VOXEL_HALO).min(2 * depth) } else { 0 };
+    // Every shard of a tile's row is open at once, with its index.
+    let edge = u64::from(SHARD_EDGE);
+    let open = tiles.iter().map(|t| t.size().map(|n| (n as u64).div_ceil(edge)).iter().product::<u64>()).max();
+    let entries = if with_halos { grid.brick_count() * VOXEL_HALO.records() as u64 * ENTRY_BYTES } else { 0 };
+    // Sorting them holds them twice.
+    let tables = grid.brick_count() * 4 + table_bytes(shards) + entries * if several { 2 } else { 1 };
+    (slabs + shells) * stored.bytes() as u64 + open.unwrap_or(0) * INDEX_BYTES as u64 + tables + FIXED_BYTES
+}
+
 /// Bytes that regions of a volume need at least, whatever is in it.
 pub(super) fn region_bytes(grid: &BrickGrid) -> u64 {
-    let (d, size) = (grid.volume_dims(), u64::from(grid.brick_size()));
+    let d = grid.volume_dims();
     let plane = u64::from(d.x) * u64::from(d.y);
     let of_slab = SLAB_BYTES * u64::from(SLAB_PLANES.min(d.z)) + PLANE_BYTES;
-    // Planes of voxels that the shells of a layer of bricks are; that layer and half of the next are held.
-    let grown = size + 2 * u64::from(REGION_HALO.last);
-    let shells = (grown.pow(3) - size.pow(3)).div_ceil(size * size);
-    let of_halos = if has_halos(grid.brick_size()) { HALO_BYTES * shells.min(2 * u64::from(d.z)) } else { 0 };
+    let shells = shell_planes(grid, REGION_HALO).min(2 * u64::from(d.z));
+    let of_halos = if has_halos(grid.brick_size()) { HALO_BYTES * shells } else { 0 };
     plane * (of_slab + of_halos)
 }
 
-/// An error rather than a machine that swaps, or a process that is killed.
-pub(super) fn check_regions(grid: &BrickGrid) -> Result<(), RegionsError> {
-    check(region_bytes(grid), available())
+/// Planes of voxels that the shells of a layer of bricks are; that layer and half of the next are held.
+fn shell_planes(grid: &BrickGrid, reach: HaloReach) -> u64 {
+    let size = u64::from(grid.brick_size());
+    let grown = size + 2 * u64::from(reach.last);
+    (grown.pow(3) - size.pow(3)).div_ceil(size * size)
 }
 
-fn check(need: u64, available: Option<u64>) -> Result<(), RegionsError> {
-    match available {
-        Some(available) if need > available => Err(RegionsError::Memory { need, available }),
+/// An error rather than a machine that swaps, or a process that is killed.
+pub(super) fn check(
+    grid: &BrickGrid,
+    shards: &ShardGrid,
+    tiles: &Tiles,
+    stored: StoredType,
+    with_regions: bool,
+) -> Result<(), StoreError> {
+    let limit = available();
+    check_voxels(voxel_bytes(grid, shards, tiles, stored), limit.as_ref())?;
+    match with_regions {
+        true => Ok(check_regions(region_bytes(grid), limit.as_ref())?),
+        false => Ok(()),
+    }
+}
+
+fn check_voxels(need: u64, limit: Option<&Limit>) -> Result<(), StoreError> {
+    match limit {
+        Some(Limit { bytes, by }) if need > *bytes => {
+            Err(StoreError::TooLittleMemory { need, available: *bytes, by: by.to_string() })
+        }
         _ => Ok(()),
     }
 }
 
-/// Bytes that this process can still get without swapping; nothing where the system does not tell.
-fn available() -> Option<u64> {
-    let number = |path| fs::read_to_string(path).ok()?.trim().parse::<u64>().ok();
-    let of_group = number("/sys/fs/cgroup/memory.max")
-        .and_then(|max| Some(max.saturating_sub(number("/sys/fs/cgroup/memory.current")?)));
-    let of_machine = available_of(&fs::read_to_string("/proc/meminfo").ok()?)?;
-    Some(of_group.unwrap_or(u64::MAX).min(of_machine))
-}
-
-fn available_of(meminfo: &str) -> Option<u64> {
-    let line = meminfo.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
-    Some(line.trim().strip_suffix(" kB")?.parse::<u64>().ok()? << 10)
+fn check_regions(need: u64, limit: Option<&Limit>) -> Result<(), RegionsError> {
+    match limit {
+        Some(Limit { bytes: available, .. }) if need > *available => {
+            Err(RegionsError::Memory { need, available: *available })
+        }
+        _ => Ok(()),
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::memory::LimitBy;
+    use crate::store::tiles::MAX_TILE_VOXELS;
     use glam::UVec3;
 
     #[test]
@@ -71,15 +111,28 @@ mod tests {
 
     #[test]
     fn more_than_there_is_is_refused_with_both_figures() {
-        assert_eq!(check(100, Some(100)), Ok(()));
-        assert_eq!(check(100, None), Ok(()));
-        let error = check(5 << 30, Some(1 << 30)).unwrap_err().to_string();
+        let limit = |bytes| Limit { bytes, by: LimitBy::Machine };
+        assert_eq!(check_regions(100, Some(&limit(100))), Ok(()));
+        assert_eq!(check_regions(100, None), Ok(()));
+        let error = check_regions(5 << 30, Some(&limit(1 << 30))).unwrap_err().to_string();
         assert!(error.contains("5368709120") && error.contains("1073741824"), "{error}");
+        assert!(check_voxels(100, Some(&limit(100))).is_ok() && check_voxels(100, None).is_ok());
+        let error = check_voxels(5 << 30, Some(&limit(1 << 30))).unwrap_err().to_string();
+        assert!(error.contains("5368709120") && error.contains("1073741824") && error.contains("machine"), "{error}");
     }
 
+    /// A plane of 64 GiB is prepared like any other: what it needs does not follow it but for its tables.
     #[test]
-    fn what_is_available_is_read_in_kibibytes() {
-        assert_eq!(available_of("MemTotal:  8 kB\nMemAvailable:    2048 kB\n"), Some(2 << 20));
-        assert_eq!(available_of("MemTotal:  8 kB\n"), None);
+    fn one_gigantic_plane_needs_what_a_tile_needs() {
+        let need = |dims: [u32; 3], size| {
+            let (dims, stored) = (UVec3::from(dims), StoredType::U16);
+            let (grid, shards) = (BrickGrid::new(dims, size).unwrap(), ShardGrid::new(dims).unwrap());
+            voxel_bytes(&grid, &shards, &Tiles::new(&grid, MAX_TILE_VOXELS), stored)
+        };
+        assert!(need([1 << 18, 1 << 18, 1], 128) < 600 << 20, "{}", need([1 << 18, 1 << 18, 1], 128));
+        assert!(need([1 << 13, 1 << 13, 512], 64) < 700 << 20, "{}", need([1 << 13, 1 << 13, 512], 64));
+        assert!(need([64, 64, 64], 64) < 20 << 20, "{}", need([64, 64, 64], 64));
+        // docs/adr/0011 names what 16 planes and the shells of a tile of 4 Mi are.
+        assert!(need([1 << 11, 1 << 11, 512], 64) > (4 << 20) * 2 * (16 + 20), "{}", need([1 << 11, 1 << 11, 512], 64));
     }
 }

@@ -65,14 +65,12 @@ pub fn prepare(
     if let Some((lo, hi)) = options.range {
         check_range(lo, hi)?;
     }
-    if let Some(regions) = &options.regions {
-        segment::checked(regions)?;
-        memory::check_regions(&grid)?;
-    }
+    options.regions.as_ref().map(segment::checked).transpose()?;
     workdir::check_inputs(out, &options.inputs(source)?)?;
+    let (tiles, stored_type) = (Tiles::new(&grid, options.tile_voxels), StoredType::of(header.voxel_type));
+    memory::check(&grid, &shards, &tiles, stored_type, options.regions.is_some())?;
     let work = WorkDir::create(out, options.force)?;
     let fill = Fill::new(header.voxel_type, &header.no_data);
-    let tiles = Tiles::new(&grid, options.tile_voxels);
     let mut pass = Pass::new(source, &header, progress);
     let mut spool;
     if tiles.count() > 1 && !pass.is_seekable()? {

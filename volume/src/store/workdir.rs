@@ -15,6 +15,7 @@ use std::path::{Path, PathBuf};
 use super::error::StoreError;
 use super::store_files::StoreShape;
 use super::store_walk::{self, Found};
+use crate::leftovers::Listed;
 
 /// Between a target's name and a writer's number in the name of a working directory.
 const MARK: &str = ".brickcast-tmp-";
@@ -29,6 +30,8 @@ pub(super) struct WorkDir {
     lock: Option<File>,
     /// Set where the directory holds something that must not be removed.
     keep: bool,
+    /// A signal that ends the process removes the directory.
+    listed: Option<Listed>,
 }
 
 impl WorkDir {
@@ -52,11 +55,11 @@ impl WorkDir {
             let mut dir_name = prefix.clone();
             dir_name.push(format!("{}-{n}", std::process::id()));
             let dir = parent.join(dir_name);
-            match fs::create_dir(&dir) {
+            let listed = match Listed::making(&dir, || fs::create_dir(&dir)) {
                 Err(e) if e.kind() == io::ErrorKind::AlreadyExists => continue,
-                made => made.map_err(StoreError::io("create", &dir))?,
-            }
-            let mut work = Self { target: target.to_path_buf(), parent, dir, force, lock: None, keep: false };
+                made => Some(made.map_err(StoreError::io("create", &dir))?.1),
+            };
+            let mut work = Self { target: target.to_path_buf(), parent, dir, force, lock: None, keep: false, listed };
             let lock_path = work.dir.join("lock");
             let lock = File::create(&lock_path).map_err(StoreError::io("create", &lock_path))?;
             // File systems without locks: the directory is then never taken for a dead one either.
@@ -81,6 +84,15 @@ impl WorkDir {
     /// Makes the finished store appear at its target, in place of an old one where that was allowed.
     pub(super) fn publish(mut self) -> Result<(), StoreError> {
         sync_directories(&self.store())?;
+        // A signal in the middle would take the old store with the directory.
+        match self.listed.take() {
+            Some(listed) => listed.settle(|| self.put_in_place())?,
+            None => self.put_in_place()?,
+        }
+        sync_directory(&self.parent)
+    }
+
+    fn put_in_place(&mut self) -> Result<(), StoreError> {
         let staged = self.store();
         if check_replaceable(&self.target, self.force)? {
             let old = self.dir.join("old");
@@ -100,7 +112,7 @@ impl WorkDir {
         } else {
             fs::rename(&staged, &self.target).map_err(StoreError::io("put the finished store at", &self.target))?;
         }
-        sync_directory(&self.parent)
+        Ok(())
     }
 }
 
@@ -109,6 +121,9 @@ impl Drop for WorkDir {
         if !self.keep {
             // What cannot be removed now is removed by the next writer.
             drop(self.lock.take());
+            // An old store that was replaced takes a while: a signal goes on with it.
+            let list = || Listed::making(&self.dir, || Ok::<_, io::Error>(())).ok().map(|made| made.1);
+            let _listed = self.listed.take().or_else(list);
             clear(&self.dir);
         }
     }
@@ -230,6 +245,7 @@ pub(super) fn write_synced(path: &Path, content: &[u8]) -> Result<(), StoreError
 /// Brings a directory's entries to the disk.
 fn sync_directory(path: &Path) -> Result<(), StoreError> {
     if cfg!(unix) {
+        #[expect(clippy::disallowed_methods, reason = "a folder, to bring its entries to the disk")]
         let synced = File::open(path).and_then(|dir| dir.sync_all());
         synced.map_err(StoreError::io("sync", path))?;
     }

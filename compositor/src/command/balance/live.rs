@@ -5,9 +5,10 @@ use std::path::Path;
 
 use anyhow::anyhow;
 use brickcast_volume::StoreHash;
+use brickcast_volume::shown::shown;
 use serde::Serialize;
 
-use super::super::{bytes, print, say};
+use super::super::{bytes, print, say, tell};
 use crate::balance::max_over_mean;
 use crate::balance_args::BalanceArgs;
 use crate::balance_choice::BalanceArg;
@@ -181,12 +182,17 @@ impl Screen {
         if !self.live {
             let bars: Vec<String> =
                 line.nodes.iter().map(|n| format!("{:.2}", n.load / mean.max(f64::MIN_POSITIVE))).collect();
-            return print(&format!("{}  [{}]\n", head.trim_end(), bars.join(" ")));
+            return tell(&format!("{}  [{}]\n", head.trim_end(), bars.join(" ")));
         }
         let rows = line.nodes.iter().map(|n| {
-            format!("\x1b[2K{:<24} {} {:.2}\n", n.address, bar(n.load, mean), n.load / mean.max(f64::MIN_POSITIVE))
+            format!(
+                "\x1b[2K{:<24} {} {:.2}\n",
+                shown(&n.address),
+                bar(n.load, mean),
+                n.load / mean.max(f64::MIN_POSITIVE)
+            )
         });
-        let head: String = head.chars().take(WIDTH).collect();
+        let head: String = shown(&head).chars().take(WIDTH).collect();
         let up = if self.drawn > 0 { format!("\x1b[{}A", self.drawn) } else { String::new() };
         self.drawn = line.nodes.len() + 1;
         print(&format!("{up}\x1b[2K{head}\n{}\x1b[J", rows.collect::<String>()))

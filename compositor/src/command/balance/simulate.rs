@@ -5,7 +5,7 @@ use std::path::Path;
 use comfy_table::Table;
 
 use crate::balance::simulate::{Outcome, Recovery, Row, Spec, simulate};
-use crate::command::{bytes, print, say};
+use crate::command::{bytes, say, tell};
 use crate::failure::Failure;
 use crate::output::write_json;
 use crate::progress::Bar;
@@ -17,7 +17,7 @@ pub(super) fn run(specification: &str, json: Option<&Path>, quiet: bool) -> Resu
     let bar = Bar::new("views");
     let outcome = simulate(&spec, &mut |done, total| bar.at(done, total));
     bar.finish();
-    print(&text(&outcome))?;
+    tell(&text(&outcome))?;
     if let Some(path) = json {
         write_json(path, &serde_json::json!({ "brickcast": env!("CARGO_PKG_VERSION"), "simulation": outcome }))?;
         say(quiet, &format!("wrote {}", path.display()))?;
