@@ -1,6 +1,7 @@
 //! `brickcast info`: what an input or a store holds, in the file's own units.
 
 use brickcast_volume::regions::code::MAX_DENSITY;
+use brickcast_volume::shown::shown;
 use brickcast_volume::store::{Manifest, QUANTILES, Store};
 use brickcast_volume::{Geometry, MergeTree};
 use serde_json::{Value, json};
@@ -18,7 +19,7 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     if args.json {
         print(&format!("{value:#}\n"))
     } else {
-        tell(&text(&args.path.display().to_string(), &manifest, &value))
+        tell(&text(&shown(&args.path.display().to_string()), &manifest, &value))
     }
 }
 
@@ -93,7 +94,7 @@ fn bounds(g: &Geometry) -> [f64; 6] {
 fn text(path: &str, m: &Manifest, value: &Value) -> String {
     let g = &m.geometry;
     let (d, s, o) = (g.dims(), g.spacing(), g.origin());
-    let unit = m.space_unit.as_deref().unwrap_or("units");
+    let unit = shown(m.space_unit.as_deref().unwrap_or("units"));
     let mut lines = vec![
         format!("{path}: {} {}", m.source.format, if value["store"].is_null() { "" } else { "as a brick store" })
             .trim_end()
@@ -146,7 +147,7 @@ fn text(path: &str, m: &Manifest, value: &Value) -> String {
         lines.push(format!("  regions    {}", region_words(regions, g.voxel_count()).replacen(" regions", "", 1)));
     }
     for note in value["notes"].as_array().into_iter().flatten().filter_map(Value::as_str) {
-        lines.push(format!("  note       {note}"));
+        lines.push(format!("  note       {}", shown(note)));
     }
     lines.push(format!("  histogram  {} to {}, logarithmic", m.data_range.0, m.data_range.1));
     lines.extend(chart(&m.histogram));

@@ -1,6 +1,7 @@
 //! `brickcast nodes`
 
 use brickcast_proto::{NodeDescription, StoreName, Throttle};
+use brickcast_volume::shown::shown;
 use comfy_table::Table;
 use serde_json::json;
 
@@ -51,15 +52,15 @@ pub async fn run(args: NodesArgs) -> Result<(), Failure> {
         table.set_header(["node", "state", "backend", "adapter", "memory", "bricks", "stores", "version"]);
         for (address, answer) in named {
             match answer {
-                Err(_) => table.add_row([address.as_str(), "unreachable", "", "", "", "", "", ""]),
+                Err(_) => table.add_row([&*shown(address), "unreachable", "", "", "", "", "", ""]),
                 Ok(n) => table.add_row([
-                    address.clone(),
+                    shown(address).into_owned(),
                     n.state.as_str().to_owned(),
                     backend(n),
-                    n.adapter.clone(),
+                    shown(&n.adapter).into_owned(),
                     format!("{} of {}", bytes(n.memory_used), bytes(n.memory_budget)),
                     n.resident_bricks.to_string(),
-                    store_names(&n.stores),
+                    shown(&store_names(&n.stores)).into_owned(),
                     format!("{} (protocol {})", n.version, n.protocol),
                 ]),
             };

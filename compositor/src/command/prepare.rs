@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use brickcast_volume::brick::BrickGrid;
+use brickcast_volume::shown::shown;
 use brickcast_volume::store::PrepareOptions;
 
 use super::{bytes, region_words, say};
@@ -28,7 +29,7 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
         quiet,
         &format!(
             "{}: {} x {} x {} voxels, {} bricks of {}^3, values {} to {}, {} on disk, {seconds:.1} s, store {}",
-            args.store.display(),
+            shown(&args.store.display().to_string()),
             d.x,
             d.y,
             d.z,
