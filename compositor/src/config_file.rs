@@ -203,7 +203,10 @@ mod tests {
             (
                 "\n\nnode = 'a:1'",
                 3,
-                vec!["`node`", "nodes, tls, token_file, cache_dir, cache_size, backend, deadline, load_deadline, memory_budget"],
+                vec![
+                    "`node`",
+                    "nodes, tls, token_file, cache_dir, cache_size, backend, deadline, load_deadline, memory_budget",
+                ],
             ),
             ("backend = 'cpu'\n[nodes]\nx = 1", 2, vec!["nodes is table", "list", "token_file"]),
             ("deadline = 30", 1, vec!["deadline is integer", "text", "cache_dir"]),

@@ -1,7 +1,7 @@
 //! The cache of inputs prepared on the way, as several programs and other users meet it.
 
 // clippy.toml allows it in tests, but does not count these helpers as such.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
 use std::fs;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! A node on one core, and a frame that takes minutes: it answers everyone meanwhile, lets others have their frames, and ends what
 //! nobody wants.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 #![cfg(target_os = "linux")]
 
 use std::path::Path;

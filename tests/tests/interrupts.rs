@@ -19,7 +19,7 @@ fn names(at: &Path) -> Vec<String> {
     names
 }
 
-fn is_temporary(name: &String) -> bool {
+fn is_temporary(name: &str) -> bool {
     name.starts_with('.') && name.contains(".brickcast-")
 }
 
@@ -29,7 +29,7 @@ fn writing(at: &Path, folder: &Path, args: &[&str]) -> Child {
     command.args(args).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();
     let started = Instant::now();
-    while !folder.is_dir() || !names(folder).iter().any(is_temporary) {
+    while !folder.is_dir() || !names(folder).iter().any(|name| is_temporary(name)) {
         assert!(child.try_wait().unwrap().is_none(), "{args:?} ended before it could be interrupted");
         assert!(started.elapsed() < PATIENCE, "{args:?} does not write");
         std::thread::sleep(Duration::from_millis(2));
@@ -96,7 +96,7 @@ fn what_was_ignored_from_the_start_stays_ignored() {
     command.args(["-c", "trap '' HUP; exec \"$0\" \"$@\""]).arg(inner.get_program());
     command.args(["phantom", "p.nrrd", "--dims", "160,160,160", "--pores", "1"]).current_dir(at);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
-    while !names(at).iter().any(is_temporary) {
+    while !names(at).iter().any(|name| is_temporary(name)) {
         assert!(child.try_wait().unwrap().is_none(), "ended before it could be hung up on");
         std::thread::sleep(Duration::from_millis(2));
     }
@@ -115,11 +115,11 @@ fn the_part_of_a_killed_writer_goes_with_the_next_write_there() {
     killed.wait().unwrap();
     assert_eq!(names(at).len(), 1, "{:?}", names(at));
     let living = writing(at, at, &["phantom", "other.nrrd", "--dims", "512,512,512", "--pores", "1"]);
-    let parts: Vec<_> = names(at).into_iter().filter(is_temporary).collect();
+    let parts: Vec<_> = names(at).into_iter().filter(|name| is_temporary(name)).collect();
     assert!(matches!(&parts[..], [one] if one.starts_with(".other.nrrd.")), "{parts:?}");
     // Those of the living are left alone.
     brickcast_ok(at, &["phantom", "small.nrrd", "--dims", "16,16,16", "--pores", "0"]);
-    assert_eq!(names(at).into_iter().filter(is_temporary).collect::<Vec<_>>(), parts);
+    assert_eq!(names(at).into_iter().filter(|name| is_temporary(name)).collect::<Vec<_>>(), parts);
     signal(&living, "KILL");
     output(living, PATIENCE, "phantom");
 }

@@ -1,7 +1,7 @@
 //! Stores at the hands of the command line: what is replaced, what is never removed, what is noticed.
 
 // clippy.toml allows it in tests, but does not count these helpers as such.
-#![allow(clippy::unwrap_used)]
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
 use std::fs;
 use std::path::Path;

@@ -77,14 +77,13 @@ impl Unfinished {
         // Before the rename, or a crash could leave the name with half of the content.
         self.file.sync_all()?;
         let Some(listed) = self.listed.take() else { return Ok(()) };
-        let renamed = listed.settle(|| {
+        listed.settle(|| {
             let renamed = fs::rename(&self.temporary, &self.target);
             if renamed.is_err() {
                 let _ = fs::remove_file(&self.temporary);
             }
             renamed
-        });
-        renamed
+        })
     }
 }
 

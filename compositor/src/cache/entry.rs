@@ -6,6 +6,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context as _, anyhow};
 use brickcast_volume::StoreHash;
+use brickcast_volume::small_file::open_regular;
 use brickcast_volume::store::Store;
 
 use super::Cache;
@@ -117,7 +118,7 @@ impl Cache {
     /// The entry's store, where it is whole and was made of what `key` says; why not, where it is something else.
     fn found(&self, key: &Key, wanted: &Wanted<'_>) -> Result<Option<Store>, String> {
         let (path, target) = (self.key_path(&key.name), self.store_path(&key.name));
-        let Ok(file) = std::fs::File::open(&path) else {
+        let Ok(file) = open_regular(&path) else {
             return if target.exists() { Err(format!("{} is missing", path.display())) } else { Ok(None) };
         };
         let mut text = String::new();

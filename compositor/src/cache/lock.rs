@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
+use brickcast_volume::small_file::open_regular;
 
 use crate::failure::Failure;
 
@@ -67,8 +68,8 @@ impl Lock {
 /// The number that a lock's holder keeps in its file; 0 where there is none.
 pub(super) fn number_in(path: &Path) -> u64 {
     let mut text = String::new();
-    let read = File::open(path).and_then(|file| file.take(20).read_to_string(&mut text));
-    read.ok().and_then(|_| text.parse().ok()).unwrap_or(0)
+    let read = open_regular(path).ok().and_then(|file| file.take(20).read_to_string(&mut text).ok());
+    read.and_then(|_| text.parse().ok()).unwrap_or(0)
 }
 
 #[cfg(unix)]
