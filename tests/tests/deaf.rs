@@ -112,7 +112,7 @@ fn a_node_answers_everyone_during_a_frame_of_hours() {
 }
 
 fn a_frame_of_hours_on(cores: &str, at: &Path) {
-    println!("on cores {cores}:");
+    eprintln!("on cores {cores}:");
     let mut node = NodeProcess::start_on(at, &["--backend", "cpu", "-q"], cores);
     let address = node.address.clone();
     let long = Long::start(at, &address);
@@ -148,7 +148,7 @@ fn a_frame_of_hours_on(cores: &str, at: &Path) {
     let took: Vec<Duration> = clients.into_iter().flat_map(|client| client.join().unwrap()).collect();
     answers.sort_unstable();
     let (median, most) = (answers[answers.len() / 2], answers[answers.len() - 1]);
-    println!("{} health checks: median {median:?}, slowest {most:?}; others' renders: {took:?}", answers.len());
+    eprintln!("{} health checks: median {median:?}, slowest {most:?}; others' renders: {took:?}", answers.len());
     // A new connection, HTTP/2's greetings, a call and its answer; one in twenty may meet a busy machine.
     assert!(answers[answers.len() * 95 / 100] < Duration::from_millis(200), "{answers:?}");
     assert!(took.iter().all(|t| *t < SOON), "{took:?}");
@@ -157,7 +157,7 @@ fn a_frame_of_hours_on(cores: &str, at: &Path) {
     let killed = Instant::now();
     drop(long);
     let idle = (killed.elapsed() + until_idle(&node)).as_millis();
-    println!("idle {idle} ms after its client was killed");
+    eprintln!("idle {idle} ms after its client was killed");
     // A quarter of a second, and what a busy machine adds to the kill itself.
     assert!(idle < 1000, "{idle} ms");
     // And with a frame under way a node that is told to end does.
@@ -165,7 +165,7 @@ fn a_frame_of_hours_on(cores: &str, at: &Path) {
     until_it_works(&node);
     let told = Instant::now();
     assert_eq!(node.terminate(), Some(0), "SIGTERM is not heeded");
-    println!("ended {:?} after SIGTERM", told.elapsed());
+    eprintln!("ended {:?} after SIGTERM", told.elapsed());
 }
 
 /// A node that sends no tile for half of the deadline because it computes is not hanging.
@@ -189,6 +189,6 @@ fn a_node_that_works_is_not_taken_for_one_that_hangs() {
     // From half of it on nodes are looked at: most of the frame is still to come then.
     render(&format!("{}ms", (alone * 1.8 * 1e3) as u64), "second.json");
     let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(at.join("second.json")).unwrap()).unwrap();
-    println!("alone {alone:.1} s; then {} ms", stats["frame_ms"]);
+    eprintln!("alone {alone:.1} s; then {} ms", stats["frame_ms"]);
     assert_eq!((stats["lost"].as_array().map(Vec::len), &stats["reissued"]), (Some(0), &0.into()), "{stats:#}");
 }
