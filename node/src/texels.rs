@@ -215,3 +215,61 @@ fn cells_of(
     let homogeneous = width.map(|width| cells.homogeneous(width).into_iter().map(packed).collect());
     Ok(PreparedCells { cells, homogeneous })
 }
+
+#[cfg(test)]
+mod tests {
+    use brickcast_volume::StoredBox;
+    use brickcast_volume::regions::Region;
+    use glam::UVec3;
+
+    use super::*;
+
+    /// One hole in a region of the lowest value, whose mean has the code of no data.
+    fn hole_in_a_region() -> (OwnedBox, BrickVoxels, BrickRegions, RegionTable, usize) {
+        let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(8) };
+        let stored = owned.stored(1);
+        let covered = StoredBox { lo: stored.lo - 1, hi: stored.hi + 1 };
+        let hole = |of: &StoredBox| {
+            let (p, d) = ((IVec3::splat(2) - of.lo).as_uvec3(), of.dims());
+            ((p.z * d.y + p.y) * d.x + p.x) as usize
+        };
+        let (mut codes, at) = (vec![NO_DATA_CODE + 1; stored.voxel_count() as usize], hole(&stored));
+        codes[at] = NO_DATA_CODE;
+        let mut labels = vec![1; covered.voxel_count() as usize];
+        let mut distances = vec![9; labels.len()];
+        (labels[hole(&covered)], distances[hole(&covered)]) = (NO_REGION, 0);
+        let table = RegionTable(vec![Region { root: 0, voxels: 1, sum: 0, min: 0, max: 0 }]);
+        let voxels = BrickVoxels { stored, codes, has_holes: true };
+        (owned, voxels, BrickRegions { covered, labels, distances }, table, at)
+    }
+
+    #[test]
+    fn a_flattened_brick_lacks_the_data_that_its_voxels_lack_and_no_other() {
+        let (owned, mut voxels, regions, table, hole) = hole_in_a_region();
+        let recipe = Recipe { guard: Some(2), ..Recipe::default() };
+        let input = BrickInput { voxels: &voxels, regions: Some((&regions, &table)), recipe };
+        let brick = PreparedBrick::new(&owned, &input).unwrap();
+        // Coded texels have no room for holes.
+        assert!(brick.means.is_none() && brick.uniform.holes == 1);
+        let holes: Vec<usize> = (0..brick.texels.len()).filter(|&i| brick.texels[i] == NO_DATA_CODE).collect();
+        assert_eq!(holes, [hole]);
+        voxels.has_holes = false;
+        let input = BrickInput { voxels: &voxels, regions: Some((&regions, &table)), recipe };
+        assert!(PreparedBrick::new(&owned, &input).unwrap().means.is_some(), "the same without holes is coded");
+    }
+
+    #[test]
+    fn macrocells_leave_holes_out_and_do_not_leap_over_them() {
+        let (owned, mut voxels, ..) = hole_in_a_region();
+        let recipe = Recipe { macrocell: Some(4), homogeneous: Some(9), ..Recipe::default() };
+        let cells = |voxels: &BrickVoxels| {
+            let input = BrickInput { voxels, regions: None, recipe };
+            PreparedBrick::new(&owned, &input).unwrap().cells.unwrap()
+        };
+        let holed = cells(&voxels);
+        assert!(holed.cells.ranges.iter().all(|range| *range == [NO_DATA_CODE + 1; 2]), "{:?}", holed.cells.ranges);
+        assert!(holed.homogeneous.is_none());
+        voxels.has_holes = false;
+        assert!(cells(&voxels).homogeneous.is_some());
+    }
+}

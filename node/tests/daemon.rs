@@ -94,3 +94,18 @@ fn a_budget_of_more_than_there_is_is_told_of_at_the_start() {
         assert_eq!(stderr.contains("is all that there is"), told, "{budget}: {stderr}");
     }
 }
+
+/// As a service without a desktop, where `XDG_RUNTIME_DIR` is not set. The GPU's driver is opened where there is one.
+#[cfg(unix)]
+#[test]
+fn a_node_without_a_desktop_logs_no_error_of_a_driver() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = node(&["--listen", "127.0.0.1:0", "--data", folder.path().to_str().unwrap()]);
+    let mut child = command.env_clear().env("HOME", folder.path()).spawn().unwrap();
+    address(&mut child);
+    assert!(Command::new("kill").args(["-TERM", &child.id().to_string()]).status().unwrap().success());
+    let output = child.wait_with_output().unwrap();
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(output.status.success() && stderr.contains("rendering on"), "{stderr}");
+    assert!(!stderr.contains("XDG_RUNTIME_DIR"), "{stderr}");
+}

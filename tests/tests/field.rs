@@ -83,6 +83,27 @@ fn presets_are_chosen_by_name_and_xml_draws_what_json_does() {
     assert!(render(at, &["--transfer-function", "labels.json"]).0.contains("--filter nearest"));
 }
 
+/// Between labels 1 and 3 lies no 2: with `--filter nearest` no pixel shows it, and the picture's manifest says so.
+#[test]
+fn labels_drawn_as_the_nearest_show_no_value_between_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 24 24 24\nspacings: 1 1 1\nencoding: raw\n\n";
+    let labels: Vec<u8> = (0..24_i32.pow(3)).map(|i| if i % 24 < 11 { 1 } else { 3 }).collect();
+    std::fs::write(at.join("ball.nrrd"), [header.as_bytes(), &labels].concat()).unwrap();
+    let colors = r#"{"IndexedColors": [1,0,0, 0,1,0, 0,0,1], "Annotations": ["1","","2","","3",""]}"#;
+    std::fs::write(at.join("labels.json"), colors).unwrap();
+    let seen = |filter: &str| {
+        let (_, pixels) = render(at, &["--transfer-function", "labels.json", "--filter", filter, "--azimuth", "40"]);
+        let manifest: serde_json::Value =
+            serde_json::from_slice(&std::fs::read(at.join("p.png.json")).unwrap()).unwrap();
+        assert_eq!(manifest["filter"], filter);
+        [0, 1, 2].map(|c| pixels.iter().any(|p| p[c] > 60))
+    };
+    assert_eq!(seen("exact"), [true; 3]);
+    assert_eq!(seen("nearest"), [true, false, true]);
+}
+
 #[test]
 fn cameras_of_viewers_and_manifests_give_the_same_bytes() {
     let folder = tempfile::tempdir().unwrap();

@@ -135,7 +135,7 @@ fn what_shortens_rays_changes_nothing_beside_holes() {
     });
 }
 
-/// Where all data is opaque, a ray that meets none is clear to the bit, in every view of regions.
+/// Where all data is opaque, a ray that meets none is clear to the bit, in every view of regions and through either filter.
 #[test]
 fn no_view_of_regions_shows_a_hole() {
     let folder = tempfile::tempdir().unwrap();
@@ -143,8 +143,11 @@ fn no_view_of_regions_shows_a_hole() {
     runtime().block_on(async {
         for kernel in kernels() {
             let mut rig = Rig::start(&kernel, &store, 1).await;
+            let views = [RegionView::All, RegionView::Regions, RegionView::Residual];
             let mut shown = Vec::new();
-            for view in [RegionView::All, RegionView::Regions, RegionView::Residual] {
+            for (filter, view) in
+                [Filter::Exact, Filter::Nearest].into_iter().flat_map(|filter| views.map(|view| (filter, view)))
+            {
                 let mut scene = scene(&store, Style::default());
                 let g = store.manifest().geometry;
                 // Along y, through the corner that has no data.
@@ -155,18 +158,20 @@ fn no_view_of_regions_shows_a_hole() {
                 let white = vec![ColorPoint { x: 0.0, rgb: [1.0; 3] }];
                 scene.transfer_function =
                     TransferFunction::new(white, vec![OpacityPoint { x: 0.0, opacity: 0.1 }]).unwrap();
-                scene.region_view = view;
+                (scene.region_view, scene.filter) = (view, filter);
                 scene.acceleration = with(true, Leap::Regions);
                 // Half of the corner's depth: what is behind the holes.
                 let (lo, hi) = (g.world_from_voxel([0.0; 3].into()), g.world_from_voxel([60.0, 21.0, 44.0].into()));
                 scene.style.clip.bounds = Some((lo, hi));
                 let picture = rig.render(&scene).await.picture;
-                assert!(picture.pixels().iter().all(|p| p.to_array() == [0.0; 4]), "{view:?}");
+                assert!(picture.pixels().iter().all(|p| p.to_array() == [0.0; 4]), "{view:?} {filter:?}");
                 scene.style.clip.bounds = None;
                 let picture = rig.render(&scene).await.picture;
                 shown.push(picture.pixels().iter().map(|p| p.a).fold(0.0, f32::max));
             }
-            assert!(shown[0] > 0.5 && shown[1..].iter().any(|a| *a > 0.1), "{shown:?}");
+            for shown in shown.chunks(views.len()) {
+                assert!(shown[0] > 0.5 && shown[1..].iter().any(|a| *a > 0.1), "{shown:?}");
+            }
         }
     });
 }

@@ -333,6 +333,9 @@ fn an_axis_of_length_1_that_is_no_direction_of_space_is_left_out_with_its_entrie
     // Two such axes, one of them between the others.
     let lines = "dimension: 5\nsizes: 1 6 5 1 4\nkinds: vector domain domain time domain\nspace directions: none (1,0,0)(0,2,0) none (0,0,3)";
     assert_eq!(opened(lines).0, [6, 5, 4]);
+    // A slice has length 1 along a direction of space, which stays.
+    let lines = "dimension: 4\nsizes: 1 6 20 1\nspace directions: none (1,0,0) (0,2,0) (0,0,3)";
+    assert_eq!((opened(lines).0, opened(lines).1), ([6, 20, 1], [1.0, 2.0, 3.0]));
 }
 
 #[test]
@@ -361,6 +364,9 @@ fn longer_axes_stay_refused_and_entries_must_fit() {
     refused(&format!("dimension: 4\nsizes: 2 3 5 4\n{none}"), &["dimension 4"]);
     refused("dimension: 4\nsizes: 1 6 5 4\nspace directions: (1,0,0) (0,1,0) (0,0,1)", &["4 vectors"]);
     refused("dimension: 4\nsizes: 1 6 5 4\nspace directions: none none (1,0,0) (0,1,0)", &["dimension 4"]);
+    // Of length 1, and yet a direction: nothing says that it is none of space.
+    let four = "space directions: (1,0,0) (1,0,0) (0,1,0) (0,0,1)";
+    refused(&format!("dimension: 4\nsizes: 1 6 5 4\n{four}"), &["dimension 4"]);
     refused("dimension: 4\nsizes: 1 6 5 4\nspacings: 1 1 1", &["spacings", "4 entries"]);
     refused("dimension: 4\nsizes: 1 6 5", &["sizes", "4 whole numbers"]);
     refused("dimension: 17\nsizes: 1 6 5 4 1 1 1 1 1 1 1 1 1 1 1 1 1", &["dimension 17"]);

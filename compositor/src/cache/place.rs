@@ -124,6 +124,8 @@ fn make_private(folder: &Path, recursive: bool) -> std::io::Result<()> {
 
 #[cfg(all(test, unix))]
 mod tests {
+    #![allow(clippy::unwrap_used)] // helpers of tests are tests
+
     use super::*;
     use std::os::unix::fs::{PermissionsExt as _, symlink};
 

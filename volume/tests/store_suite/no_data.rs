@@ -119,6 +119,19 @@ fn holes_alone_have_code_0_and_count_in_no_statistic() {
     }
 }
 
+/// Constant data between holes that are strewn like noise has none; the same voxels are noise where they are data.
+#[test]
+fn holes_are_not_taken_for_noise() {
+    let dir = tempfile::tempdir().unwrap();
+    let strewn = Volume::new([48, 40, 32], VoxelType::U16, |p| f64::from(100 + noise(p.map(|n| n + 40)) % 2));
+    let noise_of = |name: &str, fill: &[f64]| {
+        strewn.prepare_filled(&dir.path().join(name), &PrepareOptions::default(), fill).unwrap().manifest.noise
+    };
+    let as_data = noise_of("data", &[]).unwrap();
+    assert!((0.3..0.7).contains(&as_data), "{as_data}");
+    assert_eq!(noise_of("holes", &[101.0]), None);
+}
+
 /// Two fill values of one file become one stored number; one that no voxel has changes no byte.
 #[test]
 fn several_fill_values_are_one_and_one_that_is_nowhere_is_none() {
