@@ -110,7 +110,9 @@ mod tests {
         assert!(matches!(shares[2].grow(1), Err(NodeError::TooManyBytes(100))));
         // What was refused holds nothing.
         drop(shares);
-        assert_eq!((locked(&held).all, locked(&held).each.len()), (0, 0));
+        let left = locked(&held);
+        assert_eq!((left.all, left.each.len()), (0, 0));
+        drop(left);
         Held::share(&held, client(2)).grow(50).unwrap();
     }
 
