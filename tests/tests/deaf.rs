@@ -6,12 +6,26 @@
 
 use std::path::Path;
 use std::process::{Child, Stdio};
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use brickcast_node::cpu::CpuRaycaster;
 use brickcast_node::probe::probe;
+use brickcast_node::raycaster::{
+    BackendInfo, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, ResidentBrick,
+};
+use brickcast_node::recipe::Recipe;
+use brickcast_node::watch::Watch;
+use brickcast_node::{DataRoot, Node, NodeConfig, serve};
 use brickcast_proto::credentials::Badge;
 use brickcast_tests::process::{NodeProcess, brickcast_command, brickcast_ok};
+use brickcast_volume::brick::OwnedBox;
+use brickcast_volume::regions::Density;
+use brickcast_volume::scene::Filter;
+
+#[allow(dead_code)] // shared with faults.rs, which uses all of it
+mod fault_support;
 
 /// Many times what a frame that is not in anybody's way takes here.
 const SOON: Duration = Duration::from_secs(20);
@@ -191,4 +205,74 @@ fn a_node_that_works_is_not_taken_for_one_that_hangs() {
     let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(at.join("second.json")).unwrap()).unwrap();
     eprintln!("alone {alone:.1} s; then {} ms", stats["frame_ms"]);
     assert_eq!((stats["lost"].as_array().map(Vec::len), &stats["reissued"]), (Some(0), &0.into()), "{stats:#}");
+}
+
+/// The CPU's kernel, as a broken driver has it: once it is told to hang, it does so for good.
+#[derive(Debug, Default)]
+struct Hanging {
+    kernel: CpuRaycaster,
+    hangs: AtomicBool,
+}
+
+impl Raycaster for Hanging {
+    fn info(&self) -> &BackendInfo {
+        self.kernel.info()
+    }
+
+    fn brick_bytes(&self, stored_voxels: u64, recipe: Recipe) -> u64 {
+        self.kernel.brick_bytes(stored_voxels, recipe)
+    }
+
+    fn upload(&self, owned: OwnedBox, input: &BrickInput<'_>) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
+        self.kernel.upload(owned, input)
+    }
+
+    fn upload_uniform(&self, owned: OwnedBox, mean: Density) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
+        self.kernel.upload_uniform(owned, mean)
+    }
+
+    fn warm_up(&self, filter: Filter, features: Features) -> Result<(), RaycastError> {
+        self.kernel.warm_up(filter, features)
+    }
+
+    fn render_watched(
+        &self,
+        scene: &KernelScene,
+        jobs: &[Job],
+        watch: Watch<'_>,
+    ) -> Result<Vec<JobImage>, RaycastError> {
+        while self.hangs.load(Ordering::SeqCst) {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        self.kernel.render_watched(scene, jobs, watch)
+    }
+}
+
+/// It answers pings and questions, says that orders wait, and does nothing: from half of the deadline on others have its share.
+#[test]
+fn a_node_that_answers_pings_but_makes_no_progress() {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    fault_support::run(async {
+        let mut rig = fault_support::Rig::new(1).await;
+        let broken = Arc::new(Hanging::default());
+        let config = NodeConfig::new(DataRoot::Folder(rig.folder.path().to_path_buf()), 1 << 28);
+        let node = Arc::new(Node::new(config, broken.clone()).unwrap());
+        let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let addresses = [rig.nodes[0].address.clone(), listener.local_addr().unwrap().to_string()];
+        let serving = tokio::spawn(serve(node, listener, std::future::pending()));
+        let mut session = fault_support::open(&rig.store, &addresses).await.unwrap();
+        let frame = rig.good_frame(&mut session, 20.0).await;
+        assert!(frame.stats.faults.lost.is_empty() && frame.stats.nodes.iter().all(|n| n.layers > 0));
+        broken.hangs.store(true, Ordering::SeqCst);
+        let started = Instant::now();
+        let frame = fault_support::render(&mut session, &fault_support::scene(&rig.store, 33.0), 12).await.unwrap();
+        assert!(frame.complete, "{:?}", frame.problems);
+        let faults = &frame.stats.faults;
+        assert!(faults.reissued > 0 && faults.lost[0].why.contains("it is hanging or overloaded"), "{faults:?}");
+        // Not before half of the deadline, and not much later.
+        assert!((6.0..11.9).contains(&started.elapsed().as_secs_f64()), "{:?}", started.elapsed());
+        // Threads that hang must not keep the test.
+        broken.hangs.store(false, Ordering::SeqCst);
+        serving.abort();
+    });
 }

@@ -282,19 +282,16 @@ async fn occupy(rig: &Rig, node: usize, orders: usize, step: f64) -> tokio::task
     occupied
 }
 
+/// A node that others keep busy for minutes works, and gives everyone a turn.
 #[test]
-fn a_node_that_answers_pings_but_makes_no_progress() {
+fn a_node_that_others_keep_busy_is_not_taken_for_one_that_hangs() {
     run(async {
         let mut rig = Rig::new(2).await;
         let mut session = rig.session().await;
         let occupied = occupy(&rig, 1, 1, 0.02).await;
-        let started = Instant::now();
-        let frame = render(&mut session, &scene(&rig.store, 33.0), 12).await.unwrap();
-        assert!(frame.complete, "{:?}", frame.problems);
+        let frame = rig.good_frame(&mut session, 33.0).await;
         let faults = &frame.stats.faults;
-        assert!(faults.reissued > 0 && faults.lost[0].why.contains("it is hanging or overloaded"), "{faults:?}");
-        // Not before half of the deadline, and not much later.
-        assert!((6.0..11.9).contains(&started.elapsed().as_secs_f64()), "{:?}", started.elapsed());
+        assert!(faults.reissued == 0 && faults.lost.is_empty(), "{faults:?}");
         drop(occupied);
         rig.good_frame(&mut session, 33.0).await;
     });
