@@ -50,7 +50,9 @@ impl WorkDir {
         prefix.push(name);
         prefix.push(MARK);
         recover(target, &parent, &prefix);
-        check_replaceable(target, force)?;
+        if is_there(target, force)? {
+            foreign_in(target, target)?;
+        }
         for n in 0..10_000u32 {
             let mut dir_name = prefix.clone();
             dir_name.push(format!("{}-{n}", std::process::id()));
@@ -94,10 +96,10 @@ impl WorkDir {
 
     fn put_in_place(&mut self) -> Result<(), StoreError> {
         let staged = self.store();
-        if check_replaceable(&self.target, self.force)? {
+        if is_there(&self.target, self.force)? {
             let old = self.dir.join("old");
             fs::rename(&self.target, &old).map_err(StoreError::io("move away", &self.target))?;
-            // Where it is now, nobody puts anything any more: what came since the first look is seen.
+            // Looked at where nobody puts anything any more: what came since the first look is seen.
             let kept = foreign_in(&old, &self.target);
             let put = kept.and_then(|()| {
                 fs::rename(&staged, &self.target).map_err(StoreError::io("put the finished store at", &self.target))
@@ -129,8 +131,8 @@ impl Drop for WorkDir {
     }
 }
 
-/// True where there is a store of ours at `target` that may be replaced, false where there is nothing.
-fn check_replaceable(target: &Path, force: bool) -> Result<bool, StoreError> {
+/// True where there is a folder at `target` that may be replaced if it is a store, false where there is nothing.
+fn is_there(target: &Path, force: bool) -> Result<bool, StoreError> {
     let not_ours = |why| Err(StoreError::NotOurs { path: target.to_path_buf(), why });
     let metadata = match fs::symlink_metadata(target) {
         Ok(metadata) => metadata,
@@ -146,7 +148,7 @@ fn check_replaceable(target: &Path, force: bool) -> Result<bool, StoreError> {
     if !metadata.is_dir() {
         return not_ours("it is no directory");
     }
-    foreign_in(target, target).map(|()| true)
+    Ok(true)
 }
 
 /// An error where `folder`, called `name` in it, is no store, or holds anything that no store has there.
