@@ -269,15 +269,16 @@ async fn first(target: Target, dial: Dial, choice: StoreChoice) -> Result<First,
             Err(NodeError::Unreachable { address, reason }) if !was_reached => {
                 return Err(FirstFailed { error: NodeError::Unreachable { address, reason }, was_reached });
             }
-            Err(error) if error.is_lost() => tracing::debug!("asked again: {error}"),
+            Err(error) if error.may_be_damage() => tracing::debug!("asked again: {error}"),
             answer => {
-                return answer.map_err(|error| FirstFailed { was_reached: error.is_lost() && was_reached, error });
+                return answer
+                    .map_err(|error| FirstFailed { was_reached: error.may_be_damage() && was_reached, error });
             }
         }
         tokio::time::sleep(FIRST_PAUSE).await;
     }
     let answer = ask(&target, &dial, &choice, &mut was_reached).await;
-    answer.map_err(|error| FirstFailed { was_reached: error.is_lost() && was_reached, error })
+    answer.map_err(|error| FirstFailed { was_reached: error.may_be_damage() && was_reached, error })
 }
 
 async fn ask(target: &Target, dial: &Dial, choice: &StoreChoice, was_reached: &mut bool) -> Result<First, NodeError> {

@@ -74,6 +74,13 @@ pub enum NodeError {
 }
 
 impl NodeError {
+    /// True where bytes that were damaged on their way may have looked like that: the same call again may do.
+    #[must_use]
+    pub(crate) fn may_be_damage(&self) -> bool {
+        use tonic::Code::{DataLoss, Internal, Unknown};
+        self.is_lost() || matches!(self, Self::Refused { code: Internal | Unknown | DataLoss, .. })
+    }
+
     /// True where the node is well and only has, or had, too much to do: it is worth asking again after a pause.
     #[must_use]
     pub fn is_busy(&self) -> bool {
