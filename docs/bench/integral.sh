@@ -2,7 +2,7 @@
 # The runs behind docs/integral.md: sh docs/bench/integral.sh BRICKCAST DATA OUT
 # DATA holds engine.nrrd and bonsai.nrrd, and shells.nrrd and marschner_lobb.nrrd of
 # `cargo run -p brickcast-volume --example fields -- DATA`; DATA/256 holds those of `... -- DATA/256 256`.
-# OUT gets a JSON file for each run.
+# OUT gets a JSON file for each run. REPEAT: timed frames, 5 without it; errors do not depend on it.
 set -eu
 brickcast=$1 data=$2 out=$3
 bench=$(dirname "$0")
@@ -33,10 +33,10 @@ functions() {
 
 for function in smooth spiky slab window peak; do
     for volume in engine bonsai; do
-        run $volume 255 $function --backend cpu --size 512x512 --repeat 5
+        run $volume 255 $function --backend cpu --size 512x512 --repeat "${REPEAT:-5}"
     done
     for volume in marschner_lobb shells; do
-        run $volume 65535 $function --backend cpu --size 512x512 --repeat 5
+        run $volume 65535 $function --backend cpu --size 512x512 --repeat "${REPEAT:-5}"
     done
 done
 lit="--backend cpu --size 256x256 --repeat 1 --shading phong --light 1,1,0.5 --specular 0.6 --shininess 30"

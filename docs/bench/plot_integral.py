@@ -11,8 +11,8 @@ import matplotlib.pyplot as plt
 
 out, picture = pathlib.Path(sys.argv[1]), sys.argv[2]
 volumes = ["engine", "bonsai", "marschner_lobb", "shells"]
-functions = ["smooth", "spiky", "slab"]
-figure, axes = plt.subplots(len(functions), len(volumes), figsize=(13, 8), sharex=True)
+functions = ["smooth", "window", "spiky", "peak", "slab"]
+figure, axes = plt.subplots(len(functions), len(volumes), figsize=(13, 13), sharex=True)
 for row, function in zip(axes, functions):
     for axis, volume in zip(row, volumes):
         rows = json.loads((out / f"{volume}-{function}.json").read_text())["rows"]
