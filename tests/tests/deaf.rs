@@ -19,7 +19,7 @@ use brickcast_node::recipe::Recipe;
 use brickcast_node::watch::Watch;
 use brickcast_node::{DataRoot, Node, NodeConfig, serve};
 use brickcast_proto::credentials::Badge;
-use brickcast_tests::process::{NodeProcess, brickcast_command, brickcast_ok};
+use brickcast_tests::process::{NodeProcess, brickcast, brickcast_command, brickcast_ok};
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::regions::Density;
 use brickcast_volume::scene::Filter;
@@ -196,11 +196,13 @@ fn a_node_that_works_is_not_taken_for_one_that_hangs() {
         let view = ["--size", "96x96", "--window", "0,60000", "--opacity", "0.02", "--shading", "phong"];
         let args = ["render", "big", "-o", "p.png", "--nodes", &both, "--deadline", deadline, "--stats", stats];
         let started = Instant::now();
-        brickcast_ok(at, &[&args[..], &view, &["--no-manifest", "-q"]].concat());
+        let output = brickcast(at, &[&args[..], &view, &["--no-manifest", "-q"]].concat());
+        // A machine that is slower now than it was before may not make it in time; what is asked is who is blamed.
+        assert!(matches!(output.status.code(), Some(0 | 3)), "{}", String::from_utf8_lossy(&output.stderr));
         started.elapsed()
     };
     let alone = render("10m", "first.json").as_secs_f64();
-    // From half of it on nodes are looked at: most of the frame is still to come then.
+    // From half of it on nodes are looked at: some of the frame is still to come then.
     render(&format!("{}ms", (alone * 1.8 * 1e3) as u64), "second.json");
     let stats: serde_json::Value = serde_json::from_slice(&std::fs::read(at.join("second.json")).unwrap()).unwrap();
     eprintln!("alone {alone:.1} s; then {} ms", stats["frame_ms"]);
