@@ -337,8 +337,10 @@ fn render_tile(
         let data = brick.data();
         let are_slabs_alone = integrals.is_some_and(|with| are_slabs_alone(&brick.uniform, &data, with));
         let mut finished = true;
+        // The pulse is one number for all threads: too dear for every row.
+        watch.goes_on()?;
         for y in touched.lo.y - lo.y..touched.hi.y - lo.y {
-            watch.goes_on()?;
+            watch.is_wanted()?;
             let row = &mut tile.rows[y as usize];
             for x in touched.lo.x - lo.x..touched.hi.x - lo.x {
                 let pixel = &mut row[x as usize];

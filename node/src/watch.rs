@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// How much a node has done since it started, for whomever: grows with every row of a tile, dispatch and brick, and stands still
+/// How much a node has done since it started, for whomever: grows with every brick in a tile, submission and brick that is loaded, and stands still
 /// where the node hangs. The number means nothing by itself.
 #[derive(Debug, Default)]
 pub struct Pulse(AtomicU64);
@@ -22,8 +22,8 @@ impl Pulse {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cancelled;
 
-/// Looks over work while it is done. Work of any length asks at least every few milliseconds on the processor, and between
-/// submissions on a GPU.
+/// Looks over work while it is done. Work of any length asks at least every few milliseconds on the processor whether it is wanted, and
+/// between submissions on a GPU.
 #[derive(Clone, Copy)]
 pub struct Watch<'a> {
     pulse: &'a Pulse,
@@ -41,13 +41,21 @@ impl<'a> Watch<'a> {
         (self.is_cancelled)()
     }
 
-    /// Asked between two pieces of work.
+    /// Asked within a piece of work, as often as one likes.
+    ///
+    /// # Errors
+    /// The work is not wanted any more.
+    pub fn is_wanted(&self) -> Result<(), Cancelled> {
+        if self.is_cancelled() { Err(Cancelled) } else { Ok(()) }
+    }
+
+    /// As [`Watch::is_wanted`], between two pieces of work: the pulse beats.
     ///
     /// # Errors
     /// The work is not wanted any more.
     pub fn goes_on(&self) -> Result<(), Cancelled> {
         self.pulse.beat();
-        if self.is_cancelled() { Err(Cancelled) } else { Ok(()) }
+        self.is_wanted()
     }
 }
 

@@ -1,13 +1,14 @@
 //! One entry of the cache: found, or made by one process while others wait.
 
-use std::io::{Read as _, Write as _};
+use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Context as _, anyhow};
 use brickcast_volume::StoreHash;
-use brickcast_volume::small_file::open_regular;
+use brickcast_volume::small_file::{FileError, read_text};
 use brickcast_volume::store::Store;
+use brickcast_volume::unfinished::Unfinished;
 
 use super::Cache;
 use super::key::Key;
@@ -118,11 +119,12 @@ impl Cache {
     /// The entry's store, where it is whole and was made of what `key` says; why not, where it is something else.
     fn found(&self, key: &Key, wanted: &Wanted<'_>) -> Result<Option<Store>, String> {
         let (path, target) = (self.key_path(&key.name), self.store_path(&key.name));
-        let Ok(file) = open_regular(&path) else {
-            return if target.exists() { Err(format!("{} is missing", path.display())) } else { Ok(None) };
+        let text = match read_text("cache key", &path, MAX_KEY_BYTES) {
+            Err(FileError::Io { source, .. }) if source.kind() == ErrorKind::NotFound => {
+                return if target.exists() { Err(format!("{} is missing", path.display())) } else { Ok(None) };
+            }
+            read => read.map_err(|error| error.to_string())?,
         };
-        let mut text = String::new();
-        file.take(MAX_KEY_BYTES).read_to_string(&mut text).map_err(|e| format!("{}: {e}", path.display()))?;
         if text.is_empty() {
             return Ok(None);
         }
@@ -167,9 +169,7 @@ fn entry_text(key: &Key, store: StoreHash) -> String {
 
 /// All of a file or nothing, also after a power cut.
 fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let part = path.with_extension("key.part");
-    let mut file = std::fs::File::create(&part)?;
+    let mut file = Unfinished::create(path)?;
     file.write_all(bytes)?;
-    file.sync_all()?;
-    std::fs::rename(&part, path)
+    file.finish()
 }

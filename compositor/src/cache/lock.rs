@@ -1,12 +1,12 @@
 //! Locks on files: the system lets go of them when their holder ends, however it ends.
 
 use std::fs::{File, TryLockError};
-use std::io::{Read as _, Seek as _, Write as _};
+use std::io::{Seek as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::Context as _;
-use brickcast_volume::small_file::open_regular;
+use brickcast_volume::small_file::read_text;
 
 use crate::failure::Failure;
 
@@ -67,9 +67,7 @@ impl Lock {
 
 /// The number that a lock's holder keeps in its file; 0 where there is none.
 pub(super) fn number_in(path: &Path) -> u64 {
-    let mut text = String::new();
-    let read = open_regular(path).ok().and_then(|file| file.take(20).read_to_string(&mut text).ok());
-    read.and_then(|_| text.parse().ok()).unwrap_or(0)
+    read_text("lock", path, 20).ok().and_then(|text| text.parse().ok()).unwrap_or(0)
 }
 
 #[cfg(unix)]

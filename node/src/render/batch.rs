@@ -161,8 +161,11 @@ impl<'a> Batches<'a> {
             let is_whole = rest.is_empty();
             let touches = |&p: &usize| !self.plan.bricks[p].rect.intersect(&rect).is_empty();
             let bricks: Vec<usize> = unit.bricks.iter().copied().filter(touches).collect();
-            wanted.extend(bricks.iter().map(|&p| self.plan.bricks[p].wanted).map(|w| (w.key, w.bytes)));
-            brick_bytes = wanted.values().copied().fold(0, u64::saturating_add);
+            for &Wanted { key, bytes } in bricks.iter().map(|&p| &self.plan.bricks[p].wanted) {
+                if wanted.insert(key, bytes).is_none() {
+                    brick_bytes = brick_bytes.saturating_add(bytes);
+                }
+            }
             picture_bytes += pixels;
             samples += rect.pixel_count() as f64 * unit.samples_per_pixel;
             parts.push(Part { unit: at, rect, bricks });

@@ -116,6 +116,13 @@ impl StoreShape {
         ours.then(|| Manifest::from_bytes(&bytes).map_or_else(|_| Self::any(), |manifest| Self::of(&manifest)))
     }
 
+    /// A small one, for tests.
+    #[cfg(test)]
+    pub(super) fn small() -> Self {
+        let files = vec![MANIFEST_FILE, LABEL_IMAGE_FILE];
+        Self { files, arrays: vec![StoreArray::Labels], shards: UVec3::new(2, 1, 11) }
+    }
+
     /// `path` is below the store's folder, `/` between names.
     pub(super) fn has_file(&self, path: &str) -> bool {
         self.files.contains(&path) || self.shard_part(path).is_some_and(|indices| indices == 3)
@@ -144,17 +151,9 @@ impl StoreShape {
 mod tests {
     use super::*;
 
-    fn shape() -> StoreShape {
-        StoreShape {
-            files: vec![MANIFEST_FILE, LABEL_IMAGE_FILE],
-            arrays: vec![StoreArray::Labels],
-            shards: UVec3::new(2, 1, 11),
-        }
-    }
-
     #[test]
     fn only_what_a_store_has_is_known() {
-        let shape = shape();
+        let shape = StoreShape::small();
         for file in ["brickcast.json", "labels/regions/zarr.json", "labels/regions/0/c/10/0/1"] {
             assert!(shape.has_file(file) && !shape.has_folder(file), "{file}");
         }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::error::StoreError;
 use super::profile::MANIFEST_FILE;
 use super::store_files::StoreShape;
+use crate::shown::shown;
 
 /// How many of the things that are not the store's are named; the rest is counted.
 const NAMED: usize = 10;
@@ -38,7 +39,7 @@ impl Found {
                     Some(name) if within.is_empty() => name.to_owned(),
                     Some(name) => format!("{within}/{name}"),
                     None => {
-                        found.foreign.push(shown(&format!("{within}/{}", name.to_string_lossy())));
+                        found.foreign.push(shown(&format!("{within}/{}", name.to_string_lossy())).into_owned());
                         continue;
                     }
                 };
@@ -51,7 +52,7 @@ impl Found {
                     found.folders.push(path.clone());
                     open.push((path, within));
                 } else {
-                    found.foreign.push(shown(&if kind.is_dir() { format!("{within}/") } else { within }));
+                    found.foreign.push(shown(&if kind.is_dir() { format!("{within}/") } else { within }).into_owned());
                 }
             }
         }
@@ -114,25 +115,10 @@ pub fn stored_bytes(path: &Path) -> u64 {
     Found::below(path, &shape).map_or(0, |found| found.bytes)
 }
 
-/// Names are whatever someone called a file: harmless for a terminal.
-fn shown(name: &str) -> String {
-    name.chars().map(|c| if c.is_control() { '?' } else { c }).collect()
-}
-
 #[cfg(test)]
 mod tests {
-    use glam::UVec3;
-
-    use super::super::profile::{LABEL_IMAGE_FILE, StoreArray};
+    use super::super::profile::LABEL_IMAGE_FILE;
     use super::*;
-
-    fn shape() -> StoreShape {
-        StoreShape {
-            files: vec![MANIFEST_FILE, LABEL_IMAGE_FILE],
-            arrays: vec![StoreArray::Labels],
-            shards: UVec3::new(2, 1, 11),
-        }
-    }
 
     #[test]
     fn what_is_not_the_stores_is_named_counted_and_kept() {
@@ -147,15 +133,15 @@ mod tests {
         for n in 0..9 {
             fs::write(root.join(format!("x{n}")), b"").unwrap();
         }
-        let error = remove(&root, &shape()).unwrap_err().to_string();
-        for word in ["labels/a?[31m, pictures/, x0, x1", "and 1 more", "--force"] {
+        let error = remove(&root, &StoreShape::small()).unwrap_err().to_string();
+        for word in ["labels/a\\u{1b}[31m, pictures/, x0, x1", "and 1 more", "--force"] {
             assert!(error.contains(word), "{error}");
         }
         assert!(root.join("labels/regions/0/c/3/0/1").is_file() && root.join("pictures/of/mine").is_dir());
         fs::remove_dir_all(root.join("pictures")).unwrap();
         fs::remove_file(root.join("labels/a\x1b[31m")).unwrap();
         (0..9).for_each(|n| fs::remove_file(root.join(format!("x{n}"))).unwrap());
-        assert_eq!(remove(&root, &shape()).unwrap(), 6);
+        assert_eq!(remove(&root, &StoreShape::small()).unwrap(), 6);
         assert!(!root.exists());
     }
 
@@ -168,7 +154,7 @@ mod tests {
         fs::write(elsewhere.join("regions/0/c/0/0/0"), b"12").unwrap();
         fs::create_dir(&root).unwrap();
         std::os::unix::fs::symlink(&elsewhere, root.join("labels")).unwrap();
-        let error = remove(&root, &shape()).unwrap_err().to_string();
+        let error = remove(&root, &StoreShape::small()).unwrap_err().to_string();
         assert!(error.contains("labels (a link)"), "{error}");
         assert!(elsewhere.join("regions/0/c/0/0/0").is_file() && root.join("labels").is_symlink());
     }
