@@ -8,7 +8,7 @@ use brickcast_volume::store::{Fault, FaultKind, Inspected, inspect};
 use clap::Args;
 use serde_json::json;
 
-use super::{bytes, print, say};
+use super::{bytes, print, say, tell};
 use crate::failure::Failure;
 use crate::progress::Bar;
 use crate::source::short;
@@ -36,7 +36,7 @@ pub fn run(args: &VerifyArgs, quiet: bool) -> Result<(), Failure> {
         print(&format!("{:#}\n", as_json(&name, &found)))?;
     } else {
         for line in lines(&found.faults) {
-            print(&format!("{line}\n"))?;
+            tell(&format!("{line}\n"))?;
         }
     }
     if let Some(words) = summary(&found.faults) {
