@@ -153,6 +153,26 @@ fn the_cache_keeps_its_size_and_says_what_went() {
     assert!(output.status.code() == Some(2) && error(&output).contains("lots"), "{}", error(&output));
 }
 
+#[test]
+fn the_demos_volume_is_an_entry_of_the_cache_and_makes_room_for_the_next() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let demo = |dims: &str| {
+        let args =
+            ["demo", "--dims", dims, "--size", "32x32", "-o", "d.png", "--backend", "cpu", "--cache-size", "1MiB"];
+        brickcast_ok(at, &args)
+    };
+    let stores = || cached_stores(&at.join("cache"));
+    assert!(demo("48,48,48").contains("made a phantom part"));
+    let first = stores();
+    assert!(demo("48,48,48").contains("still there") && stores() == first);
+    assert!(demo("72,72,72").contains("made a phantom part"));
+    let second = stores();
+    assert!(second.len() == 1 && second != first, "{second:?}");
+    let names: Vec<_> = fs::read_dir(at.join("cache")).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert!(names.iter().all(|name| !name.to_string_lossy().contains("phantom-")), "{names:?}");
+}
+
 #[cfg(unix)]
 #[test]
 fn without_a_home_the_cache_is_a_folder_of_the_users_own_that_nobody_else_prepared() {

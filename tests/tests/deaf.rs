@@ -20,6 +20,7 @@ use brickcast_node::watch::Watch;
 use brickcast_node::{DataRoot, Node, NodeConfig, serve};
 use brickcast_proto::credentials::Badge;
 use brickcast_tests::process::{NodeProcess, brickcast, brickcast_command, brickcast_ok};
+use brickcast_tests::product::{Backend, raycaster};
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::regions::Density;
 use brickcast_volume::scene::Filter;
@@ -180,6 +181,32 @@ fn a_frame_of_hours_on(cores: &str, at: &Path) {
     let told = Instant::now();
     assert_eq!(node.terminate(), Some(0), "SIGTERM is not heeded");
     eprintln!("ended {:?} after SIGTERM", told.elapsed());
+}
+
+/// On the GPU a frame ends between two submissions; no other client waits longer than for one.
+#[test]
+fn a_frame_of_hours_on_the_gpu_is_shared_and_ended() {
+    if raycaster(Backend::Gpu, "a_frame_of_hours_on_the_gpu_is_shared_and_ended").is_none() {
+        return;
+    }
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    volume(at, "big", "128,128,128");
+    volume(at, "small", "48,40,36");
+    let node = NodeProcess::start(at, &["--backend", "gpu", "-q"]);
+    let long = Long::start(at, &node.address);
+    until_it_works(&node);
+    let args = ["render", "small", "-o", "s.png", "--size", "64x64", "--nodes", &node.address, "--no-manifest", "-q"];
+    let started = Instant::now();
+    brickcast_ok(at, &args);
+    eprintln!("another's render beside it: {:?}", started.elapsed());
+    assert!(started.elapsed() < SOON, "{:?}", started.elapsed());
+    let killed = Instant::now();
+    drop(long);
+    let idle = (killed.elapsed() + until_idle(&node)).as_millis();
+    eprintln!("idle {idle} ms after its client was killed");
+    assert!(idle < 1000, "{idle} ms");
 }
 
 /// A node that sends no tile for half of the deadline because it computes is not hanging.

@@ -1,17 +1,21 @@
 //! `brickcast demo`: from nothing to a picture, with what to try next.
 
+use std::cell::Cell;
 use std::path::Path;
 
 use anyhow::Context as _;
 use brickcast_volume::PictureSize;
 use brickcast_volume::camera::{Camera, Orbit};
+use brickcast_volume::format::RawHints;
+use brickcast_volume::leftovers::Listed;
 use brickcast_volume::phantom::{PhantomOptions, write_phantom};
 use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
-use brickcast_volume::store::{PrepareOptions, Store};
+use brickcast_volume::store::{PrepareOptions, STORE_VERSION, Store};
 use brickcast_volume::style::{Integration, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 
 use super::say;
+use crate::cache::{Key, Wanted};
 use crate::cli::DemoArgs;
 use crate::embedded::{EmbeddedNodes, Kernel};
 use crate::failure::Failure;
@@ -28,17 +32,8 @@ const BUDGET: u64 = 1 << 30;
 pub async fn run(args: DemoArgs, quiet: bool) -> Result<(), Failure> {
     let size = PictureSize::new(args.size.0, args.size.1).map_err(Failure::usage)?;
     OutputFormat::from_path(&args.output).map_err(Failure::usage)?;
-    let [x, y, z] = args.dims;
-    let folder = args.cache.ready()?.join(format!("demo-{}-{x}x{y}x{z}", env!("CARGO_PKG_VERSION")));
-    std::fs::create_dir_all(&folder).with_context(|| format!("{}: cannot be made", folder.display()))?;
-    let (nrrd, store) = (folder.join("phantom.nrrd"), folder.join("phantom.brickcast"));
-    let opened = match Store::open(&store) {
-        Ok(opened) if nrrd.is_file() => {
-            say(quiet, &format!("1. the phantom part of the last demo is still there: {}", store.display()))?;
-            opened
-        }
-        _ => make(&nrrd, &store, args.dims, quiet)?,
-    };
+    let opened = phantom_store(&args, quiet)?;
+    let store = opened.path().to_path_buf();
     let kernel = Kernel::open(args.backend)?;
     let (backend, adapter, notes) = kernel.describe();
     for note in notes {
@@ -71,20 +66,49 @@ pub async fn run(args: DemoArgs, quiet: bool) -> Result<(), Failure> {
     if frame.complete { Ok(()) } else { Err(Failure::Incomplete(frame.problems.join("; "))) }
 }
 
-fn make(nrrd: &Path, store: &Path, dims: [u32; 3], quiet: bool) -> Result<Store, Failure> {
-    let options = PhantomOptions { dims, force: true, ..PhantomOptions::default() };
+/// The phantom part's store, an entry of the cache as any other: made under its lock, counted and removed with the rest.
+fn phantom_store(args: &DemoArgs, quiet: bool) -> Result<Store, Failure> {
+    let cache = args.cache.open()?;
+    let phantom = PhantomOptions { dims: args.dims, force: true, ..PhantomOptions::default() };
+    let words = format!("{phantom:?}|{}|{STORE_VERSION}", env!("CARGO_PKG_VERSION"));
+    let made = Cell::new(false);
+    let store = cache.obtain(&Wanted {
+        input: Path::new("demo"),
+        // 16 bits a voxel, as if nothing could be compressed.
+        bytes: args.dims.iter().map(|&n| u64::from(n)).product::<u64>() * 2,
+        key: &|| Key::new(Path::new("demo"), &[], &words),
+        make: &|target| {
+            made.set(true);
+            make(target, &phantom, quiet)
+        },
+    })?;
+    if !made.get() {
+        say(quiet, &format!("1. the phantom part of an earlier demo is still there: {}", store.path().display()))?;
+    }
+    Ok(store)
+}
+
+/// Writes the phantom to a file beside `target`, and prepares that.
+fn make(target: &Path, phantom: &PhantomOptions, quiet: bool) -> Result<(), Failure> {
+    let beside = target.with_extension(format!("phantom-{}", std::process::id()));
+    let (_, listed) = Listed::making(&beside, || std::fs::create_dir(&beside))
+        .with_context(|| format!("{}: cannot be made", beside.display()))?;
+    let result = make_beside(&beside.join("phantom.nrrd"), target, phantom, quiet);
+    // What cannot be removed is in nobody's way.
+    let _ = listed.settle(|| std::fs::remove_dir_all(&beside));
+    result
+}
+
+fn make_beside(nrrd: &Path, target: &Path, phantom: &PhantomOptions, quiet: bool) -> Result<(), Failure> {
     let bar = Bar::new("phantom");
-    write_phantom(nrrd, &options, &mut |done, total| bar.at(done, total))?;
+    write_phantom(nrrd, phantom, &mut |done, total| bar.at(done, total))?;
     bar.finish();
-    let [x, y, z] = dims;
-    say(
-        quiet,
-        &format!("1. made a phantom part with {} pores, {x} x {y} x {z} voxels: {}", options.pores, nrrd.display()),
-    )?;
+    let ([x, y, z], pores) = (phantom.dims, phantom.pores);
+    say(quiet, &format!("1. made a phantom part with {pores} pores, {x} x {y} x {z} voxels"))?;
     let options = PrepareOptions { force: true, ..PrepareOptions::default() };
-    let summary = prepare_input(nrrd, &Default::default(), store, &options)?;
-    say(quiet, &format!("   and prepared it as {} bricks: {}", summary.manifest.grid.brick_count(), store.display()))?;
-    Ok(Store::open(store)?)
+    let summary = prepare_input(nrrd, &RawHints::default(), target, &options)?;
+    let bricks = summary.manifest.grid.brick_count();
+    say(quiet, &format!("   and prepared it as {bricks} bricks: {}", target.display()))
 }
 
 /// Translucent metal: surfaces glow where the value passes through the partial volume, pores show through.
