@@ -7,7 +7,7 @@ use brickcast_volume::scene::{Leap, Scene, Transport};
 use brickcast_volume::transfer_function::TransferTable;
 use serde::Serialize;
 
-use crate::output::Picture;
+use crate::picture::Picture;
 use crate::plan::StoreFacts;
 
 /// Two pictures compared, channels premultiplied in 0..=1.

@@ -10,7 +10,7 @@ use brickcast_volume::{PictureSize, Premul, TreeNode};
 use rayon::prelude::*;
 
 use crate::ledger::{Ledger, TilePixels};
-use crate::output::{OutputError, Picture};
+use crate::picture::{Picture, PictureError};
 
 /// Joins everything that the ledger holds, in visibility order from `from`. The pixels of a projection stay codes.
 ///
@@ -22,7 +22,7 @@ pub fn blend(
     from: Viewpoint,
     size: PictureSize,
     mode: Mode,
-) -> Result<Picture, OutputError> {
+) -> Result<Picture, PictureError> {
     // Only subtrees that hold a layer are worth a visit.
     let mut on_the_way: HashSet<TreeNode> = HashSet::new();
     for layer in ledger.layers() {
@@ -73,7 +73,7 @@ pub fn classified(
     mode: Mode,
     function: &TransferFunction,
     (lo, hi): (f64, f64),
-) -> Result<Picture, OutputError> {
+) -> Result<Picture, PictureError> {
     if mode == Mode::Composite {
         return Ok(picture);
     }

@@ -6,15 +6,17 @@ use std::time::Duration;
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 
 use crate::accel_args::AccelArgs;
-use crate::access::AccessArgs;
+use crate::access_args::AccessArgs;
 use crate::balance_args::BalanceArgs;
 use crate::balance_choice::BalanceChoice;
 use crate::bench_args::BenchArgs;
+use crate::cache_args::CacheArgs;
 use crate::camera_path::CameraPath;
-use crate::cli_values::{byte_size, deadline, pair, picture_size, triple};
+use crate::cli_values::{deadline, pair, picture_size, triple};
 use crate::command::config::ConfigArgs;
 use crate::command::tls::TlsArgs;
 use crate::command::verify::VerifyArgs;
+use crate::embedded::BackendChoice;
 use crate::failure::EXIT_CODES;
 use crate::region_args::RegionArgs;
 use crate::style_args::StyleArgs;
@@ -167,16 +169,6 @@ pub struct InfoArgs {
     pub raw: RawArgs,
 }
 
-#[derive(Debug, Clone, Args)]
-pub struct CacheArgs {
-    /// Where inputs are prepared on the way; reused while unchanged [default: the user's cache folder]
-    #[arg(long, value_name = "DIR", env = "BRICKCAST_CACHE_DIR")]
-    pub cache_dir: Option<PathBuf>,
-    /// The most that they may take there; those that were not used for longest make room
-    #[arg(long, value_name = "SIZE", env = "BRICKCAST_CACHE_SIZE", value_parser = byte_size, default_value = "50GiB")]
-    pub cache_size: String,
-}
-
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub enum BackendArg {
     /// The GPU where a driver is found, else the CPU, saying so
@@ -184,6 +176,17 @@ pub enum BackendArg {
     Auto,
     Gpu,
     Cpu,
+}
+
+impl BackendArg {
+    /// What nodes inside this process are asked for.
+    pub(crate) fn choice(self) -> BackendChoice {
+        match self {
+            Self::Auto => BackendChoice::Auto,
+            Self::Gpu => BackendChoice::Gpu,
+            Self::Cpu => BackendChoice::Cpu,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]

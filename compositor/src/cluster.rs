@@ -13,18 +13,24 @@ use brickcast_volume::{Epoch, SessionId, StoreHash};
 use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, JoinSet};
 
+use crate::cluster_error::ClusterError;
 use crate::dial::Dial;
 use crate::discovery::{NodeList, Target};
 use crate::follow::{Arrival, Follower, News, Outlook, SharedOutlook};
 use crate::service::{NodeClient, NodeError};
-use crate::session::StoreChoice;
-use crate::session_error::SessionError;
-use crate::stats::NodeFrame;
-use crate::worker::Worker;
 
 /// How often a node is asked at the start, where its answers are lost on the way, and the pause before it is asked again.
 const FIRST_CALLS: u32 = 3;
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
+
+/// Which store is rendered.
+#[derive(Debug, Clone)]
+pub enum StoreChoice {
+    /// A local store: nodes are asked for its hash.
+    Hash(StoreHash),
+    /// A name that the nodes know; the client needs no data.
+    Name(String),
+}
 
 /// A node that serves.
 #[derive(Debug)]
@@ -75,9 +81,9 @@ impl Cluster {
         mut list: NodeList,
         dial: &Dial,
         choice: &StoreChoice,
-    ) -> Result<(Self, StoreDescription), SessionError> {
+    ) -> Result<(Self, StoreDescription), ClusterError> {
         if list.is_empty() {
-            return Err(SessionError::NoNodes);
+            return Err(ClusterError::NoNodes);
         }
         let (targets, problems) = list.resolve().await;
         let mut reasons: Vec<String> = problems.iter().map(ToString::to_string).collect();
@@ -89,10 +95,10 @@ impl Cluster {
         let mut fault = None;
         for (target, answer) in targets.into_iter().zip(answers) {
             let was_reached = matches!(&answer, Err(error) if error.was_reached);
-            let answer = answer.map_err(|failed| SessionError::from(failed.error));
+            let answer = answer.map_err(|failed| ClusterError::from(failed.error));
             let answer = match answer.and_then(|first| agree(&slots, &target, first)) {
                 Err(error) if target.explicit && !was_reached => return Err(error),
-                Err(SessionError::SameNode { .. }) => continue,
+                Err(ClusterError::SameNode { .. }) => continue,
                 Err(error) if target.explicit => {
                     tracing::warn!("left out for now: {error}");
                     let why = error.to_string();
@@ -109,7 +115,7 @@ impl Cluster {
             slots.push((target, answer));
         }
         let store = slots.iter().find_map(|(_, answer)| answer.as_ref().ok()).map(|(_, _, store)| store.clone());
-        let Some(store) = store else { return Err(fault.unwrap_or(SessionError::NoneServes(reasons))) };
+        let Some(store) = store else { return Err(fault.unwrap_or(ClusterError::NoneServes(reasons))) };
         let (tell, news) = mpsc::unbounded_channel();
         let (wanted, lost) = mpsc::unbounded_channel();
         let outlook = SharedOutlook::default();
@@ -188,13 +194,9 @@ impl Cluster {
         self.slots.iter().filter_map(|slot| slot.member.as_ref().err().cloned()).collect()
     }
 
-    /// The nodes as a frame sees them, in the order of the table.
-    pub(crate) fn workers(&self) -> Vec<Worker> {
-        let worker = |Slot { target, member }: &Slot| match member {
-            Ok(m) => Worker::present(target.clone(), m.client.clone(), NodeFrame::new(&target.address, &m.description)),
-            Err(why) => Worker::absent(target.clone(), why.clone(), NodeFrame::default()),
-        };
-        self.slots.iter().map(worker).collect()
+    /// The table: every node that is known, whether it is there or not.
+    pub(crate) fn table(&self) -> &[Slot] {
+        &self.slots
     }
 
     /// What nodes that come would be given.
@@ -301,15 +303,15 @@ fn new_session() -> SessionId {
 }
 
 /// A node is named once, and all have the same content.
-fn agree(slots: &[(Target, Result<First, String>)], target: &Target, first: First) -> Result<First, SessionError> {
+fn agree(slots: &[(Target, Result<First, String>)], target: &Target, first: First) -> Result<First, ClusterError> {
     let mut serving = slots.iter().filter_map(|(t, answer)| Some((t, answer.as_ref().ok()?)));
     let (_, description, store) = &first;
     if let Some((other, _)) = serving.clone().find(|(_, (_, d, _))| d.node_id == description.node_id) {
         let (first, second) = (other.address.clone(), target.address.clone());
-        return Err(SessionError::SameNode { first, second, node_id: description.node_id.clone() });
+        return Err(ClusterError::SameNode { first, second, node_id: description.node_id.clone() });
     }
     match serving.next() {
-        Some((other, (_, _, theirs))) if theirs.hash != store.hash => Err(SessionError::OtherContent {
+        Some((other, (_, _, theirs))) if theirs.hash != store.hash => Err(ClusterError::OtherContent {
             name: store.name.clone(),
             first: other.address.clone(),
             first_hash: theirs.hash,

@@ -47,6 +47,14 @@ impl Dial {
     }
 }
 
+impl Access {
+    /// Connections that show it.
+    #[must_use]
+    pub fn dial(&self) -> Dial {
+        Dial::with(self.clone(), self.patience.unwrap_or(LOAD_DEADLINE))
+    }
+}
+
 impl Default for Dial {
     /// TCP, showing nothing.
     fn default() -> Self {

@@ -13,11 +13,11 @@ use tokio::time::Instant;
 
 use crate::collect::{Event, collect};
 use crate::dial::Dial;
+use crate::frame_error::FrameError;
 use crate::ledger::{Ledger, LedgerError, Ticket, Verdict, Void};
+use crate::node_frame::{LostNode, NodeFrame};
 use crate::plan::{Assignment, InView, Shown};
 use crate::service::{NodeClient, NodeError};
-use crate::session_error::SessionError;
-use crate::stats::{LostNode, NodeFrame};
 use crate::worker::Worker;
 
 /// How long a complete frame waits for receipts: they only tell what it cost.
@@ -118,7 +118,7 @@ pub(crate) async fn run(
     (shown, in_view): (&Shown, &InView),
     table: &Assignment,
     dial: &Dial,
-) -> Result<FrameEnd, SessionError> {
+) -> Result<FrameEnd, FrameError> {
     let (events, mut inbox) = mpsc::channel(EVENTS);
     let mut run = Run {
         order,
@@ -288,7 +288,7 @@ impl Run<'_> {
     }
 
     /// Orders what nobody renders from those that can; calls the lost again where nobody can.
-    fn deal(&mut self, now: Instant) -> Result<(), SessionError> {
+    fn deal(&mut self, now: Instant) -> Result<(), FrameError> {
         // After every event: nearly always there is nothing.
         if self.ledger.unordered().is_empty() {
             return Ok(());
@@ -315,7 +315,7 @@ impl Run<'_> {
         }
         if self.calls.is_empty() {
             let why = self.workers.iter().filter_map(|w| w.out.clone()).collect();
-            return Err(SessionError::NoNodeLeft(why));
+            return Err(FrameError::NoNodeLeft(why));
         }
         Ok(())
     }

@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, HashMap};
 use brickcast_proto::{LayerOrder, TileRect};
 use brickcast_volume::{Epoch, FrameId, Premul, TreeNode};
 
-pub use unordered::Unordered;
+use crate::plan::Unordered;
 
 /// Pixels of a tile, row-major, clipped to the picture.
 pub type TilePixels = Vec<Premul>;
@@ -241,8 +241,6 @@ fn related(a: TreeNode, b: TreeNode) -> bool {
     let shallow = da.min(db);
     a.0 >> (da - shallow) == b.0 >> (db - shallow)
 }
-
-mod unordered;
 
 #[cfg(test)]
 mod property;

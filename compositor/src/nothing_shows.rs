@@ -7,7 +7,7 @@ use brickcast_volume::transfer_function::TransferFunction;
 use brickcast_volume::{Geometry, OwnedBox, Premul, View};
 use glam::{DMat3, DVec3, DVec4, UVec3};
 
-use crate::output::Picture;
+use crate::picture::Picture;
 use crate::preset_fit::values_of;
 
 /// Less alpha than this is 0 in eight bits.

@@ -7,35 +7,30 @@ use brickcast_proto::{NodeDescription, StoreDescription};
 use brickcast_volume::scene::{Acceleration, RegionView, Scene, Transport};
 use brickcast_volume::style::Style;
 use brickcast_volume::transfer_function::TransferFunction;
-use brickcast_volume::{Epoch, FrameId, StoreHash, View};
+use brickcast_volume::{Epoch, FrameId, View};
 use futures_util::future::join_all;
 
 use crate::balance::{Mode, Settings};
 use crate::balanced::Balanced;
 use crate::blend::{blend, classified};
 use crate::cluster::Cluster;
+pub use crate::cluster::StoreChoice;
+use crate::cluster_error::ClusterError;
 use crate::dial::Dial;
 use crate::discovery::NodeList;
 use crate::follow::Outlook;
 use crate::frame::{self, FrameOrder};
-use crate::output::Picture;
+use crate::frame_error::FrameError;
+use crate::picture::Picture;
 use crate::plan::{Assignment, InView, Shown, StoreFacts};
 pub use crate::session_error::SessionError;
 use crate::stats::{FrameFaults, FrameStats, LoadStats};
+use crate::worker;
 
 /// Between two attempts to load on a node that is busy.
 const BUSY_PAUSE: Duration = Duration::from_millis(250);
 /// A node that is busy for longer does not get to load: the others take its share.
 const BUSY_LIMIT: Duration = Duration::from_secs(60);
-
-/// Which store a session renders.
-#[derive(Debug, Clone)]
-pub enum StoreChoice {
-    /// A local store: nodes are asked for its hash.
-    Hash(StoreHash),
-    /// A name that the nodes know; the client needs no data.
-    Name(String),
-}
 
 /// A frame, complete or marked as not.
 #[derive(Debug)]
@@ -104,7 +99,8 @@ impl Session {
     /// # Errors
     /// As [`Session::open`].
     pub async fn open_through(dial: Dial, nodes: &[String], choice: StoreChoice) -> Result<Self, SessionError> {
-        let (cluster, store) = Cluster::open(NodeList::parse(nodes)?, &dial, &choice).await?;
+        let (cluster, store) =
+            Cluster::open(NodeList::parse(nodes).map_err(ClusterError::Discovery)?, &dial, &choice).await?;
         let balance = Settings { mode: Mode::Off, ..Settings::default() };
         let store = facts(&store);
         Ok(Self { cluster, dial, store, next_frame: 1, fixed: None, planned: None, balance, balanced: None })
@@ -194,7 +190,7 @@ impl Session {
                 }
             }
             if self.cluster.members().next().is_none() {
-                return Err(SessionError::NoNodeLeft(self.cluster.reasons()));
+                return Err(FrameError::NoNodeLeft(self.cluster.reasons()).into());
             }
             tokio::time::sleep(pause).await;
             if !again {
@@ -246,7 +242,7 @@ impl Session {
             transport,
             deadline,
         };
-        let workers = self.cluster.workers();
+        let workers = worker::of(&self.cluster);
         let end = frame::run(&order, workers, (&shown, &in_view), table, &self.dial).await?;
         let complete = end.ledger.is_complete();
         let clean = complete && end.reissued == 0 && end.lost.is_empty();
@@ -258,7 +254,7 @@ impl Session {
         let (ledger, tree, from, size) = (end.ledger, self.store.tree(), view.viewpoint(), scene.size);
         let (mode, function, range) = (scene.style.mode, scene.transfer_function.clone(), self.store.manifest.range);
         let join = move || classified(blend(&ledger, &tree, from, size, mode)?, mode, &function, range);
-        let picture = tokio::task::spawn_blocking(join).await??;
+        let picture = tokio::task::spawn_blocking(join).await.map_err(FrameError::Task)??;
         let frame_ms = started.elapsed().as_secs_f64() * 1e3;
         let lost = end.lost.into_iter().map(|(_, lost)| lost).collect();
         let faults = FrameFaults { epoch: epoch.0, reissued: end.reissued, lost };

@@ -4,7 +4,6 @@ use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::anyhow;
-use brickcast_volume::StoreHash;
 use brickcast_volume::brick::BrickGrid;
 use brickcast_volume::format::{self, RawHints};
 use brickcast_volume::store::{Manifest, Phase, PrepareOptions, PrepareSummary, STORE_VERSION, Store, prepare, survey};
@@ -107,7 +106,7 @@ impl OnTheWayArgs {
         let version = env!("CARGO_PKG_VERSION");
         let (brick, regions) = (self.brick, &options.regions);
         let words = format!("{brick}|{range:?}|{:?}|{regions:?}|{version}|{STORE_VERSION}", self.raw);
-        self.cache.open()?.obtain(&Wanted {
+        let store = self.cache.open()?.obtain(&Wanted {
             input,
             bytes,
             key: &|| {
@@ -115,7 +114,8 @@ impl OnTheWayArgs {
                 Key::new(input, &files, &words)
             },
             make: &|target| prepare_input(input, &hints, target, &options).map(drop),
-        })
+        })?;
+        Ok(store)
     }
 }
 
@@ -142,7 +142,7 @@ pub fn prepare_input(
     hints: &RawHints,
     target: &Path,
     options: &PrepareOptions,
-) -> Result<PrepareSummary, Failure> {
+) -> anyhow::Result<PrepareSummary> {
     let mut source = format::open(input, hints)?;
     let bar = Bar::new(&format!("preparing {}", input.display()));
     let options = PrepareOptions {
@@ -184,10 +184,4 @@ impl Source {
             Self::Name(name) => crate::session::StoreChoice::Name(name.clone()),
         }
     }
-}
-
-/// For messages.
-#[must_use]
-pub fn short(hash: StoreHash) -> String {
-    hash.to_string().chars().take(12).collect()
 }

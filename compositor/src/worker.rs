@@ -5,10 +5,11 @@ use std::time::Duration;
 use brickcast_proto::NodeState;
 use tokio::time::Instant;
 
+use crate::cluster::{Cluster, Slot};
 use crate::dial::Dial;
 use crate::discovery::Target;
+use crate::node_frame::NodeFrame;
 use crate::service::{NodeClient, NodeError};
-use crate::stats::NodeFrame;
 
 /// How long a busy node is left alone at first, and at most.
 const PAUSE: (Duration, Duration) = (Duration::from_millis(50), Duration::from_secs(1));
@@ -18,6 +19,15 @@ const CALLS_AGAIN: u32 = 3;
 const CALL_PAUSE: Duration = Duration::from_millis(250);
 /// Connections to one node that may be closed over cancelled calls within one frame.
 const CALMED: u32 = 3;
+
+/// The nodes as a frame sees them, in the order of the table.
+pub(crate) fn of(cluster: &Cluster) -> Vec<Worker> {
+    let worker = |Slot { target, member }: &Slot| match member {
+        Ok(m) => Worker::present(target.clone(), m.client.clone(), NodeFrame::new(&target.address, &m.description)),
+        Err(why) => Worker::absent(target.clone(), why.clone(), NodeFrame::default()),
+    };
+    cluster.table().iter().map(worker).collect()
+}
 
 /// A node in one frame.
 #[derive(Debug)]
@@ -40,12 +50,12 @@ pub(crate) struct Worker {
 
 impl Worker {
     /// A node of the table.
-    pub(crate) fn present(target: Target, client: NodeClient, stat: NodeFrame) -> Self {
+    fn present(target: Target, client: NodeClient, stat: NodeFrame) -> Self {
         Self { client: Some(client), in_table: true, out: None, ..Self::absent(target, String::new(), stat) }
     }
 
     /// A node that is known, and was not there when the frame began.
-    pub(crate) fn absent(target: Target, why: String, stat: NodeFrame) -> Self {
+    fn absent(target: Target, why: String, stat: NodeFrame) -> Self {
         Self {
             target,
             client: None,

@@ -188,7 +188,7 @@ fn views_and_region_transfer_functions_split_the_picture() {
                     one.region_view = view;
                     pictures.push(rig.render(&one).await.picture);
                 }
-                let alpha = |p: &brickcast::output::Picture| p.pixels().iter().map(|p| f64::from(p.a)).sum::<f64>();
+                let alpha = |p: &brickcast::picture::Picture| p.pixels().iter().map(|p| f64::from(p.a)).sum::<f64>();
                 let [all, regions, residual] = [0, 1, 2].map(|i| alpha(&pictures[i]));
                 assert!(
                     regions > 0.0 && residual > 0.0 && all > regions && all > residual,

@@ -10,9 +10,8 @@ use brickcast_volume::{Camera, Epoch, FrameId, Orbit, PictureSize};
 
 use super::*;
 use crate::balance::LoadBy;
-use crate::cli::BackendArg;
 use crate::discovery::NodeList;
-use crate::embedded::{EmbeddedNodes, Kernel};
+use crate::embedded::{BackendChoice, EmbeddedNodes, Kernel};
 use crate::ledger::{Ledger, Ticket};
 use crate::session::StoreChoice;
 
@@ -58,7 +57,7 @@ async fn what_is_shared_out_is_ordered_whole_from_the_first_moment() {
     let folder = tempfile::tempdir().unwrap();
     let store = store(folder.path());
     let scene = scene(&store);
-    let kernel = Kernel::open(BackendArg::Cpu).unwrap();
+    let kernel = Kernel::open(BackendChoice::Cpu).unwrap();
     let nodes = EmbeddedNodes::start(&kernel, NODES, &store.path(), 1 << 28).await.unwrap();
     let (list, choice) = (NodeList::parse(&nodes.addresses()).unwrap(), StoreChoice::Hash(store.hash()));
     let (mut cluster, _) = Cluster::open(list, &nodes.dial(), &choice).await.unwrap();

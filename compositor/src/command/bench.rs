@@ -6,15 +6,16 @@ use brickcast_volume::store::Store;
 use comfy_table::Table;
 use serde_json::json;
 
-use super::{bench_table, say, tell};
+use super::bench_table;
 use crate::bench_args::BenchArgs;
-use crate::cli::BackendArg;
-use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
+use crate::embedded::{BackendChoice, EmbeddedNodes, Kernel, parse_size};
 use crate::failure::Failure;
 use crate::output::write_json;
+use crate::say::{say, tell};
 use crate::scene_args::SceneChoice;
 use crate::session::Session;
 use crate::source::Source;
+use crate::words::bytes;
 
 struct Row {
     backend: &'static str,
@@ -49,7 +50,7 @@ pub async fn run(args: BenchArgs, quiet: bool) -> Result<(), Failure> {
     }
     let mut rows = Vec::new();
     let mut adapters = Vec::new();
-    for backend in [BackendArg::Gpu, BackendArg::Cpu] {
+    for backend in [BackendChoice::Gpu, BackendChoice::Cpu] {
         let kernel = match Kernel::open(backend) {
             Ok(kernel) => kernel,
             Err(error) => {
@@ -125,7 +126,7 @@ fn report(args: &BenchArgs, store: &Store, rows: &[Row], adapters: &[serde_json:
             format!("{per_core:.1}"),
             format!("{ratio:.2}"),
             format!("{:.0}", row.load_ms),
-            super::bytes(row.bytes_received),
+            bytes(row.bytes_received),
         ]);
         list.push(json!({
             "backend": row.backend, "nodes": row.nodes, "frame_ms": row.frame_ms, "samples": row.samples,

@@ -9,11 +9,12 @@ use comfy_table::Table;
 use serde::Serialize;
 use serde_json::json;
 
-use super::tell;
 use crate::bench_args::BenchArgs;
 use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
 use crate::failure::Failure;
-use crate::output::{Picture, write_json};
+use crate::output::write_json;
+use crate::picture::Picture;
+use crate::say::tell;
 use crate::session::{Session, StoreChoice};
 use crate::source::Source;
 use crate::style_args::{IntegrationArg, LightingArg, ShadingArg};
@@ -53,7 +54,7 @@ struct Timed {
 /// As a render.
 pub(super) async fn run(args: &BenchArgs) -> Result<(), Failure> {
     let budget = parse_size(&args.memory_budget).map_err(|e| Failure::usage(anyhow!(e)))?;
-    let kernel = Kernel::open(args.backend)?;
+    let kernel = Kernel::open(args.backend.choice())?;
     let (backend, adapter, _) = kernel.describe();
     let Source::Store(store) = args.prepare.open(&args.path, false)? else {
         return Err(anyhow!("{}: no such store", args.path.display()).into());

@@ -10,12 +10,13 @@ use comfy_table::Table;
 use serde::Serialize;
 use serde_json::json;
 
-use super::{say, tell};
 use crate::accel_args::AccelArg;
 use crate::bench_args::BenchArgs;
 use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
 use crate::failure::Failure;
-use crate::output::{Picture, write_json};
+use crate::output::write_json;
+use crate::picture::Picture;
+use crate::say::{say, tell};
 use crate::session::{Session, StoreChoice};
 use crate::source::Source;
 
@@ -78,7 +79,7 @@ pub async fn run(args: &BenchArgs, which: TableArg, quiet: bool) -> Result<(), F
         return Err(Failure::usage(anyhow!("--ranges: every segmentation range must lie between 0 and 1")));
     }
     let budget = parse_size(&args.memory_budget).map_err(|e| Failure::usage(anyhow!(e)))?;
-    let kernel = Kernel::open(args.backend)?;
+    let kernel = Kernel::open(args.backend.choice())?;
     let (backend, adapter, notes) = kernel.describe();
     for note in notes {
         say(quiet, note)?;

@@ -5,10 +5,11 @@ use clap::Args;
 use comfy_table::Table;
 use serde_json::{Value, json};
 
-use super::{print, tell};
-use crate::cli::{CacheArgs, NodeArgs};
+use crate::cache_args::CacheArgs;
+use crate::cli::NodeArgs;
 use crate::failure::Failure;
 use crate::invocation::{Origin, Origins};
+use crate::say::{print, tell};
 use crate::service::LOAD_DEADLINE;
 
 /// The flags of which it tells, so that a command line can be tried out.

@@ -11,12 +11,12 @@ use brickcast_volume::store::{PrepareOptions, Store};
 use brickcast_volume::style::{Integration, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 
-use super::say;
 use crate::cli::DemoArgs;
 use crate::embedded::{EmbeddedNodes, Kernel};
 use crate::failure::Failure;
 use crate::output::{FrameOptions, FrameWriter, OutputFormat, hatched, write_manifest};
 use crate::progress::Bar;
+use crate::say::say;
 use crate::scene_args::SceneChoice;
 use crate::session::{Session, StoreChoice};
 use crate::source::prepare_input;
@@ -39,7 +39,7 @@ pub async fn run(args: DemoArgs, quiet: bool) -> Result<(), Failure> {
         }
         _ => make(&nrrd, &store, args.dims, quiet)?,
     };
-    let kernel = Kernel::open(args.backend)?;
+    let kernel = Kernel::open(args.backend.choice())?;
     let (backend, adapter, notes) = kernel.describe();
     for note in notes {
         say(quiet, note)?;

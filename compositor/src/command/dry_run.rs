@@ -4,14 +4,17 @@ use brickcast_volume::View;
 use brickcast_volume::store::Store;
 use comfy_table::Table;
 
-use super::{access, bytes};
 use crate::cli::RenderArgs;
+use crate::cluster_error::ClusterError;
 use crate::discovery::NodeList;
+use crate::embedded::planned_bytes;
 use crate::failure::Failure;
 use crate::nothing_shows;
-use crate::plan::{Assignment, Shown, StoreFacts, planned_bytes};
-use crate::session::{Session, SessionError};
+use crate::plan::{Assignment, Shown, StoreFacts};
+use crate::say;
+use crate::session::Session;
 use crate::source::{Source, tell};
+use crate::words::bytes;
 
 /// Of a resident voxel; 4 on GPUs without normalised 16-bit textures.
 const TEXEL_BYTES: u64 = 2;
@@ -29,8 +32,7 @@ pub async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -> Resul
             (local_facts(&store), names, budgets)
         }
         Source::Name(_) => {
-            let session =
-                Session::open_through(access(&args.nodes.access)?, &args.nodes.nodes, source.choice()).await?;
+            let session = Session::open_through(args.nodes.access.dial()?, &args.nodes.nodes, source.choice()).await?;
             tell(&args.path, &session.store().manifest);
             let (names, budgets) = session.members().map(|(address, d)| (address.to_owned(), d.memory_budget)).unzip();
             (session.store().clone(), names, budgets)
@@ -69,7 +71,7 @@ pub async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -> Resul
         ]);
     }
     let d = geometry.dims();
-    super::tell(&format!(
+    say::tell(&format!(
         "{} x {} x {} voxels in {} bricks of {}^3; {} of them are shown by the transfer function\n\
          {} chunks of {}^3 bricks\n{out}\n",
         d.x,
@@ -88,7 +90,7 @@ async fn found(words: &[String]) -> Result<Vec<String>, Failure> {
     let (targets, problems) = NodeList::parse(words).map_err(Failure::usage)?.resolve().await;
     problems.iter().for_each(|problem| tracing::warn!("{problem}"));
     match targets.is_empty() {
-        true => Err(SessionError::NoneServes(problems.iter().map(ToString::to_string).collect()).into()),
+        true => Err(ClusterError::NoneServes(problems.iter().map(ToString::to_string).collect()).into()),
         false => Ok(targets.into_iter().map(|t| t.address).collect()),
     }
 }

@@ -6,9 +6,9 @@ use brickcast_volume::store::{Manifest, QUANTILES, Store};
 use brickcast_volume::{Geometry, MergeTree};
 use serde_json::{Value, json};
 
-use super::{print, region_words, tell};
 use crate::cli::InfoArgs;
 use crate::failure::Failure;
+use crate::say::{print, region_words, tell};
 use crate::source::{Surveyed, surveyed};
 
 /// # Errors

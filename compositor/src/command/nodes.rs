@@ -5,11 +5,12 @@ use brickcast_volume::shown::shown;
 use comfy_table::Table;
 use serde_json::json;
 
-use super::{access, bytes, print, tell};
 use crate::cli::NodesArgs;
 use crate::discovery::NodeList;
 use crate::failure::Failure;
+use crate::say::{print, tell};
 use crate::service::NodeError;
+use crate::words::bytes;
 
 /// Asks every node; those that do not answer are listed with the reason, and make the command fail.
 ///
@@ -23,7 +24,7 @@ pub async fn run(args: NodesArgs) -> Result<(), Failure> {
         )));
     }
     let (targets, problems) = list.resolve().await;
-    let dial = access(&args.access)?;
+    let dial = args.access.dial()?;
     let answers = futures_util::future::join_all(targets.iter().map(async |target| {
         let mut node = dial.connect(target.clone()).await?;
         node.describe().await

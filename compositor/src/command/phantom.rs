@@ -2,10 +2,11 @@
 
 use brickcast_volume::phantom::{PhantomOptions, write_phantom};
 
-use super::{bytes, say};
 use crate::cli::PhantomArgs;
 use crate::failure::Failure;
 use crate::progress::Bar;
+use crate::say::say;
+use crate::words::bytes;
 
 /// # Errors
 /// As [`write_phantom`].

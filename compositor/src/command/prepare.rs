@@ -6,10 +6,12 @@ use brickcast_volume::brick::BrickGrid;
 use brickcast_volume::shown::shown;
 use brickcast_volume::store::PrepareOptions;
 
-use super::{bytes, region_words, say};
 use crate::cli::PrepareArgs;
 use crate::failure::Failure;
-use crate::source::{prepare_input, short};
+use crate::say::{region_words, say};
+use crate::source::prepare_input;
+use crate::words::bytes;
+use crate::words::short;
 
 /// # Errors
 /// Usage for a brick size that cannot be; as the reader and the writer.

@@ -10,7 +10,6 @@ use brickcast_volume::style::Mode;
 use brickcast_volume::transfer_function::TransferFunction;
 use serde_json::json;
 
-use super::{access, background, bytes, say};
 use crate::audit::{self, Audit};
 use crate::balance_choice::BalanceArg;
 use crate::cli::{NodeArgs, RenderArgs};
@@ -20,10 +19,13 @@ use crate::failure::Failure;
 use crate::nothing_shows::{self, Outlook};
 use crate::output::{FrameOptions, FrameWriter, MAX_FRAMES, OutputFormat, hatched, write_json, write_manifest};
 use crate::output_paths::RenderPaths;
+use crate::say::say;
 use crate::scene_args::SceneChoice;
 use crate::session::{Frame, Session};
-use crate::source::{Source, short};
+use crate::source::Source;
 use crate::table_note::table_note;
+use crate::words::bytes;
+use crate::words::short;
 use crate::{stats, style_json};
 
 /// # Errors
@@ -83,6 +85,19 @@ fn check(args: &RenderArgs) -> Result<(), Failure> {
     }
 }
 
+/// The colour `--background R,G,B` names.
+///
+/// # Errors
+/// Usage: channels outside 0..=1.
+fn background(rgb: Option<[f64; 3]>) -> Result<Option<[f32; 3]>, Failure> {
+    match rgb {
+        Some([r, g, b]) if [r, g, b].iter().any(|v| !(0.0..=1.0).contains(v)) => {
+            Err(Failure::usage(anyhow!("--background {r},{g},{b}: channels must lie between 0 and 1")))
+        }
+        other => Ok(other.map(|c| c.map(|v| v as f32))),
+    }
+}
+
 fn paths(args: &RenderArgs) -> RenderPaths<'_> {
     let is_one_file =
         args.output.as_ref().is_some_and(|path| OutputFormat::from_path(path).ok() == Some(OutputFormat::Apng));
@@ -110,12 +125,12 @@ pub(crate) async fn open_session(
     quiet: bool,
 ) -> Result<(Session, Option<EmbeddedNodes>), Failure> {
     if !args.nodes.is_empty() {
-        let session = Session::open_through(access(&args.access)?, &args.nodes, source.choice()).await?;
+        let session = Session::open_through(args.access.dial()?, &args.nodes, source.choice()).await?;
         crate::source::tell(path, &session.store().manifest);
         return Ok((session, None));
     }
     let Source::Store(store) = source else { return Err(anyhow!("{}: no such store", path.display()).into()) };
-    let kernel = Kernel::open(args.backend)?;
+    let kernel = Kernel::open(args.backend.choice())?;
     let (backend, adapter, notes) = kernel.describe();
     for note in notes {
         say(quiet, note)?;

@@ -10,9 +10,9 @@ use rcgen::{
 };
 use time::{Duration, OffsetDateTime};
 
-use super::tell;
 use crate::access::random_token;
 use crate::failure::Failure;
+use crate::say::tell;
 use crate::together::{NewFile, write_together};
 
 /// The authority's own key: whoever has it can make certificates.

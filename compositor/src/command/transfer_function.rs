@@ -12,10 +12,10 @@ use brickcast_volume::transfer_function::suggest::{SuggestError, Suggestion, sug
 use brickcast_volume::transfer_function::{Colormap, Preset};
 
 use self::plot::Plot;
-use super::{say, tell};
 use crate::failure::Failure;
 use crate::output::{OutputFormat, write_text};
 use crate::preset_file::{self, Wanted};
+use crate::say::{say, tell};
 use crate::source::surveyed;
 use crate::transfer_function_args::{
     ConvertArgs, ShowArgs, SuggestArgs, TransferFunctionArgs, TransferFunctionCommand,

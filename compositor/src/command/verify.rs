@@ -8,10 +8,11 @@ use brickcast_volume::store::{Fault, FaultKind, Inspected, inspect};
 use clap::Args;
 use serde_json::json;
 
-use super::{bytes, print, say, tell};
 use crate::failure::Failure;
 use crate::progress::Bar;
-use crate::source::short;
+use crate::say::{print, say, tell};
+use crate::words::bytes;
+use crate::words::short;
 
 /// Broken parts of one file that are told one by one, unless `--json` asks for all.
 const TOLD: usize = 8;

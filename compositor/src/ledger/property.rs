@@ -9,7 +9,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::blend::blend;
-use crate::output::Picture;
+use crate::picture::Picture;
 
 const AT: (FrameId, Epoch) = (FrameId(3), Epoch(5));
 

@@ -6,10 +6,10 @@ use brickcast_volume::PictureSize;
 
 use super::animation::{ApngWriter, check_size, numbered};
 use super::atomic::check_target;
-use super::{OutputError, OutputFormat, Picture, exr, png};
-
-/// The most frames of a sequence.
-pub const MAX_FRAMES: u32 = 100_000;
+use super::error::OutputError;
+use super::format::{MAX_FRAMES, OutputFormat};
+use super::{exr, png};
+use crate::picture::Picture;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameOptions {

@@ -1,7 +1,7 @@
 //! Tables and their changes: nobody's chunks get lost, and nobody moves without need.
 
 use brickcast_volume::BrickGrid;
-
+use brickcast_volume::merge::MergeTree;
 use brickcast_volume::{Epoch, FrameId, View};
 
 use super::*;

@@ -8,7 +8,6 @@ use brickcast_volume::StoreHash;
 use brickcast_volume::shown::shown;
 use serde::Serialize;
 
-use super::super::{bytes, print, say, tell};
 use crate::balance::max_over_mean;
 use crate::balance_args::BalanceArgs;
 use crate::balance_choice::BalanceArg;
@@ -17,7 +16,9 @@ use crate::command::render::open_session;
 use crate::embedded::parse_size;
 use crate::failure::Failure;
 use crate::output::{MAX_FRAMES, write_json};
+use crate::say::{print, say, tell};
 use crate::session::Frame;
+use crate::words::bytes;
 
 /// Width of a bar, characters; the mean load stands at half of it.
 const BAR: usize = 40;

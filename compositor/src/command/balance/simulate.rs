@@ -5,10 +5,11 @@ use std::path::Path;
 use comfy_table::Table;
 
 use crate::balance::simulate::{Outcome, Recovery, Row, Spec, simulate};
-use crate::command::{bytes, say, tell};
 use crate::failure::Failure;
 use crate::output::write_json;
 use crate::progress::Bar;
+use crate::say::{say, tell};
+use crate::words::bytes;
 
 /// # Errors
 /// Usage: a specification that cannot be. The JSON file cannot be written.

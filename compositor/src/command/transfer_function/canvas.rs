@@ -2,7 +2,7 @@
 
 use brickcast_volume::{PictureSize, Premul};
 
-use crate::output::{OutputError, Picture};
+use crate::picture::{Picture, PictureError};
 
 /// Opaque pixels; what lies outside is not drawn.
 pub(super) struct Canvas {
@@ -68,7 +68,7 @@ impl Canvas {
 
     /// # Errors
     /// Never: there are as many pixels as the size has.
-    pub(super) fn into_picture(self) -> Result<Picture, OutputError> {
+    pub(super) fn into_picture(self) -> Result<Picture, PictureError> {
         let opaque = |[r, g, b]: [f64; 3]| Premul { r: r as f32, g: g as f32, b: b as f32, a: 1.0 };
         Picture::new(self.size, self.pixels.into_iter().map(opaque).collect())
     }

@@ -1,6 +1,4 @@
-//! The plan: which bricks have something to show, who renders which chunk, and what each node is ordered to do.
-//!
-//! A plan changes nothing in the picture: chunks are joined at the canonical merge tree's nodes whoever renders them.
+//! Which bricks have something to show, whatever the view.
 
 use brickcast_volume::merge::MergeTree;
 use brickcast_volume::regions::{BrickFacts, Drawn, SceneTables, drawn, within_reach};
@@ -8,8 +6,6 @@ use brickcast_volume::scene::Scene;
 use brickcast_volume::store::{BrickRanges, Manifest};
 use brickcast_volume::transfer_function::TransferTable;
 use brickcast_volume::{BrickIndex, ChunkIndex, OwnedBox};
-
-use crate::embedded::planned_brick_bytes;
 
 /// A store as the compositor knows it: no voxels, only what planning needs.
 #[derive(Debug, Clone)]
@@ -31,17 +27,17 @@ impl StoreFacts {
 /// The bricks that the transfer function shows, whatever the view, and the chunks that hold them.
 #[derive(Debug, Clone)]
 pub struct Shown {
-    tree: MergeTree,
+    pub(super) tree: MergeTree,
     /// Per brick, x fastest: true where its stored box has opacity somewhere.
     bricks: Vec<bool>,
     /// Per chunk, x fastest: how many of its bricks are shown.
-    per_chunk: Vec<u32>,
+    pub(super) per_chunk: Vec<u32>,
     /// Per chunk: the smallest box of voxels around them.
-    boxes: Vec<Option<OwnedBox>>,
+    pub(super) boxes: Vec<Option<OwnedBox>>,
 }
 
 /// Of every brick, x fastest: how it is drawn, and whether it has regions; nothing where it shows nothing.
-fn drawn_in_scene(store: &StoreFacts, scene: &Scene) -> Vec<Option<(Drawn, bool)>> {
+pub(crate) fn drawn_in_scene(store: &StoreFacts, scene: &Scene) -> Vec<Option<(Drawn, bool)>> {
     let (grid, reach) = (store.manifest.grid, scene.style.reach(scene.step));
     let geometry = &store.manifest.geometry;
     let delta = scene.step * geometry.min_spacing();
@@ -59,17 +55,6 @@ fn drawn_in_scene(store: &StoreFacts, scene: &Scene) -> Vec<Option<(Drawn, bool)
     grid.bricks().map(of_brick).collect()
 }
 
-/// Bytes that a node with texels of `texel_bytes` would hold of each brick, x fastest; 0 where it shows nothing.
-#[must_use]
-pub fn planned_bytes(store: &StoreFacts, scene: &Scene, texel_bytes: u64) -> Vec<u64> {
-    let grid = store.manifest.grid;
-    let bytes = |(brick, drawn): (_, Option<(Drawn, bool)>)| {
-        let (drawn, has_regions) = drawn?;
-        Some(planned_brick_bytes(scene, &grid.owned_box(brick), &drawn, has_regions, texel_bytes))
-    };
-    grid.bricks().zip(drawn_in_scene(store, scene)).map(|brick| bytes(brick).unwrap_or(0)).collect()
-}
-
 impl Shown {
     /// The bricks that a scene's transfer function shows, by the very table that the kernels read.
     #[must_use]
@@ -78,7 +63,7 @@ impl Shown {
     }
 
     /// `bricks` says of each brick, x fastest, whether it is shown.
-    fn of(tree: MergeTree, bricks: Vec<bool>) -> Self {
+    pub(super) fn of(tree: MergeTree, bricks: Vec<bool>) -> Self {
         let mut per_chunk = vec![0; tree.chunk_count() as usize];
         let mut boxes: Vec<Option<OwnedBox>> = vec![None; per_chunk.len()];
         for brick in tree.grid().bricks().filter(|b| bricks[tree.grid().linear(*b)]) {
@@ -97,7 +82,7 @@ impl Shown {
     }
 
     /// Cuts `chunks` into `runs` contiguous runs with nearly equal numbers of shown bricks: each chunk and its run.
-    fn runs(&self, chunks: &[u32], runs: usize) -> Vec<(u32, usize)> {
+    pub(super) fn runs(&self, chunks: &[u32], runs: usize) -> Vec<(u32, usize)> {
         let weight = |c: u32| u64::from(self.per_chunk[c as usize]);
         let total = chunks.iter().map(|&c| weight(c)).sum::<u64>().max(1);
         let mut before = 0;
@@ -137,12 +122,3 @@ impl Shown {
         self.tree.bricks_of(chunk).filter(|b| self.bricks[self.tree.grid().linear(*b)])
     }
 }
-
-mod assignment;
-mod in_view;
-
-pub use assignment::{Assignment, Share};
-pub use in_view::{InView, Orders};
-
-#[cfg(test)]
-mod tests;

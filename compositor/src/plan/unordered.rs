@@ -9,7 +9,7 @@ use brickcast_proto::TileRect;
 pub struct Unordered(BTreeMap<u32, Vec<TileRect>>);
 
 impl Unordered {
-    pub(super) fn all(in_view: &BTreeMap<u32, TileRect>) -> Self {
+    pub(crate) fn all(in_view: &BTreeMap<u32, TileRect>) -> Self {
         Self(in_view.iter().filter(|(_, tiles)| !tiles.is_empty()).map(|(c, tiles)| (*c, vec![*tiles])).collect())
     }
 
@@ -34,7 +34,7 @@ impl Unordered {
     }
 
     /// Takes tiles out; false, and nothing is changed, where one of them is not open.
-    pub(super) fn take(&mut self, chunk: u32, tiles: &TileRect) -> bool {
+    pub(crate) fn take(&mut self, chunk: u32, tiles: &TileRect) -> bool {
         let Some(open) = self.0.get_mut(&chunk) else { return false };
         let count = |rects: &[TileRect]| rects.iter().map(|r| u64::from(r.count())).sum::<u64>();
         let rest: Vec<TileRect> = open.iter().flat_map(|r| r.without(tiles)).collect();
@@ -49,7 +49,7 @@ impl Unordered {
     }
 
     /// Puts tiles back that were taken out.
-    pub(super) fn put(&mut self, chunk: u32, tiles: TileRect) {
+    pub(crate) fn put(&mut self, chunk: u32, tiles: TileRect) {
         let open = self.0.entry(chunk).or_default();
         let mut new = tiles;
         while let Some((at, joined)) = open.iter().enumerate().find_map(|(i, r)| Some((i, r.joined(&new)?))) {
