@@ -19,8 +19,7 @@ use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 
-use crate::access::{Access, random_token};
-use crate::dial::Dial;
+use crate::cluster::{Access, Dial, random_token};
 use crate::plan::{StoreFacts, drawn_in_scene};
 
 #[derive(Debug, thiserror::Error)]

@@ -5,10 +5,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use brickcast::dial::Dial;
+use brickcast::cluster::Dial;
 use brickcast::embedded::{BackendChoice, EmbeddedNodes, Kernel};
-use brickcast::session::{Session, StoreChoice};
-use brickcast::stats::LoadStats;
+use brickcast::session::{LoadStats, Session, StoreChoice};
 use brickcast_node::cpu::CpuRaycaster;
 use brickcast_node::{DataRoot, Node, NodeConfig, serve};
 use brickcast_tests::process::shared_data;

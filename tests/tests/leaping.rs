@@ -4,8 +4,8 @@
 
 mod leap_support;
 
-use brickcast::audit;
 use brickcast::plan::Assignment;
+use brickcast::session::audit;
 use brickcast_volume::MergeTree;
 use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::regions::code::{code_of_density, density_of_code};

@@ -9,8 +9,7 @@ use std::os::unix::fs::{PermissionsExt as _, symlink};
 use std::path::Path;
 use std::process::Output;
 
-use brickcast::access::Access;
-use brickcast::dial::Dial;
+use brickcast::cluster::{Access, Dial};
 use brickcast::embedded::{BackendChoice, EmbeddedNodes, Kernel};
 use brickcast::session::{Session, StoreChoice};
 use brickcast_proto::credentials::{Badge, CA_FILE, CLIENT_FILES, SERVER_NAME, TOKEN_FILE, read_tokens};

@@ -15,11 +15,8 @@ use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
-use brickcast::access::Access;
-use brickcast::dial::Dial;
-use brickcast::discovery::Target;
+use brickcast::cluster::{Access, Dial, NodeClient, NodeError, Target};
 use brickcast::embedded::{BackendChoice, EmbeddedNodes, Kernel};
-use brickcast::service::{NodeClient, NodeError};
 use brickcast::session::{Frame, Session, SessionError, StoreChoice};
 use brickcast_node::admission::Admission;
 use brickcast_node::cpu::CpuRaycaster;
