@@ -28,7 +28,7 @@ pub enum OutputError {
     FrameSize { path: PathBuf, got_width: u32, got_height: u32, width: u32, height: u32 },
     #[error("{path:?} was announced with {want} frames and got {got}")]
     FrameCount { path: PathBuf, want: u32, got: u32 },
-    #[error("{0} frames: give at least 1 and at most {max}", max = super::format::MAX_FRAMES)]
+    #[error("{0} frames: give at least 1 and at most {max}", max = super::limits::MAX_FRAMES)]
     Frames(u32),
     #[error("{0} frames per second: must lie between 0.1 and 240")]
     FramesPerSecond(f64),

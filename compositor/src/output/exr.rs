@@ -12,7 +12,7 @@ use brickcast_volume::{PictureSize, Premul, small_file};
 
 use super::atomic::AtomicFile;
 use super::error::OutputError;
-use super::format::MAX_FILE_BYTES;
+use super::limits::MAX_FILE_BYTES;
 use crate::picture::Picture;
 
 /// Writes channels R, G, B, A of 32 bits, losslessly compressed.

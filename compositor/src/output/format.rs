@@ -1,13 +1,8 @@
-//! Which formats there are, and what they are limited to.
+//! Which formats there are.
 
 use std::path::Path;
 
 use super::error::OutputError;
-
-/// The largest picture that is read back, bytes of its file.
-pub(super) const MAX_FILE_BYTES: u64 = 2 << 30;
-/// The most frames of a sequence.
-pub const MAX_FRAMES: u32 = 100_000;
 
 /// What a file name's extension stands for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

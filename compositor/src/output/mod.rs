@@ -8,12 +8,14 @@ mod error;
 pub mod exr;
 mod format;
 mod hatch;
+mod limits;
 pub mod manifest;
 pub mod png;
 mod writer;
 
 pub use error::OutputError;
-pub use format::{MAX_FRAMES, OutputFormat};
+pub use format::OutputFormat;
 pub use hatch::hatched;
+pub use limits::MAX_FRAMES;
 pub use manifest::{write_json, write_manifest, write_text};
 pub use writer::{FrameOptions, FrameWriter};

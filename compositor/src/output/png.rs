@@ -7,7 +7,7 @@ use brickcast_volume::{PictureSize, Premul, small_file};
 
 use super::atomic::AtomicFile;
 use super::error::OutputError;
-use super::format::MAX_FILE_BYTES;
+use super::limits::MAX_FILE_BYTES;
 use crate::picture::Picture;
 
 /// Writes `picture` as straight RGBA, or as opaque RGB over `background` (display-referred, each channel in 0..=1).

@@ -7,7 +7,8 @@ use brickcast_volume::PictureSize;
 use super::animation::{ApngWriter, check_size, numbered};
 use super::atomic::check_target;
 use super::error::OutputError;
-use super::format::{MAX_FRAMES, OutputFormat};
+use super::format::OutputFormat;
+use super::limits::MAX_FRAMES;
 use super::{exr, png};
 use crate::picture::Picture;
 
