@@ -8,20 +8,19 @@ use brickcast_node::admission::Admission;
 use brickcast_node::config::parse_bytes;
 pub use brickcast_node::drivers::need_no_desktop;
 use brickcast_node::gpu::GpuError;
-use brickcast_node::raycaster::{self, BackendChoice, Raycaster};
+pub use brickcast_node::raycaster::BackendChoice;
+use brickcast_node::raycaster::{self, Raycaster};
 use brickcast_node::recipe::Recipe;
 use brickcast_node::{DataRoot, Node, NodeConfig, NodeError, serve_admitted};
 use brickcast_proto::credentials::{Doorkeeper, Token};
-use brickcast_volume::OwnedBox;
 use brickcast_volume::regions::Drawn;
 use brickcast_volume::scene::Scene;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 
-use crate::access::{Access, random_token};
-use crate::cli::BackendArg;
-use crate::dial::Dial;
+use crate::cluster::{Access, Dial, random_token};
+use crate::plan::{StoreFacts, drawn_in_scene};
 
 #[derive(Debug, thiserror::Error)]
 pub enum EmbeddedError {
@@ -46,12 +45,7 @@ impl Kernel {
     ///
     /// # Errors
     /// No adapter where one was demanded.
-    pub fn open(backend: BackendArg) -> Result<Self, EmbeddedError> {
-        let choice = match backend {
-            BackendArg::Auto => BackendChoice::Auto,
-            BackendArg::Gpu => BackendChoice::Gpu,
-            BackendArg::Cpu => BackendChoice::Cpu,
-        };
+    pub fn open(choice: BackendChoice) -> Result<Self, EmbeddedError> {
         Ok(Self(raycaster::open(choice)?))
     }
 
@@ -69,10 +63,15 @@ impl Kernel {
     }
 }
 
-/// Bytes that a node holds of a brick that is drawn so in a scene, macrocells included.
+/// Bytes that a node with texels of `texel_bytes` would hold of each brick, x fastest; 0 where it shows nothing.
 #[must_use]
-pub fn planned_brick_bytes(scene: &Scene, owned: &OwnedBox, drawn: &Drawn, has_regions: bool, texel_bytes: u64) -> u64 {
-    Recipe::planned_bytes(scene, owned, drawn, has_regions, texel_bytes)
+pub fn planned_bytes(store: &StoreFacts, scene: &Scene, texel_bytes: u64) -> Vec<u64> {
+    let grid = store.manifest.grid;
+    let bytes = |(brick, drawn): (_, Option<(Drawn, bool)>)| {
+        let (drawn, has_regions) = drawn?;
+        Some(Recipe::planned_bytes(scene, &grid.owned_box(brick), &drawn, has_regions, texel_bytes))
+    };
+    grid.bricks().zip(drawn_in_scene(store, scene)).map(|brick| bytes(brick).unwrap_or(0)).collect()
 }
 
 /// Reads a size such as `4GiB`.

@@ -1,55 +1,15 @@
-//! The compositor: plan, order, over, ledger, outputs and the command line.
+//! The compositor: an engine (a session with its cluster, frames, plan and balance) and, in [`cli`], a command line.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they have written"))]
 
-pub mod accel_args;
-pub mod access;
-pub mod audit;
 pub mod balance;
-pub mod balance_args;
-pub mod balance_choice;
-pub mod balanced;
-pub mod bench_args;
-pub mod blend;
 mod cache;
-mod camera_file;
-pub mod camera_path;
-mod cancels;
 pub mod cli;
-mod cli_values;
-mod cluster;
-mod collect;
-pub mod command;
-pub mod config_file;
-pub mod dial;
-pub mod discovery;
+pub mod cluster;
 pub mod embedded;
-pub mod failure;
-mod follow;
-mod frame;
-pub mod interrupts;
-pub mod invocation;
-pub mod ledger;
-mod light_from;
-mod nothing_shows;
+pub mod frame;
 pub mod output;
-mod output_paths;
-pub mod pings;
+pub mod picture;
 pub mod plan;
-pub mod preset_file;
-mod preset_fit;
-pub mod progress;
-pub mod region_args;
-pub mod scene_args;
-pub mod service;
 pub mod session;
-mod session_error;
-pub mod source;
-pub mod stats;
-pub mod style_args;
-mod style_json;
-mod table_note;
-mod tls_words;
-mod together;
-pub mod transfer_function_args;
-mod worker;
+mod words;

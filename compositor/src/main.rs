@@ -3,9 +3,10 @@
 use std::io::{IsTerminal as _, Write as _};
 use std::process::ExitCode;
 
-use brickcast::failure::Failure;
-use brickcast::invocation::{Invocation, NotInvoked};
-use brickcast::{command, embedded, interrupts, progress};
+use brickcast::cli::failure::Failure;
+use brickcast::cli::invocation::{Invocation, NotInvoked};
+use brickcast::cli::{command, interrupts, progress};
+use brickcast::embedded;
 use brickcast_volume::shown::ShownLog;
 
 fn main() -> ExitCode {

@@ -5,11 +5,9 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use brickcast::cli::BackendArg;
-use brickcast::dial::Dial;
-use brickcast::embedded::{EmbeddedNodes, Kernel};
-use brickcast::session::{Session, StoreChoice};
-use brickcast::stats::LoadStats;
+use brickcast::cluster::Dial;
+use brickcast::embedded::{BackendChoice, EmbeddedNodes, Kernel};
+use brickcast::session::{LoadStats, Session, StoreChoice};
 use brickcast_node::cpu::CpuRaycaster;
 use brickcast_node::{DataRoot, Node, NodeConfig, serve};
 use brickcast_tests::process::shared_data;
@@ -185,7 +183,7 @@ fn separate_nodes_decode_at_most_half_as_much_again_as_they_own() {
 fn nodes_of_one_process_decode_together_what_one_decodes() {
     let folder = tempfile::tempdir().unwrap();
     tokio::runtime::Runtime::new().unwrap().block_on(async {
-        let kernel = Kernel::open(BackendArg::Cpu).unwrap();
+        let kernel = Kernel::open(BackendChoice::Cpu).unwrap();
         for (nth, Case { name, input, range, .. }) in cases(folder.path()).into_iter().enumerate() {
             let target = tempfile::tempdir_in(folder.path()).unwrap();
             let store = prepared(target.path(), &input, 32, [None, Some(range)][nth % 2]);

@@ -4,8 +4,8 @@
 
 mod leap_support;
 
-use brickcast::audit;
 use brickcast::plan::Assignment;
+use brickcast::session::audit;
 use brickcast_volume::MergeTree;
 use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::regions::code::{code_of_density, density_of_code};
@@ -188,7 +188,7 @@ fn views_and_region_transfer_functions_split_the_picture() {
                     one.region_view = view;
                     pictures.push(rig.render(&one).await.picture);
                 }
-                let alpha = |p: &brickcast::output::Picture| p.pixels().iter().map(|p| f64::from(p.a)).sum::<f64>();
+                let alpha = |p: &brickcast::picture::Picture| p.pixels().iter().map(|p| f64::from(p.a)).sum::<f64>();
                 let [all, regions, residual] = [0, 1, 2].map(|i| alpha(&pictures[i]));
                 assert!(
                     regions > 0.0 && residual > 0.0 && all > regions && all > residual,

@@ -9,10 +9,8 @@ use std::os::unix::fs::{PermissionsExt as _, symlink};
 use std::path::Path;
 use std::process::Output;
 
-use brickcast::access::Access;
-use brickcast::cli::BackendArg;
-use brickcast::dial::Dial;
-use brickcast::embedded::{EmbeddedNodes, Kernel};
+use brickcast::cluster::{Access, Dial};
+use brickcast::embedded::{BackendChoice, EmbeddedNodes, Kernel};
 use brickcast::session::{Session, StoreChoice};
 use brickcast_proto::credentials::{Badge, CA_FILE, CLIENT_FILES, SERVER_NAME, TOKEN_FILE, read_tokens};
 use brickcast_proto::transport::{cluster_client, line};
@@ -174,7 +172,7 @@ fn nodes_inside_a_process_want_its_token() {
     let site = Site::new(32);
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.block_on(async {
-        let kernel = Kernel::open(BackendArg::Cpu).unwrap();
+        let kernel = Kernel::open(BackendChoice::Cpu).unwrap();
         let nodes = EmbeddedNodes::start(&kernel, 1, &site.at().join("part.store"), 1 << 30).await.unwrap();
         let others = EmbeddedNodes::start(&kernel, 1, &site.at().join("part.store"), 1 << 30).await.unwrap();
         let ask = async |dial: Dial| {

@@ -5,8 +5,7 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use brickcast::access::Access;
-use brickcast::service::NodeClient;
+use brickcast::cluster::{Access, NodeClient};
 use brickcast_proto::{LayerOrder, NodeDescription, Part, PrepareRequest, Receipt, RenderOrder, Throttle, TileRect};
 use brickcast_tests::process::{NodeProcess, brickcast_ok};
 use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};

@@ -1,8 +1,9 @@
 //! Which chunks get another holder, so that their work can be shared.
 
-use super::background::{Basket, may_load, send};
+use super::balancer::Balancer;
+use super::basket::{Basket, may_load, send};
 use super::divide::spares;
-use super::{Balancer, Load, Reason};
+use super::types::{Load, Reason};
 
 /// A copy may replace another that is so much colder.
 const COLDER: f64 = 0.5;

@@ -1,12 +1,26 @@
 //! One frame's division: every chunk in view gets a primary, primaries that are overloaded hand chunks over or cut them.
 
+use super::balancer::Balancer;
+use super::settings::Mode;
 use super::spread::{Own, Plan};
-use super::{Balancer, Division, Mode, Part};
+use super::types::{Demand, Division, Part};
 
 /// How slowly the largest share that a chunk ever had of a frame's cost is forgotten.
 const COOLING: f64 = 0.98;
 
-pub(super) fn divide(b: &mut Balancer) -> Division {
+impl Balancer {
+    /// Who renders what of the next frame; loads that ended become effective with it.
+    ///
+    /// Empty while no node is present.
+    pub fn divide(&mut self, demand: &Demand) -> Division {
+        self.frame += 1;
+        self.settle();
+        self.predictor.ask(demand);
+        divide(self)
+    }
+}
+
+fn divide(b: &mut Balancer) -> Division {
     let present: Vec<usize> = b.table.present().collect();
     let mut division = Division::default();
     if present.is_empty() {

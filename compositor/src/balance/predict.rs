@@ -1,6 +1,7 @@
 //! What a chunk will cost and how fast a node is, from what was seen (algorithms.md section 7, "predict" and "measure").
 
-use super::{ChunkFacts, Demand, LoadBy, Settings};
+use super::settings::{LoadBy, Settings};
+use super::types::{ChunkFacts, Demand};
 
 /// Weight of a new observation of a chunk, of a node.
 const CHUNK_WEIGHT: f64 = 0.3;

@@ -2,22 +2,8 @@
 
 use serde::Serialize;
 
-use super::spread::Plan;
-use super::{Balancer, Seat};
-
-/// Sums over the session, and the last frame's loads.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Totals {
-    pub(super) plan: Plan,
-    /// Index and load of the nodes that answered last.
-    pub(super) measured: Vec<(usize, f64)>,
-    pub(super) splits: u64,
-    pub(super) handovers: u64,
-    pub(super) adoptions: u64,
-    pub(super) copies: u64,
-    pub(super) moves: u64,
-    pub(super) bytes_loaded: u64,
-}
+use super::balancer::Balancer;
+use super::types::Seat;
 
 /// Loads count in ms, or with [`super::LoadBy::Samples`] in samples times throttle.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -60,7 +46,15 @@ pub fn max_over_mean(loads: &[f64]) -> f64 {
     if mean > 0.0 { loads.iter().copied().fold(0.0, f64::max) / mean } else { 1.0 }
 }
 
-pub(super) fn report(b: &Balancer) -> Report {
+impl Balancer {
+    /// What was decided and measured so far.
+    #[must_use]
+    pub fn report(&self) -> Report {
+        report(self)
+    }
+}
+
+fn report(b: &Balancer) -> Report {
     let t = &b.totals;
     let measured = |n: usize| t.measured.iter().find(|(index, _)| *index == n).map(|(_, load)| *load);
     let seat = |n: usize| SeatLoad {

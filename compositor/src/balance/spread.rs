@@ -1,7 +1,7 @@
 //! Cutting chunks: strips of screen tiles go from the most loaded node to other holders until no node waits for it.
 
-use super::Settings;
 use super::predict::Predictor;
+use super::settings::Settings;
 
 /// One owner's strips of a chunk, and what they will cost.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Load, NodeFacts, Seat};
+use super::types::{Load, NodeFacts, Seat};
 
 #[derive(Debug, Clone)]
 pub(super) struct Node {

@@ -10,10 +10,9 @@ use brickcast_volume::small_file::{FileError, read_text};
 use brickcast_volume::store::Store;
 use brickcast_volume::unfinished::Unfinished;
 
-use super::Cache;
 use super::key::Key;
 use super::lock::{Lock, Wait};
-use crate::failure::Failure;
+use super::opened::Cache;
 
 /// Entries that are used, until the process ends: frames, nodes inside this process and further passes open files of a store again
 /// and again.
@@ -35,9 +34,9 @@ pub(crate) struct Wanted<'a> {
     /// What the store will take, about.
     pub(crate) bytes: u64,
     /// The key as it is now.
-    pub(crate) key: &'a dyn Fn() -> Result<Key, Failure>,
+    pub(crate) key: &'a dyn Fn() -> anyhow::Result<Key>,
     /// Makes the store.
-    pub(crate) make: &'a dyn Fn(&Path) -> Result<(), Failure>,
+    pub(crate) make: &'a dyn Fn(&Path) -> anyhow::Result<()>,
 }
 
 impl Cache {
@@ -45,7 +44,7 @@ impl Cache {
     ///
     /// # Errors
     /// The input changes, cannot be read, or has no room; a folder that cannot be written.
-    pub(crate) fn obtain(&self, wanted: &Wanted<'_>) -> Result<Store, Failure> {
+    pub(crate) fn obtain(&self, wanted: &Wanted<'_>) -> anyhow::Result<Store> {
         let key = (wanted.key)()?;
         let lock_path = self.lock_path(&key.name);
         let mut wait = Wait::new(format!(
@@ -77,8 +76,7 @@ impl Cache {
                         "{}: what was prepared does not stay in the cache; is another program removing it? Name another folder with \
                          --cache-dir",
                         self.folder.display()
-                    )
-                    .into());
+                    ));
                 }
                 made += 1;
                 let kept = self.make(&key, wanted, &mut lock);
@@ -96,7 +94,7 @@ impl Cache {
     }
 
     /// Makes the entry, whose lock this process holds alone.
-    fn make(&self, key: &Key, wanted: &Wanted<'_>, lock: &mut Lock) -> Result<(), Failure> {
+    fn make(&self, key: &Key, wanted: &Wanted<'_>, lock: &mut Lock) -> anyhow::Result<()> {
         // Empty: whatever store is there or comes is of no use yet, and yet counted and removed as an entry.
         self.write_key(key, b"")?;
         self.make_room(wanted, &key.name, lock)?;
@@ -108,8 +106,7 @@ impl Cache {
             return Err(anyhow!(
                 "{} changed while it was read; run it again when nothing writes to it any more",
                 wanted.input.display()
-            )
-            .into());
+            ));
         }
         let store = Store::open(&target)?;
         self.write_key(key, entry_text(key, store.hash()).as_bytes())?;
@@ -144,9 +141,9 @@ impl Cache {
         }
     }
 
-    fn write_key(&self, key: &Key, bytes: &[u8]) -> Result<(), Failure> {
+    fn write_key(&self, key: &Key, bytes: &[u8]) -> anyhow::Result<()> {
         let path = self.key_path(&key.name);
-        Ok(write_whole(&path, bytes).with_context(|| format!("{}: cannot be written", path.display()))?)
+        write_whole(&path, bytes).with_context(|| format!("{}: cannot be written", path.display()))
     }
 
     pub(super) fn store_path(&self, name: &str) -> PathBuf {

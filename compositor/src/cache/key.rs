@@ -5,8 +5,6 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 
-use crate::failure::Failure;
-
 /// The longest part of an entry's name that is the input's: file systems end at 255 bytes, and working folders need some of them.
 const MAX_STEM: usize = 100;
 
@@ -24,7 +22,7 @@ impl Key {
     ///
     /// # Errors
     /// One of the files is not there, or cannot be looked at.
-    pub(crate) fn new(input: &Path, files: &[PathBuf], options: &str) -> Result<Self, Failure> {
+    pub(crate) fn new(input: &Path, files: &[PathBuf], options: &str) -> anyhow::Result<Self> {
         let mut text = format!("options {options:?}\n");
         for file in files {
             let place = file.canonicalize().with_context(|| format!("{}: cannot be found", file.display()))?;

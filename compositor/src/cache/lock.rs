@@ -8,8 +8,6 @@ use std::time::{Duration, Instant};
 use anyhow::Context as _;
 use brickcast_volume::small_file::read_text;
 
-use crate::failure::Failure;
-
 /// Nobody is told of shorter waits.
 const QUIET: Duration = Duration::from_secs(1);
 
@@ -22,16 +20,16 @@ pub(super) struct Lock {
 
 impl Lock {
     /// Together with others who hold it so; nothing where someone holds it alone.
-    pub(super) fn shared(path: &Path) -> Result<Option<Self>, Failure> {
+    pub(super) fn shared(path: &Path) -> anyhow::Result<Option<Self>> {
         Self::held(path, File::try_lock_shared)
     }
 
     /// Alone; nothing where anyone holds it.
-    pub(super) fn alone(path: &Path) -> Result<Option<Self>, Failure> {
+    pub(super) fn alone(path: &Path) -> anyhow::Result<Option<Self>> {
         Self::held(path, File::try_lock)
     }
 
-    fn held(path: &Path, lock: impl Fn(&File) -> Result<(), TryLockError>) -> Result<Option<Self>, Failure> {
+    fn held(path: &Path, lock: impl Fn(&File) -> Result<(), TryLockError>) -> anyhow::Result<Option<Self>> {
         let failed = || format!("{}: cannot be opened; name another folder with --cache-dir", path.display());
         let open = || File::options().read(true).write(true).create(true).truncate(false).open(path);
         let file = open().with_context(failed)?;

@@ -4,8 +4,6 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 
-use crate::failure::Failure;
-
 #[derive(Debug, Clone, PartialEq, Eq)]
 enum Kind {
     /// Named by whoever runs the program, who knows who else writes there.
@@ -36,7 +34,7 @@ impl Place {
     }
 
     /// Makes the folder where there is none, and checks that it is the user's own.
-    pub(super) fn ready(self) -> Result<PathBuf, Failure> {
+    pub(super) fn ready(self) -> anyhow::Result<PathBuf> {
         let made = match self.kind {
             Kind::Named => std::fs::create_dir_all(&self.folder),
             Kind::Users => make_private(&self.folder, true),
@@ -55,7 +53,7 @@ impl Place {
     }
 
     #[cfg(unix)]
-    fn check(&self) -> Result<(), Failure> {
+    fn check(&self) -> anyhow::Result<()> {
         use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};
 
         let shown = self.folder.display();
@@ -69,35 +67,32 @@ impl Place {
         if !data.is_dir() {
             return Err(anyhow::anyhow!(
                 "cache folder {shown}: is no folder, and someone else may have put it there; name another with --cache-dir"
-            )
-            .into());
+            ));
         }
         if owner != user {
             return Err(anyhow::anyhow!(
                 "cache folder {shown}: belongs to user {owner} and not to you (user {user}), who could put other volumes there; name a folder of \
                  your own with --cache-dir"
-            )
-            .into());
+            ));
         }
         match self.kind {
             Kind::Temporary if mode & 0o077 != 0 => Err(anyhow::anyhow!(
                 "cache folder {shown}: others may read or write there (mode {mode:o}); remove it, or name another with --cache-dir"
-            )
-            .into()),
+            )),
             // Made under a wide umask: nothing that its owner meant.
             Kind::Users if mode & 0o022 != 0 => {
                 let narrowed = std::fs::Permissions::from_mode(mode & !0o022);
                 let set = std::fs::set_permissions(&self.folder, narrowed);
-                Ok(set.with_context(|| {
+                set.with_context(|| {
                     format!("cache folder {shown}: others may write there (mode {mode:o}); `chmod go-w` it, or name another with --cache-dir")
-                })?)
+                })
             }
             _ => Ok(()),
         }
     }
 
     #[cfg(not(unix))]
-    fn check(&self) -> Result<(), Failure> {
+    fn check(&self) -> anyhow::Result<()> {
         Ok(())
     }
 }
@@ -150,13 +145,13 @@ mod tests {
         place(&folder, Kind::Temporary).ready().unwrap();
         for open in [0o777, 0o720, 0o701] {
             set(&folder, open);
-            let error = place(&folder, Kind::Temporary).ready().unwrap_err().message();
+            let error = place(&folder, Kind::Temporary).ready().unwrap_err().to_string();
             assert!(error.contains(&format!("mode {open:o}")) && error.contains("--cache-dir"), "{error}");
         }
         set(&folder, 0o700);
         let link = dir.path().join("link");
         symlink(&folder, &link).unwrap();
-        assert!(place(&link, Kind::Temporary).ready().unwrap_err().message().contains("is no folder"));
+        assert!(place(&link, Kind::Temporary).ready().unwrap_err().to_string().contains("is no folder"));
     }
 
     #[test]
@@ -185,7 +180,7 @@ mod tests {
         place(&folder, Kind::Users).ready().unwrap();
         std::os::unix::fs::chown(&folder, Some(12345), None).unwrap();
         for kind in [Kind::Users, Kind::Temporary] {
-            let error = place(&folder, kind).ready().unwrap_err().message();
+            let error = place(&folder, kind).ready().unwrap_err().to_string();
             assert!(error.contains("belongs to user 12345 and not to you (user 0)"), "{error}");
         }
         place(&folder, Kind::Named).ready().unwrap();

@@ -6,11 +6,10 @@ use std::time::SystemTime;
 use anyhow::anyhow;
 use brickcast_volume::store::{remove_leftovers, remove_store, stored_bytes};
 
-use super::Cache;
 use super::entry::Wanted;
 use super::lock::{Lock, Wait, number_in};
-use crate::command::bytes as shown;
-use crate::failure::Failure;
+use super::opened::Cache;
+use crate::words::bytes as shown;
 
 /// Held while entries are counted and removed, so that two do not count on the same room.
 const COUNTING: &str = "brickcast-cache.lock";
@@ -24,7 +23,7 @@ struct Entry {
 
 impl Cache {
     /// Makes room for an entry and keeps it, in the entry's lock, until that is let go.
-    pub(super) fn make_room(&self, wanted: &Wanted<'_>, name: &str, lock: &mut Lock) -> Result<(), Failure> {
+    pub(super) fn make_room(&self, wanted: &Wanted<'_>, name: &str, lock: &mut Lock) -> anyhow::Result<()> {
         let (need, limit) = (wanted.bytes, self.limit);
         let (input, text) = (wanted.input.display(), &self.limit_text);
         if need > limit {
@@ -32,8 +31,7 @@ impl Cache {
                 "{input}: prepared, it takes about {}, more than the {text} of --cache-size; give more, or prepare it yourself with \
                  `brickcast prepare` and name the store",
                 shown(need)
-            )
-            .into());
+            ));
         }
         let _counting = self.counting()?;
         let others = self.shrink(name, limit - need);
@@ -43,8 +41,7 @@ impl Cache {
                  give more",
                 shown(need),
                 shown(others)
-            )
-            .into());
+            ));
         }
         if let Err(error) = lock.write_number(need) {
             tracing::debug!("{}: {error}", self.lock_path(name).display());
@@ -53,14 +50,14 @@ impl Cache {
     }
 
     /// The same after an entry was made, which may have become larger than was thought.
-    pub(super) fn keep_limit(&self, name: &str) -> Result<(), Failure> {
+    pub(super) fn keep_limit(&self, name: &str) -> anyhow::Result<()> {
         let _counting = self.counting()?;
         let own = stored_bytes(&self.store_path(name));
         self.shrink(name, self.limit.saturating_sub(own));
         Ok(())
     }
 
-    fn counting(&self) -> Result<Lock, Failure> {
+    fn counting(&self) -> anyhow::Result<Lock> {
         let path = self.folder.join(COUNTING);
         let mut wait = Wait::new(format!("another brickcast that makes room in the cache ({})", path.display()));
         loop {

@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use brickcast_volume::PictureSize;
 
 use super::atomic::AtomicFile;
-use super::{OutputError, Picture, png};
+use super::error::OutputError;
+use super::png;
+use crate::picture::Picture;
 
 /// An animated PNG in the making; it loops for ever. Dropped before [`ApngWriter::finish`], it leaves nothing behind.
 pub struct ApngWriter {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use brickcast_volume::unfinished::Unfinished;
 
-use super::OutputError;
+use super::error::OutputError;
 
 /// Dropped without [`AtomicFile::commit`], it leaves nothing behind.
 #[derive(Debug)]

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use brickcast_volume::small_file::FileError;
 
+use crate::picture::PictureError;
+
 #[derive(Debug, thiserror::Error)]
 pub enum OutputError {
     #[error("{path:?}: the format is chosen by the extension; use .png, .apng or .exr")]
@@ -20,13 +22,13 @@ pub enum OutputError {
     Encode { path: PathBuf, problem: String },
     #[error("cannot decode {path:?}: {problem}")]
     Decode { path: PathBuf, problem: String },
-    #[error("{got} pixels do not fill a picture of {width}x{height}")]
-    PixelCount { got: usize, width: u32, height: u32 },
+    #[error(transparent)]
+    Picture(#[from] PictureError),
     #[error("a frame of {got_width}x{got_height} does not fit {path:?}, whose frames are {width}x{height}")]
     FrameSize { path: PathBuf, got_width: u32, got_height: u32, width: u32, height: u32 },
     #[error("{path:?} was announced with {want} frames and got {got}")]
     FrameCount { path: PathBuf, want: u32, got: u32 },
-    #[error("{0} frames: give at least 1 and at most {max}", max = super::writer::MAX_FRAMES)]
+    #[error("{0} frames: give at least 1 and at most {max}", max = super::limits::MAX_FRAMES)]
     Frames(u32),
     #[error("{0} frames per second: must lie between 0.1 and 240")]
     FramesPerSecond(f64),

@@ -11,7 +11,9 @@ use ::exr::prelude::{ReadChannels as _, ReadLayers as _};
 use brickcast_volume::{PictureSize, Premul, small_file};
 
 use super::atomic::AtomicFile;
-use super::{MAX_FILE_BYTES, OutputError, Picture};
+use super::error::OutputError;
+use super::limits::MAX_FILE_BYTES;
+use crate::picture::Picture;
 
 /// Writes channels R, G, B, A of 32 bits, losslessly compressed.
 ///
@@ -67,7 +69,7 @@ pub fn read(path: &Path) -> Result<Picture, OutputError> {
         .map_err(|e| problem(e.to_string()))?;
     let Vec2(width, height) = image.layer_data.size;
     let size = PictureSize::new(side(width), side(height)).map_err(|e| problem(e.to_string()))?;
-    Picture::new(size, image.layer_data.channel_data.pixels.1)
+    Ok(Picture::new(size, image.layer_data.channel_data.pixels.1)?)
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use brickcast_proto::TileRect;
 use brickcast_volume::Premul;
 
-use super::Picture;
+use crate::picture::Picture;
 
 /// Opaque magenta: no colour map ends in it.
 const STRIPE: Premul = Premul { r: 1.0, g: 0.0, b: 1.0, a: 1.0 };
@@ -19,12 +19,12 @@ pub fn hatched<'a>(picture: &'a Picture, tiles: &[[u32; 2]]) -> Cow<'a, Picture>
         return Cow::Borrowed(picture);
     }
     let mut picture = picture.clone();
-    let size = picture.size;
+    let size = picture.size();
     for tile in tiles {
         let rect = TileRect::tile_pixels(*tile, size);
         for y in rect.lo.y..rect.hi.y {
             for x in (rect.lo.x..rect.hi.x).filter(|x| (x + y) % PERIOD < PERIOD / 4) {
-                picture.pixels[y as usize * size.width() as usize + x as usize] = STRIPE;
+                picture.pixels_mut()[y as usize * size.width() as usize + x as usize] = STRIPE;
             }
         }
     }

@@ -3,8 +3,8 @@
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-use super::OutputError;
 use super::atomic::AtomicFile;
+use super::error::OutputError;
 
 /// `out.png.json` for `out.png`.
 #[must_use]

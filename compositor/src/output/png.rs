@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use brickcast_volume::{PictureSize, Premul, small_file};
 
 use super::atomic::AtomicFile;
-use super::{MAX_FILE_BYTES, OutputError, Picture};
+use super::error::OutputError;
+use super::limits::MAX_FILE_BYTES;
+use crate::picture::Picture;
 
 /// Writes `picture` as straight RGBA, or as opaque RGB over `background` (display-referred, each channel in 0..=1).
 ///

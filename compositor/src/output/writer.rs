@@ -6,10 +6,11 @@ use brickcast_volume::PictureSize;
 
 use super::animation::{ApngWriter, check_size, numbered};
 use super::atomic::check_target;
-use super::{OutputError, OutputFormat, Picture, exr, png};
-
-/// The most frames of a sequence.
-pub const MAX_FRAMES: u32 = 100_000;
+use super::error::OutputError;
+use super::format::OutputFormat;
+use super::limits::MAX_FRAMES;
+use super::{exr, png};
+use crate::picture::Picture;
 
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameOptions {

@@ -2,9 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use brickcast_volume::View;
-
-use super::{InView, Orders, Shown};
+use super::shown::Shown;
 
 /// A node, and which strips `[from, to)` of a chunk's tiles in view it renders ([`brickcast_proto::TileRect::strips`]).
 pub type Share = (usize, [u32; 2]);
@@ -63,6 +61,11 @@ impl Assignment {
         self
     }
 
+    /// How many nodes it is for.
+    pub(super) fn node_count(&self) -> usize {
+        self.nodes
+    }
+
     /// The node that renders a chunk, or most of it.
     #[must_use]
     pub fn owner_of(&self, chunk: u32) -> usize {
@@ -89,12 +92,5 @@ impl Assignment {
     #[must_use]
     pub fn bricks_of(&self, shown: &Shown, node: usize) -> Vec<u32> {
         shown.bricks_in(&self.chunks_of(node))
-    }
-
-    /// What each node is ordered to render of `view`; a node may have nothing to do.
-    #[must_use]
-    pub fn orders(&self, shown: &Shown, view: &View) -> Vec<Orders> {
-        let in_view = InView::new(shown, view);
-        (0..self.nodes).map(|node| in_view.orders_of(self, node)).collect()
     }
 }

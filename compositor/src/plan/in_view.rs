@@ -9,8 +9,9 @@ use brickcast_volume::{ChunkIndex, PixelRect, View};
 use glam::UVec2;
 use rayon::prelude::*;
 
-use super::{Assignment, Shown};
-use crate::ledger::Unordered;
+use super::assignment::Assignment;
+use super::shown::Shown;
+use super::unordered::Unordered;
 
 /// What one node is ordered to render: the layers of each order; usually one.
 pub type Orders = Vec<Vec<LayerOrder>>;
@@ -139,5 +140,14 @@ impl InView {
         }
         orders.retain(|layers| !layers.is_empty());
         orders
+    }
+}
+
+impl Assignment {
+    /// What each node is ordered to render of `view`; a node may have nothing to do.
+    #[must_use]
+    pub fn orders(&self, shown: &Shown, view: &View) -> Vec<Orders> {
+        let in_view = InView::new(shown, view);
+        (0..self.node_count()).map(|node| in_view.orders_of(self, node)).collect()
     }
 }

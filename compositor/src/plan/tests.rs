@@ -1,11 +1,11 @@
 //! Tables and their changes: nobody's chunks get lost, and nobody moves without need.
 
 use brickcast_volume::BrickGrid;
-
+use brickcast_volume::merge::MergeTree;
 use brickcast_volume::{Epoch, FrameId, View};
 
 use super::*;
-use crate::ledger::{Ledger, Ticket, Void};
+use crate::frame::ledger::{Ledger, Ticket, Void};
 
 /// 5 x 4 x 4 chunks of one brick; every third shows nothing.
 fn shown() -> Shown {

@@ -4,10 +4,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use brickcast::access::Access;
-use brickcast::dial::Dial;
-use brickcast::discovery::Target;
-use brickcast::service::{NodeClient, NodeError};
+use brickcast::cluster::{Access, Dial, NodeClient, NodeError, Target};
 use brickcast::session::{Session, StoreChoice};
 use brickcast_proto::credentials::Badge;
 use brickcast_tests::process::NodeProcess;

@@ -6,10 +6,7 @@ use std::process::Command;
 use std::sync::Arc;
 use std::time::Duration;
 
-use brickcast::access::Access;
-use brickcast::dial::Dial;
-use brickcast::discovery::Target;
-use brickcast::service::{NodeClient, NodeError};
+use brickcast::cluster::{Access, Dial, NodeClient, NodeError, Target};
 use brickcast::session::{Frame, Session, SessionError, StoreChoice};
 use brickcast_proto::credentials::Badge;
 use brickcast_tests::process::{NodeProcess, brickcast_ok};

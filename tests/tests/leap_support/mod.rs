@@ -3,9 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use brickcast::cli::BackendArg;
-use brickcast::embedded::{EmbeddedNodes, Kernel};
-use brickcast::output::Picture;
+use brickcast::embedded::{BackendChoice, EmbeddedNodes, Kernel};
+use brickcast::picture::Picture;
 use brickcast::session::{Frame, Session, StoreChoice};
 use brickcast_volume::PictureSize;
 use brickcast_volume::camera::{Camera, Orbit};
@@ -21,8 +20,8 @@ pub(crate) fn runtime() -> tokio::runtime::Runtime {
 
 /// The CPU's, and the GPU's where there is one.
 pub(crate) fn kernels() -> Vec<Kernel> {
-    let mut kernels = vec![Kernel::open(BackendArg::Cpu).unwrap()];
-    match Kernel::open(BackendArg::Gpu) {
+    let mut kernels = vec![Kernel::open(BackendChoice::Cpu).unwrap()];
+    match Kernel::open(BackendChoice::Gpu) {
         Ok(gpu) => kernels.push(gpu),
         Err(error) if std::env::var_os("BRICKCAST_REQUIRE_ALL").is_none() => {
             eprintln!("skipped: leaping on the GPU: {error}");

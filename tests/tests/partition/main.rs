@@ -7,8 +7,7 @@ mod memory;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use brickcast::cli::BackendArg;
-use brickcast::embedded::{EmbeddedNodes, Kernel};
+use brickcast::embedded::{BackendChoice, EmbeddedNodes, Kernel};
 use brickcast::plan::{Assignment, Share};
 use brickcast::session::{Frame, Session, StoreChoice};
 use brickcast_volume::camera::{Camera, Orbit, Projection};
@@ -104,8 +103,8 @@ fn runtime() -> tokio::runtime::Runtime {
 }
 
 fn kernels() -> Vec<Kernel> {
-    let mut kernels = vec![Kernel::open(BackendArg::Cpu).unwrap()];
-    match Kernel::open(BackendArg::Gpu) {
+    let mut kernels = vec![Kernel::open(BackendChoice::Cpu).unwrap()];
+    match Kernel::open(BackendChoice::Gpu) {
         Ok(gpu) => kernels.push(gpu),
         Err(error) if std::env::var_os("BRICKCAST_REQUIRE_ALL").is_none() => {
             eprintln!("skipped: partitions on the GPU: {error}");

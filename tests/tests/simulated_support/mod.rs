@@ -15,12 +15,8 @@ use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
-use brickcast::access::Access;
-use brickcast::cli::BackendArg;
-use brickcast::dial::Dial;
-use brickcast::discovery::Target;
-use brickcast::embedded::{EmbeddedNodes, Kernel};
-use brickcast::service::{NodeClient, NodeError};
+use brickcast::cluster::{Access, Dial, NodeClient, NodeError, Target};
+use brickcast::embedded::{BackendChoice, EmbeddedNodes, Kernel};
 use brickcast::session::{Frame, Session, SessionError, StoreChoice};
 use brickcast_node::admission::Admission;
 use brickcast_node::cpu::CpuRaycaster;
@@ -105,7 +101,7 @@ impl Subject {
         // One node, on the network that there is.
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
         let views = runtime.block_on(async {
-            let kernel = Kernel::open(BackendArg::Cpu).unwrap();
+            let kernel = Kernel::open(BackendChoice::Cpu).unwrap();
             let one = EmbeddedNodes::start(&kernel, 1, &path, 1 << 28).await.unwrap();
             let choice = StoreChoice::Hash(hash);
             let mut session = Session::open_through(one.dial(), &one.addresses(), choice).await.unwrap();

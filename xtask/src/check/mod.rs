@@ -3,6 +3,7 @@
 mod documents;
 mod error_texts;
 mod file_length;
+mod flags;
 mod machine_paths;
 mod manifests;
 mod names;
@@ -20,9 +21,10 @@ pub(crate) struct Check {
     pub(crate) run: fn(&Tree) -> anyhow::Result<Vec<String>>,
 }
 
-pub(crate) const ALL: [Check; 7] = [
+pub(crate) const ALL: [Check; 8] = [
     manifests::CHECK,
     names::CHECK,
+    flags::CHECK,
     shaders::CHECK,
     documents::CHECK,
     error_texts::CHECK,

@@ -86,12 +86,12 @@ mod tests {
         for (path, text) in [
             ("node/src/render.rs", "fn f(d: &wgpu::Device) {}"),
             ("compositor/src/lib.rs", "use wgpu_core::x;"),
-            ("compositor/src/session.rs", "use brickcast_proto::wire::Tile;"),
-            ("compositor/src/session.rs", "use brickcast_proto::{status, wire};"),
+            ("compositor/src/session/mod.rs", "use brickcast_proto::wire::Tile;"),
+            ("compositor/src/session/mod.rs", "use brickcast_proto::{status, wire};"),
             ("node/src/render.rs", "wire::Tile::default();"),
             ("node/src/render.rs", "use prost::Message as _;"),
-            ("compositor/src/command/render.rs", "brickcast_node::serve();"),
-            ("compositor/src/command/bench.rs", "use brickcast_shaders::twin;"),
+            ("compositor/src/cli/command/render/mod.rs", "brickcast_node::serve();"),
+            ("compositor/src/cli/command/bench/mod.rs", "use brickcast_shaders::twin;"),
         ] {
             assert_eq!(found(path, text), 1, "{path}: {text}");
         }

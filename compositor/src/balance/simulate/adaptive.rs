@@ -1,7 +1,7 @@
 //! Our own balancer in the modelled cluster.
 
-use super::Machine;
 use super::lattice::Picture;
+use super::machine::Machine;
 use super::outcome::ViewRow;
 use super::random::noise;
 use super::rivals::{Owners, share};

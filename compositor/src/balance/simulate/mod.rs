@@ -6,6 +6,7 @@
 mod adaptive;
 mod lattice;
 mod layers;
+mod machine;
 mod outcome;
 mod path;
 mod random;
@@ -20,15 +21,10 @@ pub use self::spec::{Kill, PathKind, Spec, SpecError, Throttle};
 
 use self::adaptive::Adaptive;
 use self::lattice::Picture;
+use self::machine::Machine;
 use self::outcome::Record;
 use self::rivals::Rival;
 use self::world::World;
-
-/// The nodes of one view: time per unit of cost (of an unthrottled node), and whether it is there.
-struct Machine {
-    throttle: f64,
-    present: bool,
-}
 
 /// Divides every view of `spec` by every strategy; `progress` hears of views done and in all.
 #[must_use]

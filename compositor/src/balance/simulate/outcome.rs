@@ -6,8 +6,7 @@ use serde::Serialize;
 
 use super::spec::Spec;
 use super::world::World;
-use crate::balance::Report;
-use crate::balance::report::max_over_mean;
+use crate::balance::{Report, max_over_mean};
 
 /// Views that are left out of the figures without warm-up: a third, at most so many.
 const WARM_UP: u32 = 20;

@@ -2,8 +2,8 @@
 
 use glam::UVec3;
 
-use super::Machine;
 use super::lattice::Picture;
+use super::machine::Machine;
 use super::outcome::ViewRow;
 use super::random::hash;
 use super::spec::Spec;

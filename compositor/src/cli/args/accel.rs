@@ -1,0 +1,198 @@
+//! The flags that say how rays are shortened and which voxels show.
+
+use std::path::PathBuf;
+
+use anyhow::anyhow;
+use brickcast_volume::scene::{Acceleration, Leap, MacrocellEdge, RegionView};
+use brickcast_volume::store::Manifest;
+use clap::{Args, ValueEnum};
+
+use crate::cli::failure::Failure;
+
+/// Macrocells may span this share of the range where the store was not segmented.
+const DEFAULT_MACRO_RANGE: f32 = 0.03;
+
+/// A way to shorten rays; several go together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, ValueEnum)]
+pub enum AccelArg {
+    /// The plain loop
+    None,
+    /// Early ray termination
+    Ert,
+    /// Empty macrocells are skipped
+    Ess,
+    /// Rays leap through the store's regions
+    Leap,
+    /// Early termination, empty-space skipping, and leaps through homogeneous macrocells: the rival to regions
+    Macro,
+    /// ert, ess and leap
+    All,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum ViewArg {
+    /// Everything
+    #[default]
+    All,
+    /// Only voxels of a region
+    Regions,
+    /// Only voxels of no region: the defect view
+    Residual,
+}
+
+#[derive(Debug, Clone, Args)]
+#[command(next_help_heading = "Acceleration and regions")]
+pub struct AccelArgs {
+    /// How rays are shortened: one of these, or several with commas
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [AccelArg::All])]
+    pub accel: Vec<AccelArg>,
+    /// Bricks whose error bound under the transfer function exceeds this (0..1) do not leap [default: none; the segmentation
+    /// range is the tolerance]
+    #[arg(long, value_name = "T")]
+    pub leap_tolerance: Option<f32>,
+    /// What macrocells may span with --accel macro, as a share of the store's range [default: the store's segmentation range,
+    /// else 0.03]
+    #[arg(long, value_name = "W")]
+    pub macro_range: Option<f32>,
+    /// Voxels per edge of a macrocell: 4 or 8
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    pub macrocell: u32,
+    /// Which voxels show
+    #[arg(long, value_enum, default_value_t)]
+    pub view: ViewArg,
+    /// A transfer function of its own for voxels inside regions (ParaView colour-map preset, JSON)
+    #[arg(long, value_name = "FILE")]
+    pub region_transfer_function: Option<PathBuf>,
+    /// Which preset of a file that holds several
+    #[arg(long, value_name = "NAME", requires = "region_transfer_function")]
+    pub region_preset: Option<String>,
+}
+
+impl AccelArgs {
+    fn has(&self, wanted: &[AccelArg]) -> bool {
+        self.accel.iter().any(|a| wanted.contains(a))
+    }
+
+    /// Checks what needs no store.
+    ///
+    /// # Errors
+    /// Usage: values out of range, combinations that contradict themselves.
+    pub fn check(&self) -> Result<(), Failure> {
+        let usage = |text: String| Err(Failure::usage(anyhow!(text)));
+        if self.has(&[AccelArg::None]) && self.accel.iter().any(|a| *a != AccelArg::None) {
+            return usage("--accel: none does not go with others".to_owned());
+        }
+        if self.has(&[AccelArg::Macro]) && self.has(&[AccelArg::Leap, AccelArg::All]) {
+            return usage(
+                "--accel: macro leaps through macrocells, leap and all through regions: choose one".to_owned(),
+            );
+        }
+        if self.leap_tolerance.is_some() && !self.leaps_through_regions() {
+            return usage("--leap-tolerance: nothing leaps through regions; add leap to --accel".to_owned());
+        }
+        if self.macro_range.is_some() && !self.has(&[AccelArg::Macro]) {
+            return usage("--macro-range: goes with --accel macro".to_owned());
+        }
+        for (name, value) in [("leap-tolerance", self.leap_tolerance), ("macro-range", self.macro_range)] {
+            if let Some(value) = value.filter(|v| !(0.0..=1.0).contains(v)) {
+                return usage(format!("--{name} {value}: must lie between 0 and 1"));
+            }
+        }
+        self.macrocell_edge().map(drop)
+    }
+
+    /// True where rays leap through the store's regions.
+    #[must_use]
+    pub fn leaps_through_regions(&self) -> bool {
+        self.has(&[AccelArg::Leap, AccelArg::All])
+    }
+
+    fn macrocell_edge(&self) -> Result<MacrocellEdge, Failure> {
+        let edges = [MacrocellEdge::Four, MacrocellEdge::Eight];
+        let edge = edges.into_iter().find(|edge| edge.voxels() == self.macrocell);
+        edge.ok_or_else(|| Failure::usage(anyhow!("--macrocell {}: 4 or 8", self.macrocell)))
+    }
+
+    /// The acceleration on a store.
+    ///
+    /// # Errors
+    /// Usage, as [`AccelArgs::check`].
+    pub fn acceleration(&self, store: &Manifest) -> Result<Acceleration, Failure> {
+        let segmented = store.regions.as_ref().and_then(|r| r.segmentation_range).map(|share| share as f32);
+        let leap = if self.has(&[AccelArg::Macro]) {
+            Leap::Macrocells(self.macro_range.or(segmented).unwrap_or(DEFAULT_MACRO_RANGE))
+        } else if self.leaps_through_regions() {
+            Leap::Regions
+        } else {
+            Leap::Off
+        };
+        Ok(Acceleration {
+            skip_empty: self.has(&[AccelArg::Ess, AccelArg::Macro, AccelArg::All]),
+            leap,
+            macrocell: self.macrocell_edge()?,
+            leap_tolerance: self.leap_tolerance,
+        })
+    }
+
+    /// `asked`, or 1 (off) where early termination is not among the accelerations.
+    #[must_use]
+    pub fn early_termination(&self, asked: f32) -> f32 {
+        if self.has(&[AccelArg::Ert, AccelArg::Macro, AccelArg::All]) { asked } else { 1.0 }
+    }
+
+    #[must_use]
+    pub fn region_view(&self) -> RegionView {
+        match self.view {
+            ViewArg::All => RegionView::All,
+            ViewArg::Regions => RegionView::Regions,
+            ViewArg::Residual => RegionView::Residual,
+        }
+    }
+
+    /// What to tell where something was asked of regions and the store has none.
+    #[must_use]
+    pub fn missing_regions(&self, store: &Manifest) -> Option<String> {
+        let asks = self.leaps_through_regions() || self.view != ViewArg::All || self.region_transfer_function.is_some();
+        (asks && store.regions.is_none())
+            .then(|| "the store has no regions: prepare it with --segmentation-range (e.g. 0.03) to leap".to_owned())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn args(accel: &[AccelArg]) -> AccelArgs {
+        AccelArgs {
+            accel: accel.to_vec(),
+            leap_tolerance: None,
+            macro_range: None,
+            macrocell: 4,
+            view: ViewArg::All,
+            region_transfer_function: None,
+            region_preset: None,
+        }
+    }
+
+    #[test]
+    fn contradictions_are_usage_errors() {
+        use AccelArg::{All, Ert, Ess, Leap, Macro, None};
+        for good in [&[None][..], &[Ert], &[Ert, Ess], &[Leap], &[All], &[Macro], &[Macro, Ert], &[Ert, Ess, Leap]] {
+            assert!(args(good).check().is_ok(), "{good:?}");
+        }
+        for bad in [&[None, Ert][..], &[Macro, Leap], &[All, Macro]] {
+            assert!(args(bad).check().is_err(), "{bad:?}");
+        }
+        assert!(AccelArgs { macrocell: 5, ..args(&[All]) }.check().is_err());
+        assert!(AccelArgs { leap_tolerance: Some(f32::NAN), ..args(&[All]) }.check().is_err());
+        assert!(AccelArgs { leap_tolerance: Some(0.1), ..args(&[Macro]) }.check().is_err());
+        assert!(AccelArgs { macro_range: Some(0.1), ..args(&[All]) }.check().is_err());
+    }
+
+    #[test]
+    fn early_termination_is_off_where_it_was_not_asked_for() {
+        assert_eq!(args(&[AccelArg::None]).early_termination(0.9), 1.0);
+        assert_eq!(args(&[AccelArg::Ess, AccelArg::Leap]).early_termination(0.9), 1.0);
+        assert_eq!(args(&[AccelArg::All]).early_termination(0.9), 0.9);
+    }
+}

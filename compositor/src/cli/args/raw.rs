@@ -1,0 +1,44 @@
+//! How a raw file is read.
+
+use brickcast_volume::format::RawHints;
+use clap::Args;
+
+use super::values::triple;
+use crate::cli::failure::Failure;
+
+/// How to read a raw file; other formats say it themselves.
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Raw input")]
+pub struct RawArgs {
+    /// Voxels per axis of a raw file, x fastest
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple::<u32>)]
+    pub dims: Option<[u32; 3]>,
+    /// Voxel type of a raw file: uint8, int8, uint16, int16, uint32, int32, float32, uint64, int64, float64
+    #[arg(long = "type", value_name = "TYPE")]
+    pub voxel_type: Option<String>,
+    /// Byte order of a raw file: little or big
+    #[arg(long, value_name = "ORDER")]
+    pub endian: Option<String>,
+    /// Bytes to skip at the start of a raw file
+    #[arg(long, value_name = "BYTES", default_value_t = 0)]
+    pub skip: u64,
+    /// World units per voxel of a raw file
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple::<f64>, allow_hyphen_values = true)]
+    pub spacing: Option<[f64; 3]>,
+    /// A voxel of this value holds no data and shows nothing, in files of any format; NaN never does
+    #[arg(long, value_name = "VALUE", allow_hyphen_values = true)]
+    pub no_data: Option<f64>,
+}
+
+impl RawArgs {
+    /// The flags as hints for the raw reader.
+    ///
+    /// # Errors
+    /// Usage: an unknown type or byte order.
+    pub fn hints(&self) -> Result<RawHints, Failure> {
+        let voxel_type = self.voxel_type.as_deref().map(str::parse).transpose().map_err(Failure::usage)?;
+        let endian = self.endian.as_deref().map(str::parse).transpose().map_err(Failure::usage)?;
+        let (skip, spacing, no_data) = (self.skip, self.spacing, self.no_data);
+        Ok(RawHints { dims: self.dims, voxel_type, endian, skip, spacing, origin: None, no_data })
+    }
+}

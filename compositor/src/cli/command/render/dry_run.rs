@@ -1,0 +1,104 @@
+//! `brickcast render --dry-run`: what each node would hold and render.
+
+use brickcast_volume::View;
+use brickcast_volume::store::Store;
+use comfy_table::Table;
+
+use crate::cli::args::RenderArgs;
+use crate::cli::failure::Failure;
+use crate::cli::say;
+use crate::cli::scene::nothing_shows;
+use crate::cli::source::{Source, tell};
+use crate::cluster::{ClusterError, NodeList};
+use crate::embedded::planned_bytes;
+use crate::plan::{Assignment, Shown, StoreFacts};
+use crate::session::Session;
+use crate::words::bytes;
+
+/// Of a resident voxel; 4 on GPUs without normalised 16-bit textures.
+const TEXEL_BYTES: u64 = 2;
+
+/// # Errors
+/// As a render up to the plan.
+pub(super) async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -> Result<(), Failure> {
+    let (store, names, budgets): (_, Vec<String>, _) = match source {
+        Source::Store(store) => {
+            let names = match args.nodes.nodes.is_empty() {
+                true => (0..args.nodes.local.unwrap_or(1)).map(|i| format!("local {i}")).collect(),
+                false => found(&args.nodes.nodes).await?,
+            };
+            let budgets = vec![memory_budget; names.len()];
+            (local_facts(&store), names, budgets)
+        }
+        Source::Name(_) => {
+            let session = Session::open_through(args.nodes.access.dial()?, &args.nodes.nodes, source.choice()).await?;
+            tell(&args.path, &session.store().manifest);
+            let (names, budgets) = session.members().map(|(address, d)| (address.to_owned(), d.memory_budget)).unzip();
+            (session.store().clone(), names, budgets)
+        }
+    };
+    let count = names.len();
+    let choice = args.scene.scene(&store.manifest)?;
+    let scene = &choice.scene;
+    if let Some(outlook) = nothing_shows::outlook(scene, &store.manifest) {
+        tracing::warn!("{}", outlook.in_words());
+    }
+    let geometry = &store.manifest.geometry;
+    let shown = Shown::in_scene(&store, scene);
+    let assignment = Assignment::contiguous(&shown, count);
+    let view = View::new(geometry, &scene.camera, scene.size, scene.step)?;
+    let orders = assignment.orders(&shown, &view).into_iter().map(|orders| orders.concat()).collect::<Vec<_>>();
+    let (tree, planned) = (store.tree(), planned_bytes(&store, scene, TEXEL_BYTES));
+    let grid = tree.grid();
+
+    let mut out = Table::new();
+    out.set_header(["node", "bricks", "owned voxels", "memory", "budget", "chunks in view", "layers", "tiles"]);
+    for (node, layers) in orders.iter().enumerate() {
+        let bricks = assignment.bricks_of(&shown, node);
+        let owned: u64 = bricks.iter().map(|&b| grid.owned_box(grid.brick_at(b as usize)).voxel_count()).sum();
+        let memory: u64 = bricks.iter().map(|&b| planned[b as usize]).sum();
+        let over = if memory > budgets[node] { " (over)" } else { "" };
+        out.add_row([
+            names[node].clone(),
+            bricks.len().to_string(),
+            bytes(owned * 2),
+            bytes(memory),
+            format!("{}{over}", bytes(budgets[node])),
+            layers.iter().map(|l| l.chunks.len()).sum::<usize>().to_string(),
+            layers.len().to_string(),
+            layers.iter().map(|l| l.tiles.count()).sum::<u32>().to_string(),
+        ]);
+    }
+    let d = geometry.dims();
+    say::tell(&format!(
+        "{} x {} x {} voxels in {} bricks of {}^3; {} of them are shown by the transfer function\n\
+         {} chunks of {}^3 bricks\n{out}\n",
+        d.x,
+        d.y,
+        d.z,
+        grid.brick_count(),
+        grid.brick_size(),
+        shown.brick_count(),
+        tree.chunk_count(),
+        tree.chunk_bricks(),
+    ))
+}
+
+/// The addresses that `--nodes` stands for now.
+async fn found(words: &[String]) -> Result<Vec<String>, Failure> {
+    let (targets, problems) = NodeList::parse(words).map_err(Failure::usage)?.resolve().await;
+    problems.iter().for_each(|problem| tracing::warn!("{problem}"));
+    match targets.is_empty() {
+        true => Err(ClusterError::NoneServes(problems.iter().map(ToString::to_string).collect()).into()),
+        false => Ok(targets.into_iter().map(|t| t.address).collect()),
+    }
+}
+
+fn local_facts(store: &Store) -> StoreFacts {
+    StoreFacts {
+        hash: store.hash(),
+        manifest: store.manifest().clone(),
+        ranges: store.brick_ranges().clone(),
+        facts: store.brick_facts().map(<[_]>::to_vec),
+    }
+}

@@ -1,0 +1,175 @@
+//! What PATH means: a store, an input that is prepared on the way, or a name that the nodes know.
+
+use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+
+use anyhow::anyhow;
+use brickcast_volume::brick::BrickGrid;
+use brickcast_volume::format::{self, RawHints};
+use brickcast_volume::store::{Manifest, Phase, PrepareOptions, PrepareSummary, STORE_VERSION, Store, prepare, survey};
+
+use super::args::{OnTheWayArgs, RawArgs};
+use super::failure::Failure;
+use super::progress::Bar;
+use crate::cache::{Key, Wanted};
+use crate::session::StoreChoice;
+
+/// A path that was understood.
+#[derive(Debug)]
+pub enum Source {
+    /// A store on this machine.
+    Store(Store),
+    /// A name that only the nodes know.
+    Name(String),
+}
+
+/// What is known of a volume without rendering it.
+#[derive(Debug)]
+pub struct Surveyed {
+    pub manifest: Manifest,
+    /// Where the path is a store.
+    pub store: Option<Store>,
+}
+
+/// Reads a store's manifest, or an input once from end to end; nothing is prepared.
+///
+/// # Errors
+/// Neither an input nor a store; what the reader finds wrong.
+pub fn surveyed(path: &Path, raw: &RawArgs) -> Result<Surveyed, Failure> {
+    if path.is_dir() {
+        let store = Store::open(path)?;
+        return Ok(Surveyed { manifest: store.manifest().clone(), store: Some(store) });
+    }
+    let mut source = format::open(path, &raw.hints()?)?;
+    let bar = Bar::new(&format!("reading {}", path.display()));
+    let manifest = survey(source.as_mut(), &mut |p| bar.at(p.done, p.total))?;
+    bar.finish();
+    Ok(Surveyed { manifest, store: None })
+}
+
+impl OnTheWayArgs {
+    /// Opens what `path` names; an input is prepared into the cache, or found there while it is unchanged. With
+    /// `nodes_know`, a path that does not exist here is taken for a name that the nodes know.
+    ///
+    /// # Errors
+    /// Nothing there, neither store nor input, an input that cannot be read.
+    pub fn open(&self, path: &Path, nodes_know: bool) -> Result<Source, Failure> {
+        let source = self.opened(path, nodes_know)?;
+        if let Source::Store(store) = &source {
+            tell(path, store.manifest());
+        }
+        Ok(source)
+    }
+
+    fn opened(&self, path: &Path, nodes_know: bool) -> Result<Source, Failure> {
+        BrickGrid::new(glam::UVec3::ONE, self.brick).map_err(Failure::usage)?;
+        if path.is_dir() {
+            if self.regions.segmentation_range.is_some() || self.regions.labels.is_some() {
+                let why = "is a store, with the regions that it was prepared with: leave --segmentation-range and --labels \
+                           out, or prepare it anew";
+                return Err(Failure::usage(anyhow!("{} {why}", path.display())));
+            }
+            return Ok(Source::Store(Store::open(path)?));
+        }
+        // What is there but no regular file is refused by name, not taken for a name that nodes know.
+        if path.exists() {
+            return Ok(Source::Store(self.prepared(path)?));
+        }
+        match path.to_str() {
+            Some(name) if nodes_know => Ok(Source::Name(name.to_owned())),
+            _ => Err(anyhow!("{}: no such file or store", path.display()).into()),
+        }
+    }
+
+    fn prepared(&self, input: &Path) -> Result<Store, Failure> {
+        let hints = self.raw.hints()?;
+        let range = self.range.map(|[lo, hi]| (lo, hi));
+        let regions = self.regions.options(self.raw.dims)?;
+        let options =
+            PrepareOptions { brick_size: self.brick, range, force: true, regions, ..PrepareOptions::default() };
+        let source = format::open(input, &hints)?;
+        let header = source.header();
+        // As if nothing could be compressed; what is wider is mapped to 16 bits.
+        let bytes = header.geometry.voxel_count().saturating_mul(header.voxel_type.bytes().min(2) as u64);
+        let version = env!("CARGO_PKG_VERSION");
+        let (brick, regions) = (self.brick, &options.regions);
+        let words = format!("{brick}|{range:?}|{:?}|{regions:?}|{version}|{STORE_VERSION}", self.raw);
+        let store = self.cache.open()?.obtain(&Wanted {
+            input,
+            bytes,
+            key: &|| {
+                let files = options.inputs(format::open(input, &hints)?.as_ref())?;
+                Key::new(input, &files, &words)
+            },
+            make: &|target| prepare_input(input, &hints, target, &options).map(drop),
+        })?;
+        Ok(store)
+    }
+}
+
+/// Tells what is known of how a volume became a store, once a run, however often it is opened. The notes are harmless: see
+/// [`Manifest::notes`].
+pub fn tell(path: &Path, manifest: &Manifest) {
+    static TOLD: Mutex<Vec<String>> = Mutex::new(Vec::new());
+    let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);
+    for note in &manifest.notes {
+        let text = format!("{}: {note}", path.display());
+        if !told.contains(&text) {
+            tracing::warn!("{text}");
+            told.push(text);
+        }
+    }
+}
+
+/// Prepares `input` into `target`, showing progress and telling what the reader noticed.
+///
+/// # Errors
+/// As [`format::open`] and [`prepare`].
+pub fn prepare_input(
+    input: &Path,
+    hints: &RawHints,
+    target: &Path,
+    options: &PrepareOptions,
+) -> anyhow::Result<PrepareSummary> {
+    let mut source = format::open(input, hints)?;
+    let bar = Bar::new(&format!("preparing {}", input.display()));
+    let options = PrepareOptions {
+        source_name: input.file_name().and_then(|n| n.to_str()).map(str::to_owned),
+        source_bytes: input.metadata().ok().map(|m| m.len()),
+        ..options.clone()
+    };
+    let mut phase = None;
+    let summary = prepare(source.as_mut(), target, &options, &mut |p| {
+        if phase.replace(p.phase) != Some(p.phase) {
+            bar.say(&format!("{} {}", words(p.phase), input.display()));
+        }
+        bar.at(p.done, p.total);
+    })?;
+    bar.finish();
+    tell(input, &summary.manifest);
+    Ok(summary)
+}
+
+/// A phase, before the name of what is prepared.
+fn words(phase: Phase) -> &'static str {
+    match phase {
+        Phase::Unpack => "unpacking",
+        Phase::Scan | Phase::Write | Phase::Finish => "preparing",
+        Phase::Flood => "flood filling",
+        Phase::Distances => "distances of",
+        Phase::Regions => "regions of",
+        Phase::Labels => "writing regions of",
+        Phase::Verify => "verifying",
+    }
+}
+
+impl Source {
+    /// The local store's hash, or the name.
+    #[must_use]
+    pub fn choice(&self) -> StoreChoice {
+        match self {
+            Self::Store(store) => StoreChoice::Hash(store.hash()),
+            Self::Name(name) => StoreChoice::Name(name.clone()),
+        }
+    }
+}

@@ -1,0 +1,22 @@
+//! The nodes of a session: which there are, how they are reached, and what they are asked.
+
+mod access;
+mod cancels;
+mod dial;
+mod discovery;
+mod error;
+mod follow;
+mod members;
+mod pings;
+mod service;
+mod tls_words;
+
+pub use access::{Access, random_token};
+pub use dial::Dial;
+pub use discovery::{DiscoveryError, MAX_NODES, NodeList, Target};
+pub use error::ClusterError;
+pub(crate) use follow::Outlook;
+pub use members::StoreChoice;
+pub(crate) use members::{Cluster, Member, Slot};
+pub use pings::Pings;
+pub use service::{LOAD_DEADLINE, NodeClient, NodeError};

@@ -1,0 +1,375 @@
+//! One frame from its first order to its end: by count, by deadline, or because no node is left
+//! (docs/adr/0004-faults.md).
+
+pub mod blend;
+mod collect;
+mod error;
+pub mod ledger;
+mod node_frame;
+mod worker;
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use brickcast_proto::{LayerOrder, Receipt, RenderOrder};
+use brickcast_volume::scene::{Scene, Transport};
+use brickcast_volume::{Epoch, FrameId, SessionId, StoreHash};
+use tokio::sync::mpsc;
+use tokio::task::{AbortHandle, JoinSet};
+use tokio::time::Instant;
+
+pub use self::error::FrameError;
+pub use self::node_frame::{LostNode, NodeFrame};
+pub(crate) use self::worker::workers;
+
+use self::collect::{Event, collect};
+use self::ledger::{Ledger, LedgerError, Ticket, Verdict, Void};
+use self::worker::Worker;
+use crate::cluster::{Dial, NodeClient, NodeError};
+use crate::plan::{Assignment, InView, Shown};
+
+/// How long a complete frame waits for receipts: they only tell what it cost.
+const RECEIPT_GRACE: Duration = Duration::from_millis(250);
+/// Events between the connections and the loop.
+const EVENTS: usize = 256;
+
+/// What all orders of a frame have in common.
+#[derive(Debug)]
+pub(crate) struct FrameOrder<'a> {
+    pub(crate) session: SessionId,
+    pub(crate) frame: FrameId,
+    pub(crate) epoch: Epoch,
+    pub(crate) store: StoreHash,
+    pub(crate) scene: &'a Scene,
+    pub(crate) transport: Transport,
+    pub(crate) deadline: Duration,
+}
+
+/// What became of it.
+#[derive(Debug)]
+pub(crate) struct FrameEnd {
+    pub(crate) ledger: Ledger,
+    /// Why it is not complete.
+    pub(crate) problems: Vec<String>,
+    pub(crate) nodes: Vec<NodeFrame>,
+    /// Layers that were void and ordered again.
+    pub(crate) reissued: usize,
+    /// Position in the list of workers, and why.
+    pub(crate) lost: Vec<(usize, LostNode)>,
+    /// Of the nodes whose receipts came.
+    pub(crate) costs: Vec<NodeCost>,
+    pub(crate) tiles: u64,
+    pub(crate) bytes_received: u64,
+}
+
+/// What one node's answers cost.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct NodeCost {
+    /// In the list of workers.
+    pub(crate) position: usize,
+    /// Its own time for rendering, throttle included.
+    pub(crate) work_ms: f64,
+    /// Chunks and their cost, in samples.
+    pub(crate) chunks: Vec<(u32, f64)>,
+}
+
+impl NodeCost {
+    pub(crate) fn cost(&self) -> f64 {
+        self.chunks.iter().map(|(_, cost)| cost).sum()
+    }
+
+    fn take(&mut self, receipt: &Receipt) {
+        self.work_ms += receipt.work_ms;
+        self.chunks.extend(receipt.costs.iter().map(|c| (c.chunk, c.units())));
+    }
+}
+
+#[derive(Debug)]
+struct Sent {
+    worker: usize,
+    task: AbortHandle,
+    /// When it last gave an answer, told of work, or was sent.
+    progress: Instant,
+    /// What it told last.
+    work: Option<u64>,
+    ended: bool,
+}
+
+/// A worker that was called again, and what came of it.
+type Called = (usize, Result<(NodeClient, NodeFrame), NodeError>);
+
+struct Run<'a> {
+    order: &'a FrameOrder<'a>,
+    shown: &'a Shown,
+    in_view: &'a InView,
+    dial: &'a Dial,
+    started: Instant,
+    ledger: Ledger,
+    workers: Vec<Worker>,
+    sent: Vec<Sent>,
+    tasks: JoinSet<()>,
+    calls: JoinSet<Called>,
+    events: mpsc::Sender<Event>,
+    /// Layers that are void and not ordered again yet.
+    void: usize,
+    reissued: usize,
+    lost: Vec<(usize, LostNode)>,
+    costs: BTreeMap<usize, NodeCost>,
+    tiles: u64,
+    bytes_received: u64,
+}
+
+/// Renders one frame on `workers`, each at its position in `table`.
+pub(crate) async fn run(
+    order: &FrameOrder<'_>,
+    workers: Vec<Worker>,
+    (shown, in_view): (&Shown, &InView),
+    table: &Assignment,
+    dial: &Dial,
+) -> Result<FrameEnd, FrameError> {
+    let (events, mut inbox) = mpsc::channel(EVENTS);
+    let mut run = Run {
+        order,
+        shown,
+        in_view,
+        dial,
+        started: Instant::now(),
+        ledger: Ledger::new(order.frame, order.epoch, in_view.chunks()),
+        workers,
+        sent: Vec::new(),
+        tasks: JoinSet::new(),
+        calls: JoinSet::new(),
+        events,
+        void: 0,
+        reissued: 0,
+        lost: Vec::new(),
+        costs: BTreeMap::new(),
+        tiles: 0,
+        bytes_received: 0,
+    };
+    for worker in 0..run.workers.len() {
+        if run.workers[worker].ready(run.started).is_some() {
+            for layers in in_view.orders_of(table, worker) {
+                run.send(worker, layers, run.started)?;
+            }
+        }
+    }
+    let ends_at = run.started + order.deadline;
+    let mut receipts_until = None;
+    loop {
+        let now = Instant::now();
+        if run.ledger.is_complete() {
+            let until = *receipts_until.get_or_insert(now + RECEIPT_GRACE);
+            if now >= until || run.sent.iter().all(|s| s.ended) {
+                return Ok(run.end(Vec::new()));
+            }
+        }
+        if now >= ends_at {
+            let problems = run.problems();
+            return Ok(run.end(problems));
+        }
+        run.watch_progress(now);
+        run.deal(now)?;
+        let wake = run.wakes(now).chain(receipts_until).fold(ends_at, Instant::min);
+        tokio::select! {
+            // There is always a sender: the run's own.
+            Some(event) = inbox.recv() => run.take(event),
+            Some(call) = run.calls.join_next() => {
+                let (worker, answer) = call?;
+                match answer {
+                    Ok((client, stat)) => run.workers[worker].come_back(client, stat),
+                    Err(error) => run.workers[worker].leave(&error),
+                }
+            }
+            () = tokio::time::sleep_until(wake) => {}
+        }
+    }
+}
+
+impl Run<'_> {
+    fn send(&mut self, worker: usize, layers: Vec<LayerOrder>, now: Instant) -> Result<(), LedgerError> {
+        let Some(client) = self.workers[worker].ready(now).cloned() else { return Ok(()) };
+        if layers.is_empty() {
+            return Ok(());
+        }
+        let ticket = Ticket(self.sent.len());
+        self.ledger.order(ticket, &layers)?;
+        let FrameOrder { session, frame, epoch, store, scene, transport, .. } = *self.order;
+        let order = RenderOrder { session, frame, epoch, store, scene: scene.clone(), transport, layers };
+        let task = self.tasks.spawn(collect(client, ticket, order, self.events.clone()));
+        self.sent.push(Sent { worker, task, progress: now, work: None, ended: false });
+        Ok(())
+    }
+
+    fn take(&mut self, event: Event) {
+        let now = Instant::now();
+        match event {
+            Event::Tile { ticket, at, layer, tile, pixels, bytes } => {
+                self.sent[ticket.0].progress = now;
+                self.bytes_received += bytes as u64;
+                self.tiles += u64::from(pixels.is_some());
+                let verdict = self.ledger.accept(at, ticket, layer, tile, pixels);
+                if verdict != Verdict::Accepted && !self.sent[ticket.0].ended {
+                    // No node answers twice, or what it was not asked: the line damaged the tile's place.
+                    self.fail_as_invalid(ticket, format!("tile {tile:?} of layer {}: {verdict:?}", layer.0), now);
+                }
+            }
+            Event::Progress { ticket, work } => {
+                let sent = &mut self.sent[ticket.0];
+                if sent.work.replace(work) != Some(work) {
+                    sent.progress = now;
+                }
+            }
+            Event::Receipt { ticket, receipt } => {
+                let sent = &mut self.sent[ticket.0];
+                if std::mem::replace(&mut sent.ended, true) {
+                    return;
+                }
+                let position = sent.worker;
+                self.workers[position].stat.take(&receipt);
+                self.costs.entry(position).or_insert(NodeCost { position, ..NodeCost::default() }).take(&receipt);
+                let owed = self.ledger.owed_by(ticket);
+                if owed > 0 {
+                    self.fail_as_invalid(ticket, format!("a receipt while {owed} tiles were owed"), now);
+                }
+            }
+            Event::Failed { ticket, error } if !self.sent[ticket.0].ended => self.fail(ticket, &error, now),
+            // What a dropped stream had still said.
+            Event::Failed { .. } => {}
+        }
+    }
+
+    fn fail_as_invalid(&mut self, ticket: Ticket, reason: String, now: Instant) {
+        let address = self.workers[self.sent[ticket.0].worker].target.address.clone();
+        self.fail(ticket, &NodeError::Invalid { address, call: "RenderFrame", reason }, now);
+    }
+
+    /// The ticket's open layers are void from now on; unless the node is only busy, or closed a connection over cancelled calls, so
+    /// are all others of it.
+    fn fail(&mut self, ticket: Ticket, error: &NodeError, now: Instant) {
+        let worker = self.sent[ticket.0].worker;
+        if self.workers[worker].rests(error, now) {
+            tracing::debug!("frame {}: {error}; ordered again", self.order.frame.0);
+            self.drop_ticket(ticket, Void::Open);
+            return;
+        }
+        let which = if matches!(error, NodeError::Invalid { .. }) { Void::All } else { Void::Open };
+        for other in (0..self.sent.len()).filter(|&t| self.sent[t].worker == worker).collect::<Vec<_>>() {
+            self.drop_ticket(Ticket(other), which);
+        }
+        let frame = self.order.frame.0;
+        tracing::warn!("frame {frame}: {error}; {} layers go to other nodes", self.void);
+        self.workers[worker].leave(error);
+        let address = self.workers[worker].target.address.clone();
+        self.lost.push((worker, LostNode { address, why: error.to_string() }));
+    }
+
+    fn drop_ticket(&mut self, ticket: Ticket, which: Void) {
+        let sent = &mut self.sent[ticket.0];
+        sent.ended = true;
+        // Dropping the stream tells the node to stop.
+        sent.task.abort();
+        self.void += self.ledger.make_void(ticket, which);
+    }
+
+    fn can_work(&self, worker: usize) -> bool {
+        let worker = &self.workers[worker];
+        worker.out.is_none() && worker.client.is_some()
+    }
+
+    /// Nodes that do nothing for a quarter of the deadline, from its half on, are taken for hanging where others are left. One that
+    /// works is not hanging, however long it takes.
+    fn watch_progress(&mut self, now: Instant) {
+        if now < self.started + self.order.deadline / 2 {
+            return;
+        }
+        let patience = self.order.deadline / 4;
+        for ticket in (0..self.sent.len()).map(Ticket) {
+            let Sent { worker, progress, ended, .. } = self.sent[ticket.0];
+            let silent = now.duration_since(progress);
+            let others = (0..self.workers.len()).any(|w| w != worker && self.can_work(w));
+            if !ended && silent >= patience && others && self.ledger.owed_by(ticket) > 0 {
+                let address = self.workers[worker].target.address.clone();
+                self.fail(ticket, &NodeError::Hanging { address, seconds: silent.as_secs_f64() }, now);
+            }
+        }
+    }
+
+    /// Orders what nobody renders from those that can; calls the lost again where nobody can.
+    fn deal(&mut self, now: Instant) -> Result<(), FrameError> {
+        // After every event: nearly always there is nothing.
+        if self.ledger.unordered().is_empty() {
+            return Ok(());
+        }
+        let open = self.ledger.unordered().clone();
+        let takers: Vec<usize> = (0..self.workers.len()).filter(|&w| self.workers[w].ready(now).is_some()).collect();
+        let count = takers.len().min(open.chunks().count());
+        if count > 0 {
+            for (worker, orders) in takers.into_iter().zip(self.in_view.deal(self.shown, &open, count)) {
+                for layers in orders {
+                    self.send(worker, layers, now)?;
+                }
+            }
+            self.reissued += std::mem::take(&mut self.void);
+            return Ok(());
+        }
+        if !self.calls.is_empty() || (0..self.workers.len()).any(|w| self.can_work(w)) {
+            return Ok(());
+        }
+        for (position, worker) in self.workers.iter_mut().enumerate() {
+            if let Some(call) = worker.call_again(self.dial) {
+                self.calls.spawn(async move { (position, call.await) });
+            }
+        }
+        if self.calls.is_empty() {
+            let why = self.workers.iter().filter_map(|w| w.out.clone()).collect();
+            return Err(FrameError::NoNodeLeft(why));
+        }
+        Ok(())
+    }
+
+    /// When something has to be looked at although nothing arrived.
+    fn wakes(&self, now: Instant) -> impl Iterator<Item = Instant> {
+        let rested = self.workers.iter().filter_map(move |w| w.resting_until(now));
+        let (half, patience) = (self.started + self.order.deadline / 2, self.order.deadline / 4);
+        // A sixteenth later, so that a node that cannot be replaced is not looked at without pause.
+        let soon = now + self.order.deadline / 16;
+        let silent = self.sent.iter().filter(|s| !s.ended).map(move |s| (s.progress + patience).max(half).max(soon));
+        rested.chain(silent)
+    }
+
+    /// What the deadline left open, in words.
+    fn problems(&self) -> Vec<String> {
+        let deadline = humantime::format_duration(self.order.deadline);
+        let mut problems: Vec<String> = self.lost.iter().map(|(_, lost)| lost.why.clone()).collect();
+        for (worker, of) in self.workers.iter().enumerate() {
+            let mine = (0..self.sent.len()).filter(|&t| self.sent[t].worker == worker).map(Ticket);
+            let owed: usize = mine.map(|t| self.ledger.owed_by(t)).sum();
+            if owed > 0 {
+                problems.push(format!("{owed} tiles of {} had not arrived after {deadline}", of.target.address));
+            }
+        }
+        let nobody = self.ledger.unordered().chunks().count();
+        if nobody > 0 {
+            problems.push(format!("{nobody} chunks waited for a node when {deadline} had passed"));
+        }
+        problems
+    }
+
+    fn end(mut self, problems: Vec<String>) -> FrameEnd {
+        for (ticket, sent) in self.sent.iter().enumerate() {
+            self.workers[sent.worker].stat.layers += self.ledger.layers_with_pixels(Ticket(ticket));
+        }
+        let took_part = self.workers.into_iter().filter(Worker::took_part);
+        FrameEnd {
+            ledger: self.ledger,
+            problems,
+            nodes: took_part.map(|w| w.stat).collect(),
+            reissued: self.reissued,
+            lost: self.lost,
+            costs: self.costs.into_values().collect(),
+            tiles: self.tiles,
+            bytes_received: self.bytes_received,
+        }
+    }
+}

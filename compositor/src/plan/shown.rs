@@ -1,0 +1,124 @@
+//! Which bricks have something to show, whatever the view.
+
+use brickcast_volume::merge::MergeTree;
+use brickcast_volume::regions::{BrickFacts, Drawn, SceneTables, drawn, within_reach};
+use brickcast_volume::scene::Scene;
+use brickcast_volume::store::{BrickRanges, Manifest};
+use brickcast_volume::transfer_function::TransferTable;
+use brickcast_volume::{BrickIndex, ChunkIndex, OwnedBox};
+
+/// A store as the compositor knows it: no voxels, only what planning needs.
+#[derive(Debug, Clone)]
+pub struct StoreFacts {
+    pub hash: brickcast_volume::StoreHash,
+    pub manifest: Manifest,
+    pub ranges: BrickRanges,
+    /// What the store says of its regions, per brick; nothing where it has none.
+    pub facts: Option<Vec<BrickFacts>>,
+}
+
+impl StoreFacts {
+    #[must_use]
+    pub fn tree(&self) -> MergeTree {
+        MergeTree::of(self.manifest.grid)
+    }
+}
+
+/// The bricks that the transfer function shows, whatever the view, and the chunks that hold them.
+#[derive(Debug, Clone)]
+pub struct Shown {
+    pub(super) tree: MergeTree,
+    /// Per brick, x fastest: true where its stored box has opacity somewhere.
+    bricks: Vec<bool>,
+    /// Per chunk, x fastest: how many of its bricks are shown.
+    pub(super) per_chunk: Vec<u32>,
+    /// Per chunk: the smallest box of voxels around them.
+    pub(super) boxes: Vec<Option<OwnedBox>>,
+}
+
+/// Of every brick, x fastest: how it is drawn, and whether it has regions; nothing where it shows nothing.
+pub(crate) fn drawn_in_scene(store: &StoreFacts, scene: &Scene) -> Vec<Option<(Drawn, bool)>> {
+    let (grid, reach) = (store.manifest.grid, scene.style.reach(scene.step));
+    let geometry = &store.manifest.geometry;
+    let delta = scene.step * geometry.min_spacing();
+    let (range, ratio) = (store.manifest.range, delta / scene.opacity_unit);
+    let entries = scene.style.table_entries();
+    let table = |function| TransferTable::with_entries(function, range, ratio, entries);
+    let (main, region) = (table(&scene.transfer_function), scene.region_transfer_function.as_ref().map(table));
+    let surfaces = scene.style.surface_codes(range);
+    let tables = SceneTables::new(scene, &surfaces, &main, region.as_ref());
+    let of_brick = |brick| {
+        let (raw, facts) = within_reach(&grid, &store.ranges.0, store.facts.as_deref(), brick, reach);
+        let drawn = drawn(scene, &tables, geometry, &grid.owned_box(brick), raw, facts.as_ref())?;
+        Some((drawn, facts.is_some_and(|f| f.has_regions)))
+    };
+    grid.bricks().map(of_brick).collect()
+}
+
+impl Shown {
+    /// The bricks that a scene's transfer function shows, by the very table that the kernels read.
+    #[must_use]
+    pub fn in_scene(store: &StoreFacts, scene: &Scene) -> Self {
+        Self::of(store.tree(), drawn_in_scene(store, scene).iter().map(Option::is_some).collect())
+    }
+
+    /// `bricks` says of each brick, x fastest, whether it is shown.
+    pub(super) fn of(tree: MergeTree, bricks: Vec<bool>) -> Self {
+        let mut per_chunk = vec![0; tree.chunk_count() as usize];
+        let mut boxes: Vec<Option<OwnedBox>> = vec![None; per_chunk.len()];
+        for brick in tree.grid().bricks().filter(|b| bricks[tree.grid().linear(*b)]) {
+            let chunk = tree.chunk_linear(tree.chunk_of(brick)) as usize;
+            let owned = tree.grid().owned_box(brick);
+            per_chunk[chunk] += 1;
+            boxes[chunk] =
+                Some(boxes[chunk].map_or(owned, |b| OwnedBox { lo: b.lo.min(owned.lo), hi: b.hi.max(owned.hi) }));
+        }
+        Self { tree, bricks, per_chunk, boxes }
+    }
+
+    #[must_use]
+    pub fn brick_count(&self) -> usize {
+        self.bricks.iter().filter(|&&shown| shown).count()
+    }
+
+    /// Cuts `chunks` into `runs` contiguous runs with nearly equal numbers of shown bricks: each chunk and its run.
+    pub(super) fn runs(&self, chunks: &[u32], runs: usize) -> Vec<(u32, usize)> {
+        let weight = |c: u32| u64::from(self.per_chunk[c as usize]);
+        let total = chunks.iter().map(|&c| weight(c)).sum::<u64>().max(1);
+        let mut before = 0;
+        let run = |&chunk: &u32| {
+            let w = weight(chunk);
+            // The run that the chunk's middle falls into; doubled to stay in integers.
+            let run = (2 * before + w) * runs as u64 / (2 * total);
+            before += w;
+            (chunk, (run as usize).min(runs.saturating_sub(1)))
+        };
+        chunks.iter().map(run).collect()
+    }
+
+    /// How many bricks of each chunk are shown, x fastest.
+    #[must_use]
+    pub fn per_chunk(&self) -> &[u32] {
+        &self.per_chunk
+    }
+
+    #[must_use]
+    pub fn tree(&self) -> MergeTree {
+        self.tree
+    }
+
+    /// The shown bricks of `chunks`: linear brick indices, in the grid's order.
+    #[must_use]
+    pub fn bricks_in(&self, chunks: &[u32]) -> Vec<u32> {
+        let of = |&chunk: &u32| self.tree.chunk_at(chunk).map(|c| self.bricks_of(c).collect::<Vec<_>>());
+        let all = chunks.iter().filter_map(of).flatten();
+        let mut bricks: Vec<u32> = all.map(|b| self.tree.grid().linear(b) as u32).collect();
+        bricks.sort_unstable();
+        bricks
+    }
+
+    /// The shown bricks of a chunk.
+    pub fn bricks_of(&self, chunk: ChunkIndex) -> impl Iterator<Item = BrickIndex> + '_ {
+        self.tree.bricks_of(chunk).filter(|b| self.bricks[self.tree.grid().linear(*b)])
+    }
+}

@@ -1,0 +1,113 @@
+//! What a frame took, as `--stats` and the bench report it.
+
+use serde::Serialize;
+
+use super::balanced::BalanceStats;
+use crate::frame::{LostNode, NodeFrame};
+
+/// What went wrong in a frame, and was made good.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct FrameFaults {
+    /// Version of the chunk-to-node table.
+    pub epoch: u64,
+    /// Layers that were void and ordered again.
+    pub reissued: usize,
+    pub lost: Vec<LostNode>,
+}
+
+/// One frame.
+#[derive(Debug, Clone, Serialize)]
+pub struct FrameStats {
+    /// Order to merged picture.
+    pub frame_ms: f64,
+    /// Reads of the volume, codes or labels, probes included.
+    pub samples: u64,
+    /// Sample positions integrated; a leap counts all that it covers.
+    pub positions: u64,
+    /// Of the positions, those that leaps covered.
+    pub leapt_positions: u64,
+    /// Tiles with pixels that arrived.
+    pub tiles: u64,
+    pub bytes_received: u64,
+    pub complete: bool,
+    #[serde(flatten)]
+    pub faults: FrameFaults,
+    pub nodes: Vec<NodeFrame>,
+    /// Where the session balances.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub balance: Option<BalanceStats>,
+}
+
+impl FrameStats {
+    #[must_use]
+    pub fn sum(
+        frame_ms: f64,
+        (tiles, bytes_received): (u64, u64),
+        complete: bool,
+        faults: FrameFaults,
+        nodes: Vec<NodeFrame>,
+    ) -> Self {
+        Self {
+            frame_ms,
+            samples: nodes.iter().map(|n| n.samples).sum(),
+            positions: nodes.iter().map(|n| n.positions).sum(),
+            leapt_positions: nodes.iter().map(|n| n.leapt_positions).sum(),
+            tiles,
+            bytes_received,
+            complete,
+            faults,
+            nodes,
+            balance: None,
+        }
+    }
+}
+
+/// Loading ahead of the first frame.
+#[derive(Debug, Clone, Serialize)]
+pub struct LoadStats {
+    pub load_ms: f64,
+    /// Bytes of voxels decoded from the store, ghost layers included.
+    pub decoded_bytes: u64,
+    /// Bytes of voxels that the loaded bricks own.
+    pub owned_bytes: u64,
+    /// Bricks that the transfer function shows.
+    pub shown_bricks: usize,
+    /// False where a node's budget holds fewer bricks than it was given: frames load on the way.
+    pub fits: bool,
+}
+
+/// What `--stats` writes: sums over the frames, and arrays where there are several; bricks are those of the last frame.
+#[must_use]
+pub fn report(load: &LoadStats, frames: &[FrameStats], first_frame_ms: f64) -> serde_json::Value {
+    let sum = |of: fn(&FrameStats) -> u64| frames.iter().map(of).sum::<u64>();
+    let times: Vec<f64> = frames.iter().map(|f| f.frame_ms).collect();
+    let decoded = load.decoded_bytes + frames.iter().flat_map(|f| &f.nodes).map(|n| n.decoded_bytes).sum::<u64>();
+    let owned = load.owned_bytes + frames.iter().flat_map(|f| &f.nodes).map(|n| n.owned_bytes).sum::<u64>();
+    let nodes: Vec<NodeFrame> = frames.last().map(|f| f.nodes.clone()).unwrap_or_default();
+    let mut out = serde_json::json!({
+        "frame_ms": if let [one] = times[..] { serde_json::json!(one) } else { serde_json::json!(times) },
+        "load_ms": load.load_ms,
+        "first_frame_ms": first_frame_ms,
+        "samples": sum(|f| f.samples),
+        "positions": sum(|f| f.positions),
+        "leapt_positions": sum(|f| f.leapt_positions),
+        "flattened_bricks": nodes.iter().map(|n| n.flattened_bricks).sum::<u32>(),
+        "uniform_bricks": nodes.iter().map(|n| n.uniform_bricks).sum::<u32>(),
+        "over_tolerance_bricks": nodes.iter().map(|n| n.over_tolerance_bricks).sum::<u32>(),
+        "tiles": sum(|f| f.tiles),
+        "bytes_received": sum(|f| f.bytes_received),
+        "complete": frames.iter().all(|f| f.complete),
+        "epoch": frames.last().map_or(0, |f| f.faults.epoch),
+        "reissued": frames.iter().map(|f| f.faults.reissued).sum::<usize>(),
+        "lost": frames.iter().flat_map(|f| f.faults.lost.clone()).collect::<Vec<_>>(),
+        "decoded_bytes": decoded,
+        "owned_bytes": owned,
+        "decoded_per_owned": if owned > 0 { decoded as f64 / owned as f64 } else { 0.0 },
+        "shown_bricks": load.shown_bricks,
+        "nodes": nodes,
+    });
+    if frames.len() > 1 {
+        out["frames"] = serde_json::json!(frames);
+    }
+    out
+}
