@@ -42,7 +42,9 @@ struct Shared {
     /// How often the fault struck.
     hits: AtomicU64,
     stopped: AtomicBool,
-    open: Mutex<Vec<TcpStream>>,
+    connections: AtomicU64,
+    /// Both ends of what is connected, with the number of the connection.
+    open: Mutex<Vec<(u64, TcpStream)>>,
 }
 
 /// A proxy in front of one node; its threads end when it is dropped.
@@ -67,6 +69,7 @@ impl Proxy {
             sent: AtomicU64::new(0),
             hits: AtomicU64::new(0),
             stopped: AtomicBool::new(false),
+            connections: AtomicU64::new(0),
             open: Mutex::default(),
         });
         let (state, target) = (shared.clone(), target.to_owned());
@@ -115,7 +118,7 @@ impl Shared {
     }
 
     fn cut(&self) {
-        for stream in self.open.lock().expect("no panic").drain(..) {
+        for (_, stream) in self.open.lock().expect("no panic").drain(..) {
             stream.shutdown(Shutdown::Both).ok();
         }
     }
@@ -124,7 +127,8 @@ impl Shared {
         let copy = |s: &TcpStream| s.try_clone().expect("a handle");
         client.set_nodelay(true).ok();
         node.set_nodelay(true).ok();
-        self.open.lock().expect("no panic").extend([copy(&client), copy(&node)]);
+        let number = self.connections.fetch_add(1, Ordering::SeqCst);
+        self.open.lock().expect("no panic").extend([(number, copy(&client)), (number, copy(&node))]);
         let (up, down) = ((copy(&client), copy(&node)), (node, client));
         for ((from, to), from_node) in [(up, false), (down, true)] {
             let shared = self.clone();
@@ -132,6 +136,8 @@ impl Shared {
                 shared.forward(&from, &to, from_node);
                 from.shutdown(Shutdown::Both).ok();
                 to.shutdown(Shutdown::Both).ok();
+                // What nobody uses any more must not stay open: thousands come in a long test.
+                shared.open.lock().expect("no panic").retain(|(of, _)| *of != number);
             });
         }
     }
