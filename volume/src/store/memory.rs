@@ -103,7 +103,7 @@ mod tests {
         let need = |dims: [u32; 3], size| region_bytes(&BrickGrid::new(UVec3::from(dims), size).unwrap());
         let per_voxel = |n: u32, depth, size| need([n, n, depth], size) / u64::from(n * n);
         assert_eq!(per_voxel(2048, 100, 64), per_voxel(4096, 1000, 64));
-        // docs/store-format.md names what halos take.
+        // docs/reference/store-format.md names what halos take.
         assert_eq!(per_voxel(2048, 100, 8), 8 * 32 + 32);
         assert_eq!(per_voxel(2048, 100, 64), 8 * 32 + 32 + 175);
         assert!(per_voxel(2048, 4, 64) < 110);

@@ -7,7 +7,7 @@ use crate::tree::{SourceFile, Tree};
 
 pub(super) const CHECK: Check = Check {
     name: "documents",
-    law: "the documents exist, their relative links resolve, docs/protocol.md names every message",
+    law: "the documents exist, their relative links resolve, docs/reference/protocol.md names every message",
     remedy: "write the missing document or section, or mend the link",
     run: |tree| Ok(run(tree)),
 };
@@ -20,10 +20,10 @@ const REQUIRED: [&str; 9] = [
     "LICENSE-MIT",
     "LICENSE-APACHE",
     PROTOCOL,
-    "docs/store-format.md",
+    "docs/reference/store-format.md",
     "docs/adr/0001-sort-last.md",
 ];
-const PROTOCOL: &str = "docs/protocol.md";
+const PROTOCOL: &str = "docs/reference/protocol.md";
 
 fn run(tree: &Tree) -> Vec<String> {
     let missing = REQUIRED.iter().filter(|path| tree.file(path).is_none()).map(|path| format!("{path} is missing"));
