@@ -132,7 +132,7 @@ mod tests {
         assert!(need([1 << 18, 1 << 18, 1], 128) < 600 << 20, "{}", need([1 << 18, 1 << 18, 1], 128));
         assert!(need([1 << 13, 1 << 13, 512], 64) < 700 << 20, "{}", need([1 << 13, 1 << 13, 512], 64));
         assert!(need([64, 64, 64], 64) < 20 << 20, "{}", need([64, 64, 64], 64));
-        // docs/adr/0011 names what 16 planes and the shells of a tile of 4 Mi are.
+        // docs/adr/0011-memory-of-preparing.md names what 16 planes and the shells of a tile of 4 Mi are.
         assert!(need([1 << 11, 1 << 11, 512], 64) > (4 << 20) * 2 * (16 + 20), "{}", need([1 << 11, 1 << 11, 512], 64));
     }
 }
