@@ -43,6 +43,24 @@ pub(crate) fn comments_only(text: &str) -> String {
     String::from_utf8_lossy(&out).into_owned()
 }
 
+/// Where the raw string literals of `text` lie.
+pub(crate) fn raw_strings(text: &str) -> Vec<std::ops::Range<usize>> {
+    let bytes = text.as_bytes();
+    let (mut found, mut i) = (Vec::new(), 0);
+    while i < bytes.len() {
+        match literal_end(bytes, i) {
+            Some(end) => {
+                if matches!(bytes[i..], [b'r', ..] | [b'b' | b'c', b'r', ..]) {
+                    found.push(i..end);
+                }
+                i = end;
+            }
+            None => i = word_end(bytes, i),
+        }
+    }
+    found
+}
+
 /// The string literals of `text`, without those in comments: escapes of quotes and of line breaks are resolved, others are not.
 pub(crate) fn strings(text: &str) -> Vec<String> {
     let bytes = text.as_bytes();
@@ -184,6 +202,13 @@ mod tests {
         let left = comments_only(text);
         assert_eq!(left.lines().count(), text.lines().count());
         assert_eq!(left.split_whitespace().collect::<Vec<_>>().join(" "), "// é one /* two lines */ // end");
+    }
+
+    #[test]
+    fn raw_strings_are_found_whole() {
+        let text = "x r\"a\" // r\"no\"\n\"r\" br##\"b\"#\"## for r#type";
+        let found: Vec<_> = raw_strings(text).into_iter().map(|range| &text[range]).collect();
+        assert_eq!(found, ["r\"a\"", "br##\"b\"#\"##"]);
     }
 
     #[test]
