@@ -44,8 +44,8 @@ fn wide_rust(text: &str) -> Vec<(usize, usize)> {
     let starts: Vec<usize> = std::iter::once(0).chain(text.match_indices('\n').map(|(at, _)| at + 1)).collect();
     let is_raw = |line: usize| {
         let start = starts[line - 1];
-        // The first character that is too far to the right.
-        let over = text[start..].char_indices().nth(CODE).map_or(start, |(at, _)| start + at);
+        // What closes behind a raw string stands in no line of its own: `"#,` or `"#);`.
+        let over = text[start..].char_indices().nth(CODE - 2).map_or(start, |(at, _)| start + at);
         raw.iter().any(|literal| literal.contains(&over))
     };
     wide.into_iter().filter(|(line, _)| !is_raw(*line)).collect()
@@ -103,6 +103,7 @@ mod tests {
         for (text, count) in [
             (format!("let x = r#\"{words}\"#;"), 0),
             (format!("let x = r\"\n{words}\n\";"), 0),
+            (format!("    r#\"{}\"#,", "x".repeat(110)), 0),
             (format!("let x = \"{words}\";"), 1),
             (format!("let x = r\"y\"; // {words}"), 1),
             (format!("// r\"{words}\""), 1),
