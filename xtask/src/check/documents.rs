@@ -13,7 +13,7 @@ pub(super) const CHECK: Check = Check {
     run: |tree| Ok(run(tree)),
 };
 
-const REQUIRED: [&str; 12] = [
+const REQUIRED: [&str; 13] = [
     "README.md",
     "ARCHITECTURE.md",
     "GLOSSARY.md",
@@ -24,6 +24,7 @@ const REQUIRED: [&str; 12] = [
     "docs/README.md",
     "docs/definition.md",
     "docs/algorithms.md",
+    "docs/map.md",
     "docs/reference/store-format.md",
     "docs/adr/0001-sort-last.md",
 ];
