@@ -44,7 +44,7 @@ pub const MAX_CONCURRENT_STREAMS: u32 = 64;
 /// h2 says 20, which a client meets that cancels frames in a burst: all that it has open, and more as soon as those are closed. So
 /// it is 16 times what may be open. It is bounded since such calls cost memory (their headers) and do not count as open: without
 /// a bound, whoever resets calls faster than a node takes them up fills it (rapid reset, CVE-2023-44487). They only pile up within
-/// one turn of a connection's task, which then takes all of them up; docs/security.md tells what they were measured to cost.
+/// one turn of a connection's task, which then takes all of them up; docs/reference/security.md tells what they were measured to cost.
 pub const MAX_RESETS_UNSEEN: usize = 16 * MAX_CONCURRENT_STREAMS as usize;
 /// Calls that a client remembers after it reset them, and for how long: what a node had sent before it heard of it is ignored. Of a
 /// forgotten call each such frame counts for as long as the connection lives ...

@@ -52,7 +52,7 @@ impl StoredBox {
 }
 
 /// Ghost layers that plain trilinear sampling needs: a sample inside the owned box reads at most one voxel beyond it.
-/// (Pre-integration and gradients will need more: algorithms.md section 1.)
+/// Slabs and gradients read further: [`crate::style::Style::ghost`].
 pub const GHOST_SAMPLED: u32 = 1;
 
 /// The margin, in voxels, over which the store keeps each brick's value range, so that the range bounds every value that

@@ -1,4 +1,4 @@
-//! The camera and the orbit shorthand (conventions.md, "Camera").
+//! The camera and the orbit shorthand (docs/definition.md, Camera).
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};

@@ -1,4 +1,4 @@
-//! Chunks and the canonical merge tree (conventions.md "Exact mode", algorithms.md section 1).
+//! Chunks and the canonical merge tree (docs/definition.md, Exact mode; docs/algorithms.md, One picture whatever the partition).
 //!
 //! Invariant: the tree is fixed by the store's brick grid alone. Every picture is the leaves (chunks) joined by
 //! [`crate::over`] at this tree's nodes only, so its bits do not depend on which node rendered which chunk. A subtree

@@ -1,4 +1,4 @@
-//! Space: dims, spacing, origin and directions, and the map between world and index space (conventions.md, "Space").
+//! Space: dims, spacing, origin and directions, and the map between world and index space (docs/definition.md, Space).
 
 use glam::{DMat3, DVec3, UVec3};
 

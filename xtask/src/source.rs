@@ -9,11 +9,7 @@ pub(crate) fn code_only(text: &str) -> String {
         let end = match literal_end(bytes, i) {
             Some(end) => end,
             None => {
-                // A whole word at once, so that the r of `for` does not open a raw string.
-                i += 1;
-                while is_word(bytes[i - 1]) && bytes.get(i).copied().is_some_and(is_word) {
-                    i += 1;
-                }
+                i = word_end(bytes, i);
                 continue;
             }
         };
@@ -26,6 +22,43 @@ pub(crate) fn code_only(text: &str) -> String {
     }
     // Only whole characters were blanked, byte by byte.
     String::from_utf8_lossy(&out).into_owned()
+}
+
+/// `text` with all but its comments blanked out; line breaks stay, so lines keep their numbers.
+pub(crate) fn comments_only(text: &str) -> String {
+    let bytes = text.as_bytes();
+    let mut out: Vec<u8> = bytes.iter().map(|&b| if b == b'\n' { b } else { b' ' }).collect();
+    let mut i = 0;
+    while i < bytes.len() {
+        match literal_end(bytes, i) {
+            Some(end) => {
+                if matches!(bytes[i..], [b'/', b'/' | b'*', ..]) {
+                    out[i..end].copy_from_slice(&bytes[i..end]);
+                }
+                i = end;
+            }
+            None => i = word_end(bytes, i),
+        }
+    }
+    String::from_utf8_lossy(&out).into_owned()
+}
+
+/// Where the raw string literals of `text` lie.
+pub(crate) fn raw_strings(text: &str) -> Vec<std::ops::Range<usize>> {
+    let bytes = text.as_bytes();
+    let (mut found, mut i) = (Vec::new(), 0);
+    while i < bytes.len() {
+        match literal_end(bytes, i) {
+            Some(end) => {
+                if matches!(bytes[i..], [b'r', ..] | [b'b' | b'c', b'r', ..]) {
+                    found.push(i..end);
+                }
+                i = end;
+            }
+            None => i = word_end(bytes, i),
+        }
+    }
+    found
 }
 
 /// The string literals of `text`, without those in comments: escapes of quotes and of line breaks are resolved, others are not.
@@ -44,15 +77,19 @@ pub(crate) fn strings(text: &str) -> Vec<String> {
                 }
                 i = end;
             }
-            None => {
-                i += 1;
-                while is_word(bytes[i - 1]) && bytes.get(i).copied().is_some_and(is_word) {
-                    i += 1;
-                }
-            }
+            None => i = word_end(bytes, i),
         }
     }
     found
+}
+
+/// Behind what stands at `i`: a whole word at once, so that the r of `for` does not open a raw string.
+fn word_end(bytes: &[u8], mut i: usize) -> usize {
+    i += 1;
+    while is_word(bytes[i - 1]) && bytes.get(i).copied().is_some_and(is_word) {
+        i += 1;
+    }
+    i
 }
 
 fn is_word(byte: u8) -> bool {
@@ -157,6 +194,21 @@ mod tests {
         let names: Vec<_> = found(text).into_iter().map(|(_, w)| w).collect();
         assert!(names.contains(&"wgpu".to_owned()) && names.contains(&"wire".to_owned()), "{names:?}");
         assert!(names.contains(&"for_each".to_owned()) && names.contains(&"type".to_owned()), "{names:?}");
+    }
+
+    #[test]
+    fn comments_are_what_is_left() {
+        let text = "a // é one\n\"// no\" /* two\nlines */ b r#\"/* no */\"# '/' // end";
+        let left = comments_only(text);
+        assert_eq!(left.lines().count(), text.lines().count());
+        assert_eq!(left.split_whitespace().collect::<Vec<_>>().join(" "), "// é one /* two lines */ // end");
+    }
+
+    #[test]
+    fn raw_strings_are_found_whole() {
+        let text = "x r\"a\" // r\"no\"\n\"r\" br##\"b\"#\"## for r#type";
+        let found: Vec<_> = raw_strings(text).into_iter().map(|range| &text[range]).collect();
+        assert_eq!(found, ["r\"a\"", "br##\"b\"#\"##"]);
     }
 
     #[test]

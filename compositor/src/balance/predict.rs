@@ -1,4 +1,4 @@
-//! What a chunk will cost and how fast a node is, from what was seen (algorithms.md section 7, "predict" and "measure").
+//! What a chunk will cost and how fast a node is, from what was seen (docs/algorithms.md, Balance).
 
 use super::settings::{LoadBy, Settings};
 use super::types::{ChunkFacts, Demand};

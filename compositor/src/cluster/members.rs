@@ -1,6 +1,6 @@
 //! Membership: which nodes there are, which of them the next frame is rendered on, and under which epoch.
 //!
-//! Invariant (architecture.md, law 3): the table changes in [`Cluster::settle`] and [`Cluster::lose`] only, which are called between
+//! Invariant (docs/reference/protocol.md, law 3): the table changes in [`Cluster::settle`] and [`Cluster::lose`] only, which are called between
 //! frames; each change is another epoch. A slot keeps its place while its node is away, so that its chunks come back to it.
 
 use std::hash::{BuildHasher as _, RandomState};

@@ -1,4 +1,4 @@
-//! The WGSL kernel against its CPU twin (conventions.md, "Tolerances").
+//! The WGSL kernel against its CPU twin (docs/definition.md, Tolerances).
 
 use brickcast_node::gpu::GpuOptions;
 use brickcast_node::raycaster::Raycaster;

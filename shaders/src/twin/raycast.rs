@@ -90,7 +90,7 @@ pub(super) fn rounded_up(x: f32) -> f32 {
     if whole < x { whole + 1.0 } else { whole }
 }
 
-/// The samples of `ray` in the brick's owned box (conventions.md, "Sampling grid"); `None` where there are none.
+/// The samples of `ray` in the brick's owned box (docs/definition.md, Sampling grid); `None` where there are none.
 #[must_use]
 #[inline]
 pub fn owned_segment(frame: &FrameUniform, brick: &BrickUniform, ray: &Ray) -> Option<Segment> {

@@ -106,7 +106,7 @@ impl SlabTable<'_> {
     }
 }
 
-/// `color` premultiplied, of a slab of opacity `a`, as of one that is `length` times as long (algorithms.md section 4).
+/// `color` premultiplied, of a slab of opacity `a`, as of one that is `length` times as long (docs/algorithms.md, Integration).
 #[inline(always)]
 fn of_length([r, g, b, a]: [f32; 4], length: f32) -> [f32; 4] {
     if length == 1.0 {

@@ -1,4 +1,4 @@
-// Rays, and the samples of a ray that a brick owns (conventions.md, "Sampling grid"). Everything is global: the same
+// Rays, and the samples of a ray that a brick owns (docs/definition.md, Sampling grid). Everything is global: the same
 // expression for a plane gives the same t in every brick, so that each sample has exactly one owner. t and k count from a
 // common start near the volume (KernelView says why).
 

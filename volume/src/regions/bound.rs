@@ -4,7 +4,7 @@
 //! back. Replacing sample j changes what is seen by `T_j |d(alpha c) - d(alpha) B|`, where `T_j` is the transparency before
 //! it and B, the colour behind, lies in 0..=1 like c. That is at most `T_j w` with `w = d(alpha) + alpha d(c)`, and
 //! `T_j <= (1 - a)^j` with a the least opacity that a sample of the brick can have. Summed: `w (1 - (1 - a)^n) / a` for n
-//! samples. (Same form as algorithms.md section 2: `Lt w E exp(-tmin E)` and `w (Lc + 2 Lt min(E, 1 / tmin))`.) What is in
+//! samples. (docs/algorithms.md, The bound.) What is in
 //! front of the brick only makes it less, so a pixel's bound is the sum over the bricks on its ray.
 
 use std::collections::VecDeque;

@@ -104,7 +104,7 @@ pub fn drawn(
     // A region's mean is no label.
     let leaps = scene.acceleration.leap == Leap::Regions && scene.filter != Filter::Nearest;
     let candidate = facts.filter(|f| f.has_regions && leaps);
-    // A region that is flattened loses the isosurface in it (algorithms.md section 2, "Region modes").
+    // A region that is flattened loses the isosurface in it (docs/definition.md, Regions 3).
     let cuts = |f: &BrickFacts| surface_in(tables, [raw[0].min(f.min), raw[1].max(f.max)]);
     let candidate = candidate.filter(|f| !cuts(f));
     let over_tolerance = match (candidate.filter(|f| f.has_leaps), scene.acceleration.leap_tolerance) {

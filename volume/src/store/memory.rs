@@ -103,7 +103,7 @@ mod tests {
         let need = |dims: [u32; 3], size| region_bytes(&BrickGrid::new(UVec3::from(dims), size).unwrap());
         let per_voxel = |n: u32, depth, size| need([n, n, depth], size) / u64::from(n * n);
         assert_eq!(per_voxel(2048, 100, 64), per_voxel(4096, 1000, 64));
-        // docs/store-format.md names what halos take.
+        // docs/reference/store-format.md names what halos take.
         assert_eq!(per_voxel(2048, 100, 8), 8 * 32 + 32);
         assert_eq!(per_voxel(2048, 100, 64), 8 * 32 + 32 + 175);
         assert!(per_voxel(2048, 4, 64) < 110);
@@ -132,7 +132,7 @@ mod tests {
         assert!(need([1 << 18, 1 << 18, 1], 128) < 600 << 20, "{}", need([1 << 18, 1 << 18, 1], 128));
         assert!(need([1 << 13, 1 << 13, 512], 64) < 700 << 20, "{}", need([1 << 13, 1 << 13, 512], 64));
         assert!(need([64, 64, 64], 64) < 20 << 20, "{}", need([64, 64, 64], 64));
-        // docs/adr/0011 names what 16 planes and the shells of a tile of 4 Mi are.
+        // docs/adr/0011-memory-of-preparing.md names what 16 planes and the shells of a tile of 4 Mi are.
         assert!(need([1 << 11, 1 << 11, 512], 64) > (4 << 20) * 2 * (16 + 20), "{}", need([1 << 11, 1 << 11, 512], 64));
     }
 }

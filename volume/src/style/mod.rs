@@ -207,7 +207,7 @@ impl Style {
         u32::from(self.shading.is_some())
     }
 
-    /// Ghost layers that a brick needs (algorithms.md section 1): what its last back sample and its gradients read.
+    /// Ghost layers that a brick needs (docs/algorithms.md, Ghost layers and halos): what its last back sample and its gradients read.
     #[must_use]
     pub fn ghost(&self, step: f64) -> u32 {
         crate::brick::GHOST_SAMPLED + self.reach(step) + self.gradient_radius()

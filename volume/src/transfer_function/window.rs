@@ -21,7 +21,7 @@ impl TransferFunction {
     }
 
     /// The function for a volume of which nothing else is known: opacity 0 up to Otsu's threshold of all voxels, then linear to
-    /// [`DEFAULT_OPACITY`] at the 99.9 % quantile; black to white over the same range (conventions.md).
+    /// [`DEFAULT_OPACITY`] at the 99.9 % quantile; black to white over the same range (docs/definition.md, Transfer function 4).
     ///
     /// Where the threshold is not below the quantile (a constant volume, or less than 0.1 % of the voxels above the
     /// threshold), there is no range: the function steps up right above the threshold, within a thousandth of its

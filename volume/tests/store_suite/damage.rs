@@ -227,7 +227,7 @@ fn a_shard_of_another_store_with_the_same_index_is_named_at_the_first_read() {
     read_all(&own).unwrap();
 }
 
-/// What docs/store-format.md says of versions before 6.
+/// What docs/reference/store-format.md says of versions before 6.
 #[test]
 fn in_stores_before_version_6_only_verify_finds_a_swapped_shard() {
     let dir = tempfile::tempdir().unwrap();

@@ -6,12 +6,12 @@ use crate::tree::{SourceFile, Tree};
 
 pub(super) const CHECK: Check = Check {
     name: "error texts",
-    law: "every text quoted in the tables of docs/troubleshooting.md stands in the source, in one string",
+    law: "every text quoted in the tables of docs/guide/troubleshooting.md stands in the source, in one string",
     remedy: "quote the text as the source has it now, with … for what is filled in, or drop the row",
     run: |tree| Ok(run(tree)),
 };
 
-const PAGE: &str = "docs/troubleshooting.md";
+const PAGE: &str = "docs/guide/troubleshooting.md";
 /// Stands for what is filled in.
 const GAP: char = '…';
 /// Fixed characters of a quote: fewer would be found anywhere.

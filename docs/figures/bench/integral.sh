@@ -1,5 +1,5 @@
 #!/bin/sh
-# The runs behind docs/integral.md: sh docs/bench/integral.sh BRICKCAST DATA OUT
+# The runs behind docs/explanation/integral.md: sh docs/figures/bench/integral.sh BRICKCAST DATA OUT
 # DATA holds engine.nrrd and bonsai.nrrd, and shells.nrrd and marschner_lobb.nrrd of
 # `cargo run -p brickcast-volume --example fields -- DATA`; DATA/256 holds those of `... -- DATA/256 256`.
 # OUT gets a JSON file for each run. REPEAT: timed frames, 5 without it; errors do not depend on it.
