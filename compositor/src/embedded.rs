@@ -4,12 +4,12 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 
-use brickcast_node::admission::Admission;
+use brickcast_node::backend::{self, BackendChoice};
 use brickcast_node::config::parse_bytes;
-pub use brickcast_node::drivers::need_no_desktop;
 use brickcast_node::gpu::GpuError;
-use brickcast_node::raycaster::{self, BackendChoice, Raycaster};
-use brickcast_node::recipe::Recipe;
+pub use brickcast_node::gpu::drivers::need_no_desktop;
+use brickcast_node::kernel::{Raycaster, Recipe};
+use brickcast_node::serve::admission::Admission;
 use brickcast_node::{DataRoot, Node, NodeConfig, NodeError, serve_admitted};
 use brickcast_proto::credentials::{Doorkeeper, Token};
 use brickcast_volume::OwnedBox;
@@ -52,7 +52,7 @@ impl Kernel {
             BackendArg::Gpu => BackendChoice::Gpu,
             BackendArg::Cpu => BackendChoice::Cpu,
         };
-        Ok(Self(raycaster::open(choice)?))
+        Ok(Self(backend::open(choice)?))
     }
 
     /// `gpu` or `cpu`, the adapter, and the fallbacks taken.
