@@ -15,10 +15,9 @@ use brickcast_volume::{
     Camera, Epoch, FrameId, Geometry, MergeTree, Orbit, PictureSize, Premul, SessionId, StoreHash, TreeNode, over,
 };
 
-use crate::kernel::Recipe;
-use crate::kernel::Watch;
 use crate::kernel::{
-    BackendInfo, BrickCounts, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, ResidentBrick,
+    BackendInfo, BrickCounts, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, Recipe,
+    ResidentBrick, Watch,
 };
 
 /// u8 voxels `value(x, y, z)`.

@@ -12,8 +12,7 @@ use brickcast_volume::{SessionId, StoreHash};
 use rayon::prelude::*;
 
 use crate::error::NodeError;
-use crate::kernel::Recipe;
-use crate::kernel::ResidentBrick;
+use crate::kernel::{Recipe, ResidentBrick};
 
 /// How often a waiting thread looks whether its client is still there.
 const PATIENCE: Duration = Duration::from_millis(100);

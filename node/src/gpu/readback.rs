@@ -13,8 +13,7 @@ use super::kernel::{DISPATCH_BYTES, FRAME_BYTES, FrameTables, Kernels, SCENE_BYT
 use super::plan::{self, Batch, Dispatch, PIXEL_BYTES};
 use super::upload::GpuBrick;
 use crate::brick::emptiness::Emptiness;
-use crate::kernel::Watch;
-use crate::kernel::{BrickCounts, Job, JobImage, KernelScene, RaycastError, new_pixels};
+use crate::kernel::{BrickCounts, Job, JobImage, KernelScene, RaycastError, Watch, new_pixels};
 
 /// The most dispatches of one submission.
 const SUBMIT_DISPATCHES: usize = 1024;
