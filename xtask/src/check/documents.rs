@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::Check;
+use super::law::Check;
 use crate::tree::{SourceFile, Tree};
 
 pub(super) const CHECK: Check = Check {

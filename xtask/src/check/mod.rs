@@ -1,27 +1,20 @@
 //! The checks, one file each.
 
+mod circles;
 mod documents;
 mod error_texts;
 mod file_length;
+mod law;
 mod machine_paths;
 mod manifests;
 mod names;
 mod shaders;
 
-use crate::tree::Tree;
+pub(crate) use law::Check;
 
-pub(crate) struct Check {
-    pub(crate) name: &'static str,
-    /// What holds where the check passes.
-    pub(crate) law: &'static str,
-    /// What to do where it fails.
-    pub(crate) remedy: &'static str,
-    /// One line a problem.
-    pub(crate) run: fn(&Tree) -> anyhow::Result<Vec<String>>,
-}
-
-pub(crate) const ALL: [Check; 7] = [
+pub(crate) const ALL: [Check; 8] = [
     manifests::CHECK,
+    circles::CHECK,
     names::CHECK,
     shaders::CHECK,
     documents::CHECK,

@@ -1,6 +1,6 @@
 //! Which names may stand in which files.
 
-use super::Check;
+use super::law::Check;
 use crate::source::{code_only, words};
 use crate::tree::Tree;
 
