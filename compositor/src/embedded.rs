@@ -4,13 +4,13 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 
-use brickcast_node::admission::Admission;
+use brickcast_node::backend;
+pub use brickcast_node::backend::BackendChoice;
 use brickcast_node::config::parse_bytes;
-pub use brickcast_node::drivers::need_no_desktop;
 use brickcast_node::gpu::GpuError;
-pub use brickcast_node::raycaster::BackendChoice;
-use brickcast_node::raycaster::{self, Raycaster};
-use brickcast_node::recipe::Recipe;
+pub use brickcast_node::gpu::drivers::need_no_desktop;
+use brickcast_node::kernel::{Raycaster, Recipe};
+use brickcast_node::serve::admission::Admission;
 use brickcast_node::{DataRoot, Node, NodeConfig, NodeError, serve_admitted};
 use brickcast_proto::credentials::{Doorkeeper, Token};
 use brickcast_volume::regions::Drawn;
@@ -46,7 +46,7 @@ impl Kernel {
     /// # Errors
     /// No adapter where one was demanded.
     pub fn open(choice: BackendChoice) -> Result<Self, EmbeddedError> {
-        Ok(Self(raycaster::open(choice)?))
+        Ok(Self(backend::open(choice)?))
     }
 
     /// `gpu` or `cpu`, the adapter, and the fallbacks taken.

@@ -9,8 +9,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
-use brickcast_node::raycaster::{BackendChoice, BrickCounts, BrickInput, Job, KernelScene, Raycaster, open};
-use brickcast_node::recipe::Recipe;
+use brickcast_node::backend::{BackendChoice, open};
+use brickcast_node::kernel::{BrickCounts, BrickInput, Job, KernelScene, Raycaster, Recipe};
 use brickcast_volume::merge::sort_front_to_back;
 use brickcast_volume::regions::code::{MAX_DENSITY, density_of_code};
 use brickcast_volume::regions::{BrickRegions, Region, RegionTable, guard_width};

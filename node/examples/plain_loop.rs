@@ -9,7 +9,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::Result;
-use brickcast_node::raycaster::{BackendChoice, BrickInput, Job, KernelScene, Raycaster, open};
+use brickcast_node::backend::{BackendChoice, open};
+use brickcast_node::kernel::{BrickInput, Job, KernelScene, Raycaster};
 use brickcast_volume::merge::sort_front_to_back;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::store::BrickVoxels;

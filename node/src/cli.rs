@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
-use brickcast_node::admission::AdmissionOptions;
+use brickcast_node::backend::BackendChoice;
 use brickcast_node::config::parse_bytes;
-use brickcast_node::raycaster::BackendChoice;
+use brickcast_node::serve::admission::AdmissionOptions;
 use brickcast_proto::{PROTOCOL_VERSION, Throttle};
 use clap::{ArgAction, Parser, ValueEnum};
 

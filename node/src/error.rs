@@ -8,7 +8,7 @@ use brickcast_volume::visibility::ViewError;
 use brickcast_volume::{BrickIndex, ChunkIndex, StoreHash, TreeNode};
 
 use crate::config::format_bytes;
-use crate::raycaster::RaycastError;
+use crate::kernel::RaycastError;
 
 #[derive(Debug, thiserror::Error)]
 pub enum NodeError {

@@ -8,10 +8,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::Context as _;
-use brickcast_node::admission::{Admission, AdmissionError};
 use brickcast_node::config::{self, format_bytes};
-use brickcast_node::probe::probe;
-use brickcast_node::{DataRoot, Node, NodeConfig, raycaster, serve_admitted};
+use brickcast_node::serve::admission::{Admission, AdmissionError};
+use brickcast_node::serve::probe::probe;
+use brickcast_node::{DataRoot, Node, NodeConfig, backend, serve_admitted};
 use brickcast_proto::Throttle;
 use brickcast_proto::credentials::{Badge, tokens};
 use brickcast_volume::memory;
@@ -29,7 +29,7 @@ const EXIT_TIMEOUT: Duration = Duration::from_millis(500);
 
 fn main() -> ExitCode {
     // SAFETY: the first thing that happens; there are no other threads.
-    unsafe { brickcast_node::drivers::need_no_desktop() };
+    unsafe { brickcast_node::gpu::drivers::need_no_desktop() };
     // Before anything of rustls: two providers in the tree would leave it without a choice. Fails only where one is chosen.
     let _ = rustls::crypto::ring::default_provider().install_default();
     let cli = Cli::parse();
@@ -90,7 +90,7 @@ async fn run_node(cli: &Cli) -> anyhow::Result<()> {
         tracing::warn!("--insecure: whoever reaches {address} can use this node and read what it sends");
     }
     let backend = cli.backend.into();
-    let raycaster = tokio::task::spawn_blocking(move || raycaster::open(backend))
+    let raycaster = tokio::task::spawn_blocking(move || backend::open(backend))
         .await
         .context("opening the backend failed")?
         .context("cannot open the backend")?;

@@ -15,11 +15,10 @@ use brickcast_volume::{
     Camera, Epoch, FrameId, Geometry, MergeTree, Orbit, PictureSize, Premul, SessionId, StoreHash, TreeNode, over,
 };
 
-use crate::raycaster::{
-    BackendInfo, BrickCounts, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, ResidentBrick,
+use crate::kernel::{
+    BackendInfo, BrickCounts, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, Recipe,
+    ResidentBrick, Watch,
 };
-use crate::recipe::Recipe;
-use crate::watch::Watch;
 
 /// u8 voxels `value(x, y, z)`.
 #[derive(Debug)]

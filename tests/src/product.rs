@@ -2,10 +2,8 @@
 
 use std::sync::{Arc, OnceLock};
 
-use brickcast_node::kernel_style::KernelStyle;
-use brickcast_node::raycaster::{
-    self, BackendChoice, BrickInput, Job, JobImage, KernelScene, Raycaster, ResidentBrick,
-};
+use brickcast_node::backend::{self, BackendChoice};
+use brickcast_node::kernel::{BrickInput, Job, JobImage, KernelScene, KernelStyle, Raycaster, ResidentBrick};
 use brickcast_volume::brick::GHOST_SAMPLED;
 use brickcast_volume::merge::sort_front_to_back;
 use brickcast_volume::preintegration::Preintegrated;
@@ -50,7 +48,7 @@ fn open(backend: Backend) -> Result<Arc<dyn Raycaster>, String> {
         Backend::Cpu => BackendChoice::Cpu,
         Backend::Gpu => BackendChoice::Gpu,
     };
-    let raycaster = raycaster::open(choice).map_err(|error| error.to_string())?;
+    let raycaster = backend::open(choice).map_err(|error| error.to_string())?;
     eprintln!("{backend:?}: {:?}", raycaster.info());
     Ok(raycaster)
 }

@@ -11,12 +11,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use brickcast_node::cpu::CpuRaycaster;
-use brickcast_node::probe::probe;
-use brickcast_node::raycaster::{
-    BackendInfo, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, ResidentBrick,
+use brickcast_node::kernel::{
+    BackendInfo, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, Recipe, ResidentBrick,
+    Watch,
 };
-use brickcast_node::recipe::Recipe;
-use brickcast_node::watch::Watch;
+use brickcast_node::serve::probe::probe;
 use brickcast_node::{DataRoot, Node, NodeConfig, serve};
 use brickcast_proto::credentials::Badge;
 use brickcast_tests::process::{NodeProcess, brickcast, brickcast_command, brickcast_ok};

@@ -6,7 +6,7 @@ mod fault_support;
 
 use std::time::{Duration, Instant};
 
-use brickcast_node::quota::MAX_FRAMES;
+use brickcast_node::clients::limits::MAX_FRAMES;
 use brickcast_tests::process::brickcast;
 use brickcast_tests::proxy::{Fault, Proxy};
 use brickcast_volume::PictureSize;

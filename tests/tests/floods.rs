@@ -14,8 +14,8 @@ use std::time::{Duration, Instant};
 
 use brickcast::plan::{Assignment, Shown};
 use brickcast::session::Session;
-use brickcast_node::arrival::SILENCE;
-use brickcast_node::quota::{MAX_FRAMES, MAX_LOADS, MAX_QUESTIONS};
+use brickcast_node::clients::limits::{MAX_FRAMES, MAX_LOADS, MAX_QUESTIONS};
+use brickcast_node::serve::arrival::SILENCE;
 use brickcast_proto::credentials::Badge;
 use brickcast_proto::{RenderOrder, transport, wire};
 use brickcast_tests::process::NodeProcess;
@@ -367,7 +367,7 @@ fn a_message_of_a_gibibyte_is_refused_unread() {
 /// Connections that say nothing are closed, and then newcomers are let in again.
 #[test]
 fn silent_connections_are_closed_and_make_room() {
-    const SILENT: usize = brickcast_node::connections::MAX_CONNECTIONS + 50;
+    const SILENT: usize = brickcast_node::serve::connections::MAX_CONNECTIONS + 50;
     fault_support::run(async {
         let target = Target::new();
         let victim = Victim::start(target.session(VICTIM).await, &target.store);
@@ -375,7 +375,7 @@ fn silent_connections_are_closed_and_make_room() {
         for _ in 0..SILENT {
             silent.push(TcpStream::connect(&target.node.address).await.unwrap());
         }
-        let limit = brickcast_node::connections::HELLO_TIMEOUT + Duration::from_secs(5);
+        let limit = brickcast_node::serve::connections::HELLO_TIMEOUT + Duration::from_secs(5);
         for stream in &mut silent {
             let ended = tokio::time::timeout(limit, stream.read(&mut [0; 64])).await;
             // Closed or reset; nothing is ever said to a peer that says nothing (but HTTP/2's own greeting).

@@ -6,8 +6,8 @@
 use std::net::Ipv4Addr;
 use std::time::Duration;
 
-use brickcast_node::arrival::SILENCE;
-use brickcast_node::held::MAX_HELD;
+use brickcast_node::clients::limits::MAX_HELD;
+use brickcast_node::serve::arrival::SILENCE;
 use brickcast_tests::process::{NodeProcess, brickcast_ok};
 use bytes::Bytes;
 use tokio::net::TcpSocket;

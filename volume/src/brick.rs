@@ -51,6 +51,15 @@ impl StoredBox {
     }
 }
 
+/// Stretched codes of a stored box, x fastest: `round(65535 (v - lo) / (hi - lo))`, clamped.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct BrickVoxels {
+    pub stored: StoredBox,
+    pub codes: Vec<u16>,
+    /// Some voxels hold no data: those of code [`crate::store::NO_DATA_CODE`], which is a code like all others else.
+    pub has_holes: bool,
+}
+
 /// Ghost layers that plain trilinear sampling needs: a sample inside the owned box reads at most one voxel beyond it.
 /// Slabs and gradients read further: [`crate::style::Style::ghost`].
 pub const GHOST_SAMPLED: u32 = 1;

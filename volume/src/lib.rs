@@ -8,6 +8,7 @@ pub mod brick;
 pub mod camera;
 pub mod camera_file;
 pub mod chord;
+mod filter;
 pub mod format;
 pub mod ids;
 pub mod leftovers;

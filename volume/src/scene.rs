@@ -5,17 +5,7 @@ use crate::style::{Mode, Style, StyleError};
 use crate::transfer_function::TransferFunction;
 use crate::visibility::PictureSize;
 
-/// How a volume value between voxel centres is read.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Filter {
-    /// The adapter's trilinear filter (8-bit weights on most GPUs).
-    #[default]
-    Hardware,
-    /// Eight loads, weights from the global position in f32.
-    Exact,
-    /// The value of the voxel that holds the position, never one between: for labels.
-    Nearest,
-}
+pub use crate::filter::Filter;
 
 /// How pixels travel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

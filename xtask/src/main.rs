@@ -1,6 +1,7 @@
 //! `cargo xtask check`: the laws of the house that neither the compiler nor a linter knows.
 
 mod check;
+mod imports;
 mod source;
 mod tree;
 
@@ -20,7 +21,7 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Task {
-    /// Checks the law: crates, names, shaders, documents, file lengths. Exits with 1 where it is broken.
+    /// Checks the law: crates, circles, names, shaders, documents, file lengths. Exits with 1 where it is broken.
     Check {
         /// Only the checks of these names.
         names: Vec<String>,

@@ -10,7 +10,7 @@ use bytemuck::Zeroable;
 use glam::{IVec3, UVec3};
 
 use super::*;
-use crate::watch::Pulse;
+use crate::kernel::Pulse;
 
 /// Of a scene in which nothing shows, or everything.
 fn emptiness(opaque: u32) -> Arc<Emptiness> {

@@ -12,9 +12,9 @@ use wgpu::{BindingType, TextureFormat, TextureViewDimension};
 use super::device::Gpu;
 use super::kernel::{compute_pipeline, entry, integers, layout};
 use super::upload::{GpuBrick, fill_texture_3d, texture_3d};
-use crate::emptiness::{Emptiness, is_same};
-use crate::raycaster::RaycastError;
-use crate::texels::PreparedCells;
+use crate::brick::emptiness::{Emptiness, is_same};
+use crate::brick::texels::PreparedCells;
+use crate::kernel::RaycastError;
 
 /// Cells of a workgroup, per axis.
 const WORKGROUP_CELLS: u32 = 4;

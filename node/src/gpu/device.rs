@@ -7,9 +7,9 @@ use std::time::{Duration, Instant};
 
 use wgpu::{Adapter, Backend, Backends, DeviceType};
 
+use super::options::{GpuError, GpuOptions};
 use super::plan::{DISPATCH_SAMPLES, DISPATCH_SAMPLES_IN_SOFTWARE};
-use super::{GpuError, GpuOptions};
-use crate::raycaster::RaycastError;
+use crate::kernel::RaycastError;
 
 /// An open adapter.
 #[derive(Debug)]

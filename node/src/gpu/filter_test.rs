@@ -7,7 +7,7 @@ use brickcast_shaders::filter_probe_wgsl;
 use super::device::Gpu;
 use super::kernel::linear_sampler;
 use super::upload::texture_3d;
-use crate::raycaster::RaycastError;
+use crate::kernel::RaycastError;
 
 /// Texels per axis of the test textures.
 const EDGE: u32 = 16;

@@ -12,7 +12,7 @@ use wgpu::{BindGroupLayoutEntry, BindingType, BufferBindingType, TextureFormat, 
 
 use super::device::Gpu;
 pub(super) use super::tables::FrameTables;
-use crate::raycaster::RaycastError;
+use crate::kernel::RaycastError;
 
 /// One variant's plain pipeline, and what all its pipelines have in common.
 #[derive(Debug)]

@@ -12,9 +12,8 @@ use super::device::Gpu;
 use super::kernel::{DISPATCH_BYTES, FRAME_BYTES, FrameTables, Kernels, SCENE_BYTES};
 use super::plan::{self, Batch, Dispatch, PIXEL_BYTES};
 use super::upload::GpuBrick;
-use crate::emptiness::Emptiness;
-use crate::raycaster::{BrickCounts, Job, JobImage, KernelScene, RaycastError, new_pixels};
-use crate::watch::Watch;
+use crate::brick::emptiness::Emptiness;
+use crate::kernel::{BrickCounts, Job, JobImage, KernelScene, RaycastError, Watch, new_pixels};
 
 /// The most dispatches of one submission.
 const SUBMIT_DISPATCHES: usize = 1024;

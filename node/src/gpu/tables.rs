@@ -8,8 +8,7 @@ use half::f16;
 use wgpu::TextureFormat;
 
 use super::device::Gpu;
-use crate::kernel_style::KernelStyle;
-use crate::raycaster::KernelScene;
+use crate::kernel::{KernelScene, KernelStyle};
 
 /// Bytes of an entry: four f32.
 const ENTRY_BYTES: u64 = 16;

@@ -10,10 +10,11 @@ use brickcast_volume::regions::code::MAX_SLOTS;
 use super::cells::CellTextures;
 use super::device::Gpu;
 use super::kernel::Kernels;
-use crate::emptiness::Emptiness;
-use crate::raycaster::{Features, KernelScene, RaycastError, ResidentBrick};
-use crate::texels::{CELL_BYTES, PreparedBrick};
-use crate::worth::Occupancy;
+use crate::brick::bytes::CELL_BYTES;
+use crate::brick::emptiness::Emptiness;
+use crate::brick::texels::PreparedBrick;
+use crate::brick::worth::Occupancy;
+use crate::kernel::{Features, KernelScene, RaycastError, ResidentBrick};
 
 /// A brick's textures, bound once.
 #[derive(Debug)]

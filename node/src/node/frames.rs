@@ -10,13 +10,11 @@ use tokio::sync::mpsc;
 use tokio::sync::mpsc::error::{SendTimeoutError, TrySendError};
 use tokio::time::MissedTickBehavior;
 
-use super::{MAX_WAITING, Node, flatten};
-use crate::client::Client;
+use super::{Node, flatten};
+use crate::clients::limits::MAX_WAITING;
+use crate::clients::{Caller, Client, Turn};
 use crate::error::NodeError;
-use crate::lanes::Turn;
-use crate::meter::FrameMeter;
-use crate::quota::Caller;
-use crate::render::{Turns, render_frame};
+use crate::render::{FrameMeter, Turns, render_frame};
 use crate::stores::OpenStore;
 
 /// Parts between the renderer and the connection: 4 MiB of tiles at most.
@@ -42,7 +40,7 @@ impl Node {
         let store = self.open(&caller, StoreQuery::Hash(order.store)).await?;
         let (tx, rx) = mpsc::channel(PARTS_IN_FLIGHT);
         let client = caller.client;
-        let turn = self.lanes.turn(client);
+        let turn = self.turns.turn(client);
         tokio::spawn(async move {
             // Free before the stream ends: the next order may come at once.
             let _places = (place, caller);
@@ -147,7 +145,7 @@ impl Desk<'_> {
     fn wait_for_the_turn(&self) -> Result<(), NodeError> {
         let turn = Handle::current().block_on(async {
             tokio::select! {
-                turn = self.node.lanes.turn(self.client) => Some(turn),
+                turn = self.node.turns.turn(self.client) => Some(turn),
                 () = self.parts.closed() => None,
             }
         });
@@ -159,7 +157,7 @@ impl Desk<'_> {
 
 impl Turns for Desk<'_> {
     fn are_wanted(&self) -> bool {
-        self.node.lanes.is_wanted()
+        self.node.turns.is_wanted()
     }
 
     fn give_way(&self) -> Result<(), NodeError> {

@@ -10,7 +10,6 @@ use brickcast_volume::{BrickGrid, MergeTree, Orbit, SessionId, StoreHash};
 
 use super::*;
 use crate::config::DataRoot;
-use crate::quota::Caller;
 use crate::testing::{DIMS, FakeRaycaster, make_store, ramp, scene, whole_order};
 
 const BRICKS: u32 = 5 * 5 * 7;

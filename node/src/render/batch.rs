@@ -8,15 +8,14 @@ use brickcast_volume::{PixelRect, Premul};
 
 use super::join::Layer;
 use super::load::load_bricks;
+use super::meter::FrameMeter;
 use super::plan::{FramePlan, PlannedBrick, Unit};
 use super::slices::{Rest, SliceSize};
-use super::{MAX_BATCH_BYTES, Turns, Workshop};
+use super::workshop::{MAX_BATCH_BYTES, Turns, Workshop};
+use crate::brick::residency::{BrickKey, Wanted};
 use crate::error::NodeError;
-use crate::meter::FrameMeter;
-use crate::raycaster::{Job, JobImage, ResidentBrick, new_pixels};
-use crate::residency::{BrickKey, Wanted};
+use crate::kernel::{Job, JobImage, ResidentBrick, Watch, new_pixels};
 use crate::stores::OpenStore;
-use crate::watch::Watch;
 
 /// The plan's units in their order, rendered when they are needed, several at once where they are small. Holds no bricks between
 /// two slices, so that others have the room meanwhile.

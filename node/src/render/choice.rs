@@ -4,24 +4,16 @@ use std::sync::Arc;
 
 use brickcast_shaders::Kinds;
 use brickcast_volume::BrickIndex;
-use brickcast_volume::brick::RANGE_MARGIN;
 use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::regions::{Drawn, SceneTables, drawn, within_reach};
 use brickcast_volume::scene::Scene;
 use brickcast_volume::store::Store;
 use brickcast_volume::transfer_function::TransferTable;
 
-use super::TableCache;
+use super::tables::TableCache;
+use crate::brick::residency::{BrickKey, Wanted};
 use crate::error::NodeError;
-use crate::kernel_style::KernelStyle;
-use crate::raycaster::Raycaster;
-use crate::recipe::Recipe;
-use crate::residency::{BrickKey, Wanted};
-
-/// The store knows of the one region of a brick as far as its margin reaches: a wider ghost layer may hold others.
-pub(crate) const fn knows_only_region(ghost: u32) -> bool {
-    ghost <= RANGE_MARGIN
-}
+use crate::kernel::{KernelStyle, Raycaster, Recipe, knows_only_region};
 
 /// Decides for one scene on one store.
 #[derive(Debug)]

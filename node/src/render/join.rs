@@ -4,9 +4,9 @@ use brickcast_volume::style::Mode;
 use brickcast_volume::{PixelRect, Premul};
 
 use super::batch::Batches;
+use super::meter::FrameMeter;
 use super::plan::{FramePlan, Join, Piece};
 use crate::error::NodeError;
-use crate::meter::FrameMeter;
 
 /// Pixels of a rectangle of the picture; everything outside is clear.
 #[derive(Debug, Clone, PartialEq)]

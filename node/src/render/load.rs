@@ -6,12 +6,11 @@ use std::time::Instant;
 use brickcast_volume::regions::Region;
 use brickcast_volume::store::{ChunkCache, Store};
 
-use super::Workshop;
-use super::choice::knows_only_region;
+use super::meter::LoadMeter;
+use super::workshop::Workshop;
+use crate::brick::residency::{BrickKey, Lease, Load, Wanted};
 use crate::error::NodeError;
-use crate::meter::LoadMeter;
-use crate::raycaster::{BrickInput, Raycaster, ResidentBrick};
-use crate::residency::{BrickKey, Lease, Load, Wanted};
+use crate::kernel::{BrickInput, Raycaster, ResidentBrick, knows_only_region};
 use crate::stores::OpenStore;
 
 /// Holds `wanted`, loading what is missing from the store through the shared cache of decoded chunks.

@@ -9,60 +9,30 @@ mod batch;
 mod choice;
 mod join;
 mod load;
+mod meter;
+mod pace;
 mod plan;
 mod slices;
 mod tables;
 #[cfg(test)]
 mod tests;
+mod workshop;
 
 use brickcast_proto::{Part, RenderOrder};
-use brickcast_volume::SessionId;
-use brickcast_volume::store::ChunkCache;
-
-pub use tables::TableCache;
 
 use crate::error::NodeError;
-use crate::meter::FrameMeter;
-use crate::pace::Pace;
-use crate::raycaster::Raycaster;
-use crate::residency::Residency;
+use crate::kernel::Watch;
 use crate::stores::OpenStore;
-use crate::watch::{Pulse, Watch};
-pub(crate) use choice::{BrickChoice, knows_only_region};
-pub(crate) use load::load_bricks;
-
 use batch::Batches;
 use plan::FramePlan;
 
-/// Bytes of accumulators that are begun at a time.
-pub const MAX_BATCH_BYTES: u64 = 256 << 20;
-/// Pixels of a layer worked on at once.
-pub const MAX_BAND_PIXELS: u64 = 4 << 20;
+pub use meter::{FrameMeter, LoadMeter};
+pub use pace::Pace;
+pub use tables::TableCache;
+pub use workshop::{MAX_BAND_PIXELS, MAX_BATCH_BYTES, Turns, Workshop};
 
-/// What rendering needs of its node.
-#[derive(Debug, Clone, Copy)]
-pub struct Workshop<'a> {
-    pub raycaster: &'a dyn Raycaster,
-    pub residency: &'a Residency,
-    pub cache: &'a ChunkCache,
-    pub tables: &'a TableCache,
-    pub pace: &'a Pace,
-    pub pulse: &'a Pulse,
-    /// Whose bricks they are.
-    pub session: SessionId,
-}
-
-/// The turn to work, of which the one who renders has one.
-pub trait Turns {
-    /// Does somebody else wait for it?
-    fn are_wanted(&self) -> bool;
-
-    /// Lets the others have theirs, and waits for the next. No brick may be held meanwhile.
-    ///
-    /// # Errors
-    /// Nobody wants the frame any more.
-    fn give_way(&self) -> Result<(), NodeError>;
-}
+pub(crate) use choice::BrickChoice;
+pub(crate) use load::load_bricks;
 
 /// Renders `order` and hands every ordered (layer, tile) pair to `emit` exactly once, as pixels or as an empty; the receipt
 /// is the caller's. Stops within milliseconds once `cancelled`.

@@ -12,11 +12,10 @@ use glam::UVec2;
 
 use super::choice::{BrickChoice, Chosen};
 use super::slices::SliceSize;
-use super::{MAX_BAND_PIXELS, Workshop};
+use super::workshop::{MAX_BAND_PIXELS, Workshop};
+use crate::brick::residency::Wanted;
 use crate::error::NodeError;
-use crate::kernel_style::KernelStyle;
-use crate::raycaster::KernelScene;
-use crate::residency::Wanted;
+use crate::kernel::{KernelScene, KernelStyle};
 
 /// A frame cut into pieces and units.
 #[derive(Debug)]

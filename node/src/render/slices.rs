@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use brickcast_volume::PixelRect;
 use glam::UVec2;
 
-use crate::raycaster::BackendInfo;
+use crate::kernel::BackendInfo;
 
 /// What a slice should take while nobody else wants the turn, and while somebody does.
 const ALONE: Duration = Duration::from_millis(400);

@@ -5,11 +5,12 @@ use std::collections::HashMap;
 
 use brickcast_proto::{ChunkCost, Part, Receipt, RenderOrder, Throttle, TileRect, decode_tile};
 use brickcast_volume::store::{ChunkCache, Store};
-use brickcast_volume::{MergeTree, Orbit, Premul, StoreHash, TreeNode, View, over};
+use brickcast_volume::{MergeTree, Orbit, Premul, SessionId, StoreHash, TreeNode, View, over};
 
 use super::*;
+use crate::brick::residency::Residency;
 use crate::cpu::CpuRaycaster;
-use crate::recipe::Recipe;
+use crate::kernel::{Pulse, Raycaster, Recipe};
 use crate::testing::{FakeRaycaster, make_store, ramp, scene, whole_order};
 
 struct Bench {

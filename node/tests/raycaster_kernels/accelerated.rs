@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use brickcast_node::gpu::GpuOptions;
-use brickcast_node::raycaster::{BrickInput, Features, JobImage, KernelScene, Raycaster};
-use brickcast_node::recipe::Recipe;
+use brickcast_node::kernel::{BrickInput, Features, JobImage, KernelScene, Raycaster, Recipe};
 use brickcast_volume::BrickGrid;
 use brickcast_volume::regions::code::{MAX_DENSITY, code_of_density};
 use brickcast_volume::scene::{Filter, RegionView};

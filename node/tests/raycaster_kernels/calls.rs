@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
+use brickcast_node::backend::{BackendChoice, open};
 use brickcast_node::cpu::CpuRaycaster;
 use brickcast_node::gpu::{GpuError, GpuOptions, GpuRaycaster};
-use brickcast_node::raycaster::{BackendChoice, BrickInput, Features, Job, RaycastError, Raycaster, open};
-use brickcast_node::recipe::Recipe;
+use brickcast_node::kernel::{BrickInput, Features, Job, RaycastError, Raycaster, Recipe};
 use brickcast_volume::scene::Filter;
 use brickcast_volume::{OwnedBox, Premul};
 use glam::UVec3;

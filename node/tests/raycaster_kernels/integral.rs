@@ -2,9 +2,7 @@
 
 use std::sync::Arc;
 
-use brickcast_node::kernel_style::KernelStyle;
-use brickcast_node::raycaster::{BrickInput, JobImage, KernelScene, Raycaster};
-use brickcast_node::recipe::Recipe;
+use brickcast_node::kernel::{BrickInput, JobImage, KernelScene, KernelStyle, Raycaster, Recipe};
 use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Lighting, Mode, Phong, Style, TableSize};
@@ -151,7 +149,7 @@ impl Case<'_> {
 
     fn resident(
         &self,
-        upload: impl Fn(brickcast_volume::OwnedBox) -> Arc<dyn brickcast_node::raycaster::ResidentBrick>,
+        upload: impl Fn(brickcast_volume::OwnedBox) -> Arc<dyn brickcast_node::kernel::ResidentBrick>,
     ) -> Resident {
         Resident::of(BrickGrid::new(self.volume.dims(), self.brick_size).unwrap(), upload)
     }

@@ -1,6 +1,6 @@
 //! One picture whatever the bricks: every sample has exactly one owner.
 
-use brickcast_node::raycaster::{BrickInput, Raycaster};
+use brickcast_node::kernel::{BrickInput, Raycaster};
 use brickcast_volume::merge::sort_front_to_back;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::{BrickGrid, OwnedBox};

@@ -1,6 +1,6 @@
 //! What formulas say: opacity of a constant body, order of bricks, early termination.
 
-use brickcast_node::raycaster::{BrickInput, Job, KernelScene, Raycaster};
+use brickcast_node::kernel::{BrickInput, Job, KernelScene, Raycaster};
 use brickcast_volume::scene::Filter;
 use brickcast_volume::{OwnedBox, Premul};
 use glam::UVec3;

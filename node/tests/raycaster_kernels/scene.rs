@@ -4,7 +4,7 @@ use std::sync::{Arc, OnceLock};
 
 use brickcast_node::cpu::CpuRaycaster;
 use brickcast_node::gpu::{GpuOptions, GpuRaycaster};
-use brickcast_node::raycaster::{BrickInput, Job, JobImage, KernelScene, Raycaster, ResidentBrick};
+use brickcast_node::kernel::{BrickInput, Job, JobImage, KernelScene, Raycaster, ResidentBrick};
 use brickcast_volume::merge::sort_front_to_back;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::store::BrickVoxels;

@@ -1,8 +1,7 @@
 //! The WGSL kernel against its CPU twin (docs/definition.md, Tolerances).
 
 use brickcast_node::gpu::GpuOptions;
-use brickcast_node::raycaster::Raycaster;
-use brickcast_node::recipe::Recipe;
+use brickcast_node::kernel::{Raycaster, Recipe};
 use brickcast_volume::scene::Filter;
 
 use crate::scene::{BOTH_FILTERS, VIEWPOINTS, Volume, cpu, difference, gpu, most_opaque, open_gpu, render_one, scene};

@@ -6,8 +6,8 @@ use std::io::{self, BufRead as _, BufReader, Read};
 use bzip2::bufread::BzDecoder;
 use flate2::bufread::GzDecoder;
 
-use super::VoxelType;
 use super::text_voxels::{AsciiVoxels, HexVoxels};
+use super::voxel_type::VoxelType;
 
 /// How a file keeps its voxels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

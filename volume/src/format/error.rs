@@ -3,8 +3,9 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::nrrd::NrrdError;
-use super::raw::RawError;
+use super::known::supported;
+use super::nrrd::error::NrrdError;
+use super::raw::error::RawError;
 use super::voxel_type::VoxelType;
 use crate::small_file::FileKind;
 use crate::space::GeometryError;
@@ -13,7 +14,7 @@ use crate::space::GeometryError;
 pub enum FormatError {
     #[error("{path}: cannot {action} this file: {reason}")]
     Io { path: PathBuf, action: &'static str, reason: io::Error },
-    #[error("{path} is a directory; give one file. Read are: {}", super::supported())]
+    #[error("{path} is a directory; give one file. Read are: {}", supported())]
     Directory { path: PathBuf },
     #[error("{path} is {kind}; copy its content to a regular file first, which is read more than once")]
     NotRegular { path: PathBuf, kind: FileKind },
@@ -21,7 +22,7 @@ pub enum FormatError {
     Empty { path: PathBuf },
     #[error(
         "{path}: unknown format (it starts with `{start}`). Read are: {}. For a headerless file of another name give --dims",
-        super::supported()
+        supported()
     )]
     Unknown { path: PathBuf, start: String },
     #[error("{path}: {reason}")]
@@ -92,14 +93,4 @@ impl FormatError {
     pub(super) fn io(path: &Path, action: &'static str, reason: io::Error) -> Self {
         Self::Io { path: path.into(), action, reason }
     }
-}
-
-/// At most 60 characters of a file's own text, made harmless for a terminal.
-pub(super) fn excerpt(text: &str) -> String {
-    const LONGEST: usize = 60;
-    let mut shown: String = text.chars().take(LONGEST).flat_map(char::escape_debug).collect();
-    if text.chars().nth(LONGEST).is_some() {
-        shown.push_str("...");
-    }
-    shown
 }

@@ -6,7 +6,9 @@ use std::path::PathBuf;
 
 pub(super) use super::coded::Coding;
 use super::coded::Decoder;
-use super::{Endian, FormatError, SourceHeader, VolumeSource, open_regular};
+use super::error::FormatError;
+use super::source::{SourceHeader, VolumeSource, open_regular};
+use super::voxel_type::Endian;
 
 /// Where a file keeps its voxels.
 #[derive(Debug, Clone)]

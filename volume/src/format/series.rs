@@ -4,8 +4,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::coded::Coding;
+use super::error::FormatError;
 use super::planes::{DataLocation, PlaneSource};
-use super::{FormatError, SourceHeader, VolumeSource};
+use super::source::{SourceHeader, VolumeSource};
 use crate::space::Geometry;
 
 #[derive(Debug)]

@@ -3,9 +3,9 @@
 use std::fs::File;
 use std::io::{self, BufRead as _, BufReader, Read};
 
-use super::VoxelType;
 use super::coded::Decoder;
-use super::error::excerpt;
+use super::excerpt::excerpt;
+use super::voxel_type::VoxelType;
 
 /// No number needs more: an f64 written out in full has 1,077 characters.
 const LONGEST_NUMBER: usize = 1100;

@@ -122,7 +122,7 @@ impl FromStr for Endian {
 
 impl ParseNameError {
     fn new(got: &str, what: &'static str, choices: &'static str) -> Self {
-        Self { got: super::error::excerpt(got), what, choices }
+        Self { got: super::excerpt::excerpt(got), what, choices }
     }
 }
 

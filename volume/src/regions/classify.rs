@@ -4,8 +4,7 @@ use glam::UVec3;
 
 use super::code::{Density, MAX_SLOTS, code_of_density, density_of_code, density_texel, leap_texel};
 use super::table::{BrickRegions, NO_REGION, RegionTable};
-use crate::brick::StoredBox;
-use crate::store::BrickVoxels;
+use crate::brick::{BrickVoxels, StoredBox};
 
 /// A brick of V', as it is drawn.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -81,7 +81,7 @@ impl Windows {
     /// The window of every 16-bit code.
     #[must_use]
     pub fn of_codes(&self) -> Vec<u16> {
-        (0..=u16::MAX).map(|code| self.of(super::density_of_code(code))).collect()
+        (0..=u16::MAX).map(|code| self.of(super::code::density_of_code(code))).collect()
     }
 }
 

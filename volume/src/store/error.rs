@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::hash::ContentHash;
 use super::profile::{InnerChunk, MANIFEST_FILE, MAX_SHARDS, ShardIndex, StoreArray};
-use super::region_error::RegionsError;
+use super::regions::error::RegionsError;
 use crate::brick::BrickGridError;
 use crate::format::FormatError;
 use crate::ids::BrickIndex;

@@ -3,19 +3,16 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::error::{ManifestError, StoreError};
-use super::histogram::Histogram;
-use super::manifest_file::field;
-use super::quantise::Scan;
-use super::voxel::{StoredType, Voxel};
-use crate::format::VoxelType;
+use super::error::ManifestError;
+use super::manifest::checks::field;
+use super::voxel::StoredType;
 
 /// The code of voxels without data, in stores that have some.
 pub const NO_DATA_CODE: u16 = 0;
 /// The smallest code of data in such stores.
 pub(super) const FIRST_CODE: u16 = 1;
 /// The most fill values that a manifest names.
-const MAX_FILL: usize = 16;
+pub(super) const MAX_FILL: usize = 16;
 
 /// What a manifest says of voxels without data; a store without any has none of this.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -69,86 +66,6 @@ pub(super) fn clear_holes<T: Copy + Default>(codes: &[u16], of_voxels: &mut [T])
     holes.for_each(|(_, value)| *value = T::default());
 }
 
-/// Fill values as the voxels of a source hold them.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Fill {
-    /// As declared.
-    declared: Vec<f64>,
-    values: Vec<f64>,
-}
-
-impl Fill {
-    pub(super) fn new(voxel_type: VoxelType, declared: &[f64]) -> Self {
-        let declared: Vec<f64> = declared.iter().copied().filter(|v| !v.is_nan()).take(MAX_FILL).collect();
-        // A header says -9999.9, the voxel holds the nearest f32.
-        let held = |v: &f64| if voxel_type == VoxelType::F32 { f64::from(*v as f32) } else { *v };
-        let values = declared.iter().map(held).collect();
-        Self { declared, values }
-    }
-
-    pub(super) fn declared(&self) -> &[f64] {
-        &self.declared
-    }
-
-    /// Does a voxel of this value hold no data?
-    #[inline(always)]
-    pub(super) fn is_no_data(&self, value: f64) -> bool {
-        value.is_nan() || self.values.contains(&value)
-    }
-
-    /// The ordinals of the fill values that a source of `stored_type` can hold, where it is stored as it is.
-    pub(super) fn ordinals(&self, stored_type: StoredType) -> Vec<u16> {
-        let ordinal = |v: &f64| {
-            let ordinal = v - f64::from(stored_type.min());
-            let is_one = ordinal.fract() == 0.0 && (0.0..stored_type.values() as f64).contains(&ordinal);
-            is_one.then_some(ordinal as u16)
-        };
-        self.values.iter().filter_map(ordinal).collect()
-    }
-}
-
-/// The stored numbers, as ordinals, of voxels without data; the first becomes that of all.
-#[derive(Debug, Clone)]
-pub(super) struct Missing {
-    ordinals: Vec<u16>,
-    /// How many are NaN.
-    nan: u64,
-}
-
-impl Missing {
-    /// `scan` of sources that are mapped to 16 bits.
-    pub(super) fn new(fill: &Fill, stored_type: StoredType, scan: Option<&Scan>) -> Self {
-        match scan {
-            None => Self { ordinals: fill.ordinals(stored_type), nan: 0 },
-            Some(scan) if scan.no_data > 0 => Self { ordinals: vec![0], nan: scan.not_finite.nan },
-            Some(_) => Self { ordinals: Vec::new(), nan: 0 },
-        }
-    }
-
-    pub(super) fn ordinal(&self) -> Option<u16> {
-        self.ordinals.first().copied()
-    }
-
-    /// Gives all of `voxels` that lack data the same number.
-    pub(super) fn make_one<T: Voxel>(&self, voxels: &mut [T]) {
-        if let [first, others @ ..] = &self.ordinals[..]
-            && !others.is_empty()
-        {
-            let first = T::at(*first);
-            voxels.iter_mut().filter(|v| others.contains(&v.ordinal())).for_each(|v| *v = first);
-        }
-    }
-
-    /// Takes them out of the histogram of all voxels; how many they are.
-    pub(super) fn leave_out(&self, histogram: &mut Histogram) -> Result<u64, StoreError> {
-        let (voxels, nan) = (self.ordinal().map_or(0, |ordinal| histogram.leave_out(ordinal)), self.nan);
-        if histogram.total() == 0 {
-            return Err(StoreError::NothingHoldsData { voxels, nan, fill: voxels.saturating_sub(nan) });
-        }
-        Ok(voxels)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -160,16 +77,6 @@ mod tests {
             let first = below + (top - below) / 65535.0;
             assert!(top == hi && (first - lo).abs() <= 1e-12 * (hi - lo).max(lo.abs()), "{lo}..{hi}: {first}");
         }
-    }
-
-    #[test]
-    fn fill_values_are_met_as_the_voxels_hold_them() {
-        let fill = Fill::new(VoxelType::F32, &[-9999.9, f64::NAN]);
-        assert!(fill.is_no_data(f64::from(-9999.9f32)) && fill.is_no_data(f64::NAN) && !fill.is_no_data(-9999.0));
-        assert_eq!(fill.declared(), [-9999.9]);
-        let fill = Fill::new(VoxelType::I16, &[-32768.0, 0.5, 40_000.0, 7.0]);
-        assert_eq!(fill.ordinals(StoredType::I16), [0, 32_775]);
-        assert_eq!(fill.ordinals(StoredType::U8), [7]);
     }
 
     #[test]

@@ -4,9 +4,6 @@ use std::fmt;
 
 use glam::UVec3;
 
-use super::StoreError;
-use super::shell::HaloReach;
-
 /// Voxels per edge of a shard: one file.
 pub const SHARD_EDGE: u32 = 256;
 /// Voxels per edge of an inner chunk: the unit of compression, checksum and decoding. Without a halo, a ghost layer of one voxel
@@ -24,13 +21,6 @@ pub(super) const INDEX_BYTES: usize = CHUNKS_PER_SHARD * 16 + 4;
 /// Offset and length of an inner chunk that is not there: it holds nothing but the fill value.
 pub(super) const ABSENT: u64 = u64::MAX;
 pub(super) const ZSTD_LEVEL: i32 = 1;
-
-/// Records of a brick's halo. Trilinear sampling reads 1 voxel beyond the owned box, slabs up to a step of one voxel another, and
-/// gradients one more (docs/adr/0003-halos.md).
-pub(super) const VOXEL_HALO: HaloReach = HaloReach { first: 1, last: 3 };
-/// The same of labels and distances: inner guards look one voxel beyond what is sampled, and another where there are
-/// gradients. Nothing reads fewer than 2.
-pub(super) const REGION_HALO: HaloReach = HaloReach { first: 2, last: 5 };
 
 /// The file that makes a folder a finished store; the store's hash is of its bytes.
 pub const MANIFEST_FILE: &str = "brickcast.json";
@@ -144,53 +134,6 @@ impl fmt::Display for InnerChunk {
     }
 }
 
-/// The shards and inner chunks of a volume.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct ShardGrid {
-    volume_dims: UVec3,
-}
-
-impl ShardGrid {
-    pub(super) fn new(volume_dims: UVec3) -> Result<Self, StoreError> {
-        let grid = Self { volume_dims };
-        match grid.count() {
-            shards if shards > MAX_SHARDS => Err(StoreError::TooManyShards { shards }),
-            _ => Ok(grid),
-        }
-    }
-
-    /// Shards per axis.
-    pub(super) fn dims(&self) -> UVec3 {
-        self.volume_dims.map(|n| n.div_ceil(SHARD_EDGE))
-    }
-
-    /// Inner chunks per axis that hold at least one voxel of the volume.
-    pub(super) fn chunk_dims(&self) -> UVec3 {
-        self.volume_dims.map(|n| n.div_ceil(CHUNK_EDGE))
-    }
-
-    pub(super) fn count(&self) -> u64 {
-        self.dims().as_u64vec3().element_product()
-    }
-
-    /// Position of `shard` in the shard table, x fastest.
-    pub(super) fn linear(&self, shard: ShardIndex) -> usize {
-        let (d, [x, y, z]) = (self.dims(), shard.0.map(|v| v as usize));
-        x + d.x as usize * (y + d.y as usize * z)
-    }
-
-    /// The shard at a position of the shard table.
-    pub(super) fn at(&self, linear: usize) -> ShardIndex {
-        let (dx, dy) = (self.dims().x as usize, self.dims().y as usize);
-        ShardIndex([(linear % dx) as u32, (linear / dx % dy) as u32, (linear / dx / dy) as u32])
-    }
-
-    /// True where the inner chunk holds at least one voxel of the volume.
-    pub(super) fn holds(&self, chunk: InnerChunk) -> bool {
-        UVec3::from(chunk.0).cmplt(self.chunk_dims()).all()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -202,10 +145,5 @@ mod tests {
         assert_eq!(chunk.slot(), 1 + 16 * (2 + 16 * 15));
         assert_eq!(InnerChunk::at(chunk.shard(), chunk.slot()), chunk);
         assert_eq!(chunk.shard().key(), "c/3/2/1");
-        let grid = ShardGrid::new(UVec3::new(257, 513, 1025)).unwrap();
-        for linear in 0..grid.count() as usize {
-            assert_eq!(grid.linear(grid.at(linear)), linear);
-        }
-        assert!(ShardGrid::new(UVec3::new(1 << 20, 1 << 20, 1)).is_err());
     }
 }

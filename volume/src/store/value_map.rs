@@ -1,6 +1,6 @@
 //! From stored numbers to values in the file's units, and from those to stretched codes.
 
-use super::StoreError;
+use super::error::StoreError;
 use super::no_data::{FIRST_CODE, NO_DATA_CODE};
 use super::voxel::StoredType;
 

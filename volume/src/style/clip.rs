@@ -2,13 +2,9 @@
 
 use glam::{DVec3, DVec4};
 
-use super::StyleError;
+use super::error::StyleError;
+use super::limits::MAX_CLIP_PLANES;
 use crate::space::Geometry;
-
-/// The most clip planes apart from the box.
-pub const MAX_CLIP_PLANES: usize = 6;
-/// The most planes of a clip, its box's six among them.
-pub const MAX_PLANES: usize = MAX_CLIP_PLANES + 6;
 
 /// The half space `normal . p >= offset`, world.
 #[derive(Debug, Clone, Copy, PartialEq)]

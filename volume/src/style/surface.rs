@@ -1,9 +1,6 @@
 //! Isosurfaces (Krueger & Westermann 2003, section 4).
 
-use super::StyleError;
-
-/// The most isosurfaces of a picture.
-pub const MAX_SURFACES: usize = 8;
+use super::error::StyleError;
 
 /// Where the volume has one value. A ray meets it between two samples on either side of the value, and where it enters the
 /// volume (or what clipping leaves of it) at the value or above.

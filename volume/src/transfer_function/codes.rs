@@ -1,6 +1,6 @@
 //! Codes and data values, and where the entries of a table of single samples stand.
 
-use super::TransferFunction;
+use super::function::TransferFunction;
 
 /// The largest code; tables reach to the one above, so that blocks of codes are powers of two.
 pub(crate) const LAST_CODE: f64 = 65535.0;

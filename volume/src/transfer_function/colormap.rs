@@ -1,8 +1,8 @@
 //! Colour maps by name.
 
-use super::ColorPoint;
 use super::color_space::{self, ColorSpace};
 use super::colormap_tables as tables;
+use super::function::ColorPoint;
 
 /// A colour map that users know by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -6,8 +6,8 @@
 
 use std::collections::BTreeSet;
 
-use super::TransferFunction;
 use super::codes::{ALL_CODES, Codes};
+use super::function::TransferFunction;
 
 /// Positions computed in f32 err by less than this many codes.
 const MARGIN: u32 = 1;

@@ -5,8 +5,9 @@
 //! "A Fast Algorithm for Multilevel Thresholding"). As many classes are taken as are needed to explain [`ENOUGH`] of the whole
 //! variance: Otsu's criterion of separability, eta.
 
+use super::colormap::Colormap;
+use super::function::{ColorPoint, OpacityPoint, TransferFunction, TransferFunctionError};
 use super::window::DEFAULT_OPACITY;
-use super::{ColorPoint, Colormap, OpacityPoint, TransferFunction, TransferFunctionError};
 
 /// The fewest and the most classes.
 pub const CLASSES: std::ops::RangeInclusive<usize> = 2..=5;

@@ -1,9 +1,9 @@
 //! The table that the kernels read for single samples: straight colour and the opacity of one step, and which value ranges are
 //! empty.
 
-use super::TransferFunction;
 use super::codes::{Codes, EntryGrid, LAST_CODE};
 use super::empty::{Empty, counts};
+use super::function::TransferFunction;
 
 /// Entries of the kernels' table, at least: linear between them.
 pub const ENTRIES: usize = 4096;

@@ -1,7 +1,7 @@
 //! Transfer functions without a file: a window, and the default.
 
 use super::colormap::Colormap;
-use super::{ColorPoint, OpacityPoint, TransferFunction, TransferFunctionError};
+use super::function::{ColorPoint, MAX_X, OpacityPoint, TransferFunction, TransferFunctionError};
 
 /// Opacity of the default function at the 99.9 % quantile, and of a window where none is given.
 pub const DEFAULT_OPACITY: f64 = 0.5;
@@ -71,7 +71,7 @@ pub fn describe_default_opacities(otsu: f64, q999: f64) -> String {
 /// Where the default function rises, and whether the two numbers leave a range of their own. Bounded, so that the points
 /// made of it are always valid.
 fn default_range(otsu: f64, q999: f64) -> (f64, f64, bool) {
-    let bounded = |v: f64| if v.is_finite() { v.clamp(-super::MAX_X, super::MAX_X) } else { 0.0 };
+    let bounded = |v: f64| if v.is_finite() { v.clamp(-MAX_X, MAX_X) } else { 0.0 };
     let (lo, hi) = (bounded(otsu), bounded(q999));
     if lo < hi {
         return (lo, hi, true);
@@ -81,7 +81,7 @@ fn default_range(otsu: f64, q999: f64) -> (f64, f64, bool) {
         0.0 => 1e-3,
         magnitude => (magnitude * 1e-3).max(f64::MIN_POSITIVE),
     };
-    if lo + width > super::MAX_X { (lo - width, lo, false) } else { (lo, lo + width, false) }
+    if lo + width > MAX_X { (lo - width, lo, false) } else { (lo, lo + width, false) }
 }
 
 #[cfg(test)]

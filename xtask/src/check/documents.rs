@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::Check;
+use super::law::Check;
 use crate::source::comments_only;
 use crate::tree::{SourceFile, Tree};
 

@@ -1,6 +1,6 @@
 //! The page of error texts quotes what programs say, not what they once said.
 
-use super::Check;
+use super::law::Check;
 use crate::source::strings;
 use crate::tree::{SourceFile, Tree};
 

@@ -1,6 +1,6 @@
 //! One concept, one file: none grows beyond what can be read at a sitting.
 
-use super::Check;
+use super::law::Check;
 use crate::tree::Tree;
 
 const MAX_LINES: usize = 400;

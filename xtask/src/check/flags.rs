@@ -1,6 +1,6 @@
 //! The compositor is an engine and a command line: only the command line knows of flags.
 
-use super::Check;
+use super::law::Check;
 use crate::source::{code_only, words};
 use crate::tree::Tree;
 

@@ -1,6 +1,6 @@
 //! Lines that an editor, a diff and a review show whole. rustfmt wraps neither comments nor strings.
 
-use super::Check;
+use super::law::Check;
 use crate::source::raw_strings;
 use crate::tree::{SourceFile, Tree};
 

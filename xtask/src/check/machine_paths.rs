@@ -1,6 +1,6 @@
 //! The repository must work on any machine: no path or package mirror of the one it was written on.
 
-use super::Check;
+use super::law::Check;
 use crate::tree::SourceFile;
 
 pub(super) const CHECK: Check = Check {

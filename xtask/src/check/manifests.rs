@@ -5,7 +5,7 @@ use std::process::Command;
 use anyhow::{Context as _, bail};
 use serde_json::Value;
 
-use super::Check;
+use super::law::Check;
 use crate::tree::Tree;
 
 pub(super) const CHECK: Check = Check {

@@ -1,6 +1,6 @@
 //! Which names may stand in which files.
 
-use super::Check;
+use super::law::Check;
 use crate::source::{code_only, words};
 use crate::tree::Tree;
 
@@ -76,7 +76,7 @@ mod tests {
     fn names_at_home_pass_and_strangers_are_found_by_line() {
         for (path, text) in [
             ("node/src/gpu/device.rs", "use wgpu::Device;"),
-            ("node/src/service.rs", "use brickcast_proto::wire::Tile;"),
+            ("node/src/serve/service.rs", "use brickcast_proto::wire::Tile;"),
             ("proto/src/convert.rs", "use crate::wire;\nuse prost::Message;"),
             ("compositor/src/embedded.rs", "use brickcast_node::serve;"),
             ("tests/src/lib.rs", "use brickcast_node::x; use brickcast_proto::wire;"),
@@ -84,12 +84,12 @@ mod tests {
             assert_eq!(found(path, text), 0, "{path}");
         }
         for (path, text) in [
-            ("node/src/render.rs", "fn f(d: &wgpu::Device) {}"),
+            ("node/src/render/mod.rs", "fn f(d: &wgpu::Device) {}"),
             ("compositor/src/lib.rs", "use wgpu_core::x;"),
             ("compositor/src/session/mod.rs", "use brickcast_proto::wire::Tile;"),
             ("compositor/src/session/mod.rs", "use brickcast_proto::{status, wire};"),
-            ("node/src/render.rs", "wire::Tile::default();"),
-            ("node/src/render.rs", "use prost::Message as _;"),
+            ("node/src/render/mod.rs", "wire::Tile::default();"),
+            ("node/src/render/mod.rs", "use prost::Message as _;"),
             ("compositor/src/cli/command/render/mod.rs", "brickcast_node::serve();"),
             ("compositor/src/cli/command/bench/mod.rs", "use brickcast_shaders::twin;"),
         ] {

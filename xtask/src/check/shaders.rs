@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-use super::Check;
+use super::law::Check;
 use crate::source::{code_only, words};
 use crate::tree::{SourceFile, Tree};
 

@@ -1,8 +1,8 @@
 //! Axes of length 1 beside the three of space: lists of one frame, images of one channel. They hold nothing, and are left out.
 
-use super::NrrdError;
+use super::error::NrrdError;
 use super::fields::{Field, Fields};
-use crate::format::error::excerpt;
+use crate::format::excerpt::excerpt;
 
 /// NRRD's own bound.
 const MAX_AXES: usize = 16;

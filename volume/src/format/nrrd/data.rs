@@ -4,10 +4,13 @@ use std::fs;
 use std::io::{BufRead as _, BufReader, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use super::{ByteSkip, DataFiles, Encoding, NrrdError, NrrdHeader};
+use super::error::NrrdError;
+use super::files::DataFiles;
+use super::header::{ByteSkip, Encoding, NrrdHeader};
+use crate::format::error::FormatError;
 use crate::format::planes::{Coding, DataLocation, PlaneSource};
 use crate::format::series::SeriesSource;
-use crate::format::{FormatError, SourceHeader, VolumeSource, open_regular};
+use crate::format::source::{SourceHeader, VolumeSource, open_regular};
 
 /// The voxels that `header`, read from `path`, speaks of.
 pub(super) fn source(

@@ -1,9 +1,10 @@
 //! What can be wrong with an NRRD header.
 
-use crate::format::VoxelType;
+use crate::format::voxel_type::VoxelType;
 use crate::space::GeometryError;
 
-use super::MAX_HEADER_BYTES;
+/// Where no blank line has ended the header by then, it is no header.
+pub const MAX_HEADER_BYTES: usize = 1 << 20;
 
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum NrrdError {

@@ -1,6 +1,6 @@
 //! The `data file` field: one name, a list of names, or a numbered series.
 
-use super::NrrdError;
+use super::error::NrrdError;
 use super::fields::{Field, Fields};
 
 /// More files than any scanner writes slices; each name is kept in memory.

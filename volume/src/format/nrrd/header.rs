@@ -1,11 +1,12 @@
 //! An NRRD header with valid values.
 
-use super::NrrdError;
+use super::error::NrrdError;
 use super::fields::{Field, Fields};
 use super::files::{self, DataFiles};
 use super::{axes, space};
-use crate::format::error::excerpt;
-use crate::format::{Endian, Placement, VoxelType};
+use crate::format::excerpt::excerpt;
+use crate::format::source::Placement;
+use crate::format::voxel_type::{Endian, VoxelType};
 use crate::space::Geometry;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

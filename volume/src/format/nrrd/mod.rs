@@ -3,7 +3,7 @@
 
 mod axes;
 mod data;
-mod error;
+pub(super) mod error;
 mod fields;
 mod files;
 mod header;
@@ -15,15 +15,14 @@ use std::fs::File;
 use std::io::Read as _;
 use std::path::Path;
 
-use super::{FormatError, RawHints, SourceHeader, VolumeSource};
+use super::error::FormatError;
+use super::raw::RawHints;
+use super::source::{SourceHeader, VolumeSource};
 
-pub use error::NrrdError;
+pub use error::{MAX_HEADER_BYTES, NrrdError};
 pub use files::DataFiles;
 pub use header::{ByteSkip, Encoding, NrrdHeader};
 pub use write::write_header;
-
-/// Where no blank line has ended the header by then, it is no header.
-pub const MAX_HEADER_BYTES: usize = 1 << 20;
 
 pub(super) fn has_magic(start: &[u8]) -> bool {
     start.starts_with(b"NRRD")

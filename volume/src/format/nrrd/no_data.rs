@@ -1,6 +1,6 @@
 //! Fill values that a header's key/value pairs declare: NRRD has no field of its own for them.
 
-use crate::format::error::excerpt;
+use crate::format::excerpt::excerpt;
 
 /// Keys by which other formats and tools name a fill value; in any case.
 const KEYS: [&str; 4] = ["_FillValue", "missing_value", "nodata", "no_data"];

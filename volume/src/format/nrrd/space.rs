@@ -2,11 +2,11 @@
 
 use glam::{DMat3, DVec3};
 
-use super::NrrdError;
+use super::error::NrrdError;
 use super::fields::{Field, Fields};
-use crate::format::Placement;
 use crate::format::directions::{Axes, TOLD};
-use crate::format::error::excerpt;
+use crate::format::excerpt::excerpt;
+use crate::format::source::Placement;
 use crate::space::Geometry;
 
 /// Where the volume lies, and what of that the header says.

@@ -2,7 +2,7 @@
 
 use std::io::{self, Write};
 
-use crate::format::VoxelType;
+use crate::format::voxel_type::VoxelType;
 use crate::space::Geometry;
 
 /// The header of an attached NRRD file of raw little-endian voxels, which follow it x fastest. `unit` is of spacing and

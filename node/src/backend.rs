@@ -1,0 +1,33 @@
+//! Opens the one backend or the other.
+
+use std::sync::Arc;
+
+use crate::cpu::CpuRaycaster;
+use crate::gpu::{GpuError, GpuOptions, GpuRaycaster};
+use crate::kernel::Raycaster;
+
+/// Which backend the user asks for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum BackendChoice {
+    /// The GPU, or the CPU where there is none, saying why.
+    #[default]
+    Auto,
+    Gpu,
+    Cpu,
+}
+
+/// Opens the backend that `choice` names; the adapter is chosen as [`GpuOptions::from_env`] says.
+///
+/// # Errors
+/// Only for [`BackendChoice::Gpu`]: no adapter, or one that cannot be used.
+pub fn open(choice: BackendChoice) -> Result<Arc<dyn Raycaster>, GpuError> {
+    let gpu = || GpuRaycaster::new(GpuOptions::from_env());
+    match choice {
+        BackendChoice::Cpu => Ok(Arc::new(CpuRaycaster::new())),
+        BackendChoice::Gpu => Ok(Arc::new(gpu()?)),
+        BackendChoice::Auto => match gpu() {
+            Ok(raycaster) => Ok(Arc::new(raycaster)),
+            Err(error) => Ok(Arc::new(CpuRaycaster::with_note(format!("rendering on the CPU: {error}")))),
+        },
+    }
+}

@@ -1,0 +1,50 @@
+//! What a brick will occupy, before it is there.
+
+use brickcast_volume::regions::Drawn;
+use brickcast_volume::scene::Scene;
+use brickcast_volume::{OwnedBox, StoredBox};
+use glam::IVec3;
+
+use crate::kernel::{Recipe, knows_only_region};
+
+/// Bytes of a macrocell in either backend: its range and its texel of the map.
+pub(crate) const CELL_BYTES: u64 = 8;
+pub(crate) const HOMOGENEOUS_BYTES: u64 = 4;
+
+/// [`PreparedBrick::bytes`](super::texels::PreparedBrick::bytes) before there is a brick.
+pub(crate) fn expected_bytes(stored_voxels: u64, recipe: Recipe, texel_bytes: u64, cell_bytes: u64) -> u64 {
+    let edge = recipe.cell_edge();
+    let cells = edge.map_or(0, |edge| {
+        // Cells that share a voxel with the box, which is a cube in nearly all cases.
+        let along = ((stored_voxels as f64).cbrt() / f64::from(edge.max(1))).floor() as u64 + 1;
+        along.pow(3) * (cell_bytes + if recipe.homogeneous.is_some() { HOMOGENEOUS_BYTES } else { 0 })
+    });
+    stored_voxels * (texel_bytes + u64::from(recipe.region_flags)) + cells
+}
+
+/// Where rays of the brick may read a position: one voxel within the stored box, whose last voxel is only interpolated with.
+pub(crate) fn reached(owned: &OwnedBox, stored: &StoredBox) -> OwnedBox {
+    let lo = (stored.lo + 1).max(IVec3::ZERO).as_uvec3();
+    OwnedBox { lo: lo.min(owned.lo), hi: (stored.hi - 1).as_uvec3().max(owned.hi) }
+}
+
+impl Recipe {
+    /// Bytes that a node with texels of `texel_bytes` holds of a brick that is drawn in a scene, macrocells included; at most so
+    /// many where the brick may turn out to need no region flags.
+    #[must_use]
+    pub fn planned_bytes(scene: &Scene, owned: &OwnedBox, drawn: &Drawn, has_regions: bool, texel_bytes: u64) -> u64 {
+        let ghost = scene.style.ghost(scene.step);
+        if drawn.only_region.is_some() && knows_only_region(ghost) {
+            return texel_bytes;
+        }
+        let recipe = Self::of(scene, drawn.flattened, has_regions);
+        let stored = owned.stored(ghost);
+        let cells = recipe.cell_edge().map_or(0, |edge| {
+            let (reached, edge) = (reached(owned, &stored), u32::from(edge));
+            let dims = (reached.hi + (edge - 1)) / edge - reached.lo / edge;
+            let homogeneous = if recipe.homogeneous.is_some() { HOMOGENEOUS_BYTES } else { 0 };
+            dims.as_u64vec3().element_product() * (CELL_BYTES + homogeneous)
+        });
+        stored.voxel_count() * (texel_bytes + u64::from(recipe.region_flags)) + cells
+    }
+}

@@ -1,0 +1,92 @@
+//! Which value ranges are empty in a scene: under every table that a sample may be read by.
+
+use std::sync::{Arc, Mutex, PoisonError, Weak};
+
+use brickcast_volume::scene::RegionView;
+use brickcast_volume::style::Mode;
+use brickcast_volume::transfer_function::TransferTable;
+
+use crate::kernel::KernelScene;
+
+/// Codes `min..=max` are empty iff `counts[max][1] == counts[min][0]`.
+#[derive(Debug, Default)]
+pub(crate) struct Emptiness {
+    pub(crate) counts: Vec<[u32; 2]>,
+    pub(crate) tables: Vec<Arc<TransferTable>>,
+    pub(crate) also: Also,
+}
+
+/// What fills space beside opacity.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct Also {
+    /// Codes from here on are on an isosurface or inside it.
+    lowest_surface: Option<u16>,
+    mode: Mode,
+}
+
+/// Is `known` the very same as `emptiness`? A dead one never is: its place is not given to another while a weak pointer is
+/// left.
+pub(crate) fn is_same(known: &Weak<Emptiness>, emptiness: &Arc<Emptiness>) -> bool {
+    std::ptr::eq(known.as_ptr(), Arc::as_ptr(emptiness))
+}
+
+/// The emptiness of the last scene that skipped: maps are built anew only when it changes.
+#[derive(Debug, Default)]
+pub(crate) struct EmptinessCache(Mutex<Option<Arc<Emptiness>>>);
+
+impl EmptinessCache {
+    /// `None` where the scene does not skip.
+    pub(crate) fn get(&self, scene: &KernelScene) -> Option<Arc<Emptiness>> {
+        if !scene.skip_empty {
+            return None;
+        }
+        let tables = tables_of(scene);
+        let also = scene
+            .style
+            .as_ref()
+            .map_or_else(Also::default, |style| Also { lowest_surface: style.lowest_surface, mode: style.mode });
+        let same = |known: &Emptiness| {
+            known.also == also
+                && known.tables.len() == tables.len()
+                && known.tables.iter().zip(&tables).all(|(a, b)| Arc::ptr_eq(a, b) || a == b)
+        };
+        let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(known) = last.as_ref().filter(|known| same(known)) {
+            return Some(known.clone());
+        }
+        let counts = counts(&tables, also);
+        let emptiness = Arc::new(Emptiness { counts, tables, also });
+        *last = Some(emptiness.clone());
+        Some(emptiness)
+    }
+}
+
+/// The tables that can apply: a sample that the view hides has no opacity under any.
+fn tables_of(scene: &KernelScene) -> Vec<Arc<TransferTable>> {
+    let of_regions = scene.region_table.as_ref().unwrap_or(&scene.table);
+    match scene.region_view {
+        RegionView::Residual => vec![scene.table.clone()],
+        RegionView::Regions => vec![of_regions.clone()],
+        RegionView::All if Arc::ptr_eq(of_regions, &scene.table) => vec![scene.table.clone()],
+        RegionView::All => vec![scene.table.clone(), of_regions.clone()],
+    }
+}
+
+fn counts(tables: &[Arc<TransferTable>], also: Also) -> Vec<[u32; 2]> {
+    match also.mode {
+        Mode::Composite => {}
+        // Empty is what changes no projection: nothing but the neutral code, which is one of the ends.
+        mode if mode.neutral_code() == 0 => return (0..=u16::MAX).map(|code| [0, u32::from(code > 0)]).collect(),
+        mode => return (0..=u16::MAX).map(|code| [u32::from(code == mode.neutral_code()), 1]).collect(),
+    }
+    let mut counts = vec![[0; 2]; usize::from(u16::MAX) + 1];
+    if let Some(lowest) = also.lowest_surface {
+        counts[usize::from(lowest)..].iter_mut().for_each(|count| count[1] = 1);
+    }
+    for table in tables {
+        for (sum, more) in counts.iter_mut().zip(table.opaque_counts()) {
+            *sum = [sum[0] + more[0], sum[1] + more[1]];
+        }
+    }
+    counts
+}

@@ -1,0 +1,373 @@
+//! The raycaster on the processor: the kernel's CPU twin over screen tiles.
+
+use std::any::Any;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
+
+use brickcast_shaders::layout::{BrickUniform, FrameUniform, MAP_EMPTY, MAP_HOMOGENEOUS};
+use brickcast_shaders::twin::accelerated::{BrickData, RayCounts, Tables, Unwatched, accelerated_ray};
+use brickcast_shaders::twin::integral::{Integrals, integral_ray};
+use brickcast_shaders::twin::macrocell::empty_distances;
+use brickcast_shaders::twin::raycast::{Ray, pixel_ray, raycast_ray};
+use brickcast_shaders::twin::slabs::{are_slabs_alone, slabs_ray};
+use brickcast_volume::brick::OwnedBox;
+use brickcast_volume::regions::Density;
+use brickcast_volume::scene::Filter;
+use brickcast_volume::{PixelRect, Premul};
+use glam::UVec2;
+use rayon::prelude::*;
+
+use crate::brick::bytes::{CELL_BYTES, expected_bytes};
+use crate::brick::emptiness::{Emptiness, EmptinessCache, is_same};
+use crate::brick::texels::{PreparedBrick, PreparedCells};
+use crate::brick::worth::Occupancy;
+use crate::kernel::{
+    BackendInfo, BrickCounts, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, Recipe,
+    ResidentBrick, Watch, check_jobs, new_pixels,
+};
+
+/// Tile edge in pixels: small enough that threads stay busy to the end, large enough that a brick's voxels are reused ...
+const TILE: usize = 32;
+/// ... and where there are few pixels, each of them long.
+const SMALLEST_TILE: usize = 4;
+/// Tiles that every thread should find.
+const TILES_PER_THREAD: usize = 4;
+
+/// The threads of all CPU kernels of this process. Nothing else runs on them: what needs threads for a moment (tables, decoding,
+/// encoding tiles) must not wait until a picture is done.
+fn kernel_threads() -> Option<&'static rayon::ThreadPool> {
+    static THREADS: OnceLock<Option<rayon::ThreadPool>> = OnceLock::new();
+    let name = |i| format!("kernel-{i}");
+    THREADS.get_or_init(|| rayon::ThreadPoolBuilder::new().thread_name(name).build().ok()).as_ref()
+}
+
+/// Renders with threads of its own. Every pixel is computed alone, so pictures do not depend on the number of threads.
+#[derive(Debug)]
+pub struct CpuRaycaster {
+    info: BackendInfo,
+    emptiness: EmptinessCache,
+}
+
+/// What a map was built for, and its texels. No more than the name of the emptiness: its counts of half a megabyte must not
+/// live as long as every brick that once saw them.
+type BuiltMap = (Option<Weak<Emptiness>>, Arc<Vec<u32>>);
+
+#[derive(Debug)]
+struct CpuBrick {
+    owned: OwnedBox,
+    uniform: BrickUniform,
+    texels: Vec<u16>,
+    means: Option<Vec<f32>>,
+    cells: Option<PreparedCells>,
+    flags: Vec<u8>,
+    /// The macrocell map of the last scene.
+    map: Mutex<Option<BuiltMap>>,
+    occupancy: Occupancy,
+    bytes: u64,
+}
+
+impl ResidentBrick for CpuBrick {
+    fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+}
+
+impl CpuBrick {
+    /// Keeps what was prepared.
+    fn new(owned: OwnedBox, prepared: PreparedBrick<'_>) -> Result<Self, RaycastError> {
+        let bytes = prepared.bytes(size_of::<u16>() as u64, CELL_BYTES);
+        let texels = match prepared.texels {
+            std::borrow::Cow::Owned(texels) => texels,
+            std::borrow::Cow::Borrowed(codes) => {
+                let mut texels = Vec::new();
+                if texels.try_reserve_exact(codes.len()).is_err() {
+                    return Err(RaycastError::OutOfMemory { what: "a brick", bytes });
+                }
+                texels.extend_from_slice(codes);
+                texels
+            }
+        };
+        let (uniform, means, cells) = (prepared.uniform, prepared.means, prepared.cells);
+        let flags = prepared.flags.unwrap_or_default();
+        Ok(Self {
+            owned,
+            uniform,
+            texels,
+            means,
+            cells,
+            flags,
+            map: Mutex::default(),
+            occupancy: Occupancy::default(),
+            bytes,
+        })
+    }
+
+    /// The map for `emptiness`, built anew where it is another than the last one.
+    fn map(&self, emptiness: Option<&Arc<Emptiness>>) -> Option<Arc<Vec<u32>>> {
+        let PreparedCells { cells, homogeneous } = self.cells.as_ref()?;
+        if emptiness.is_none() && homogeneous.is_none() {
+            return None;
+        }
+        let mut map = self.map.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((known, built)) = &*map {
+            let is_current = match (known, emptiness) {
+                (Some(known), Some(emptiness)) => is_same(known, emptiness),
+                (known, emptiness) => known.is_none() && emptiness.is_none(),
+            };
+            if is_current {
+                return Some(built.clone());
+            }
+        }
+        let mut texels = homogeneous.clone().unwrap_or_else(|| vec![0; cells.ranges.len()]);
+        if let Some(emptiness) = emptiness {
+            let distances = empty_distances(&emptiness.counts, &cells.ranges, cells.dims.into());
+            texels.iter_mut().zip(distances).for_each(|(texel, distance)| *texel |= u32::from(distance));
+        }
+        let texels = Arc::new(texels);
+        *map = Some((emptiness.map(Arc::downgrade), texels.clone()));
+        Some(texels)
+    }
+}
+
+/// A brick in a job: where it shows, and what it needs for this scene.
+struct PlacedBrick<'a> {
+    brick: &'a CpuBrick,
+    projected: PixelRect,
+    uniform: BrickUniform,
+    map: Option<Arc<Vec<u32>>>,
+    /// Nothing but samples: the plain loop does it.
+    is_plain: bool,
+}
+
+impl<'a> PlacedBrick<'a> {
+    fn new(brick: &'a CpuBrick, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> Self {
+        let mut uniform = brick.uniform;
+        let has_holes = uniform.holes != 0;
+        let emptiness = emptiness.filter(|_| scene.skips_in(has_holes));
+        let mut skips = false;
+        if let Some((emptiness, cells)) = emptiness.zip(brick.cells.as_ref()) {
+            let occupied = brick.occupancy.ask(emptiness, &brick.owned, &cells.cells);
+            let (bounds, pays) = scene.bounds(occupied, &brick.owned);
+            skips = pays || cells.homogeneous.is_some();
+            uniform = uniform.within(&bounds);
+        }
+        let emptiness = emptiness.filter(|_| skips);
+        let map = brick.map(emptiness);
+        uniform.map_mask = map_mask(emptiness.is_some(), brick.cells.as_ref());
+        let simple = scene.style.is_none() && !scene.tells_regions_apart();
+        let is_plain = simple && !has_holes && brick.means.is_none() && map.is_none();
+        Self { brick, projected: scene.view.project(&uniform.owned()), uniform, map, is_plain }
+    }
+
+    fn data(&self) -> BrickData<'_> {
+        let dims = |cells: &PreparedCells| cells.cells.dims.into();
+        BrickData {
+            texels: &self.brick.texels,
+            means: self.brick.means.as_deref(),
+            map: self.map.as_ref().zip(self.brick.cells.as_ref()).map(|(map, cells)| (map.as_slice(), dims(cells))),
+            flags: &self.brick.flags,
+        }
+    }
+}
+
+/// Which bits of a brick's map count.
+pub(crate) fn map_mask(skips: bool, cells: Option<&PreparedCells>) -> u32 {
+    let leaps = cells.is_some_and(|c| c.homogeneous.is_some());
+    (if skips { MAP_EMPTY } else { 0 }) | (if leaps { MAP_HOMOGENEOUS } else { 0 })
+}
+
+/// A screen tile: its rows borrow from the job's accumulator.
+struct Tile<'a> {
+    rect: PixelRect,
+    rows: Vec<&'a mut [Premul]>,
+}
+
+impl CpuRaycaster {
+    #[must_use]
+    pub fn new() -> Self {
+        let threads = rayon::current_num_threads() as u32;
+        let adapter = format!("CPU ({}), {threads} threads", std::env::consts::ARCH);
+        let info = BackendInfo { backend: "cpu", adapter, notes: Vec::new(), threads, is_on_processor: true };
+        Self { info, emptiness: EmptinessCache::default() }
+    }
+
+    /// With a note that says why the CPU renders.
+    #[must_use]
+    pub fn with_note(note: String) -> Self {
+        let mut raycaster = Self::new();
+        raycaster.info.notes.push(note);
+        raycaster
+    }
+}
+
+impl Default for CpuRaycaster {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Raycaster for CpuRaycaster {
+    fn info(&self) -> &BackendInfo {
+        &self.info
+    }
+
+    fn brick_bytes(&self, stored_voxels: u64, recipe: Recipe) -> u64 {
+        expected_bytes(stored_voxels, recipe, size_of::<u16>() as u64, CELL_BYTES)
+    }
+
+    fn upload(&self, owned: OwnedBox, input: &BrickInput<'_>) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
+        Ok(Arc::new(CpuBrick::new(owned, PreparedBrick::new(&owned, input)?)?))
+    }
+
+    fn upload_uniform(&self, owned: OwnedBox, mean: Density) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
+        Ok(Arc::new(CpuBrick::new(owned, PreparedBrick::uniform(&owned, mean))?))
+    }
+
+    fn warm_up(&self, _filter: Filter, _features: Features) -> Result<(), RaycastError> {
+        Ok(())
+    }
+
+    fn render_watched(
+        &self,
+        scene: &KernelScene,
+        jobs: &[Job],
+        watch: Watch<'_>,
+    ) -> Result<Vec<JobImage>, RaycastError> {
+        check_jobs(scene, jobs, u32::MAX)?;
+        let frame = scene.frame_uniform();
+        let emptiness = self.emptiness.get(scene);
+        let tables =
+            Tables { table: &scene.table.entries, region: scene.region_table.as_ref().map(|t| &t.entries[..]) };
+        let integrals = scene.style.as_ref().map(|style| style.integrals(tables));
+        let reads = Reads { frame: &frame, tables: &tables, integrals: integrals.as_ref(), watch };
+        let work = || jobs.par_iter().map(|job| render_job(scene, &reads, emptiness.as_ref(), job)).collect();
+        // A system that gives no more threads has those of the others.
+        kernel_threads().map_or_else(work, |threads| threads.install(work))
+    }
+}
+
+fn render_job(
+    scene: &KernelScene,
+    reads: &Reads<'_>,
+    emptiness: Option<&Arc<Emptiness>>,
+    job: &Job,
+) -> Result<JobImage, RaycastError> {
+    let bricks: Vec<PlacedBrick<'_>> = job
+        .bricks
+        .par_iter()
+        .map(|b| b.as_any().downcast_ref::<CpuBrick>().map(|b| PlacedBrick::new(b, scene, emptiness)))
+        .collect::<Option<_>>()
+        .ok_or(RaycastError::ForeignBrick { backend: "cpu" })?;
+    let mut pixels = new_pixels(&job.rect)?;
+    let edge = tile_edge(job.rect.pixel_count(), rayon::current_num_threads());
+    let tiles = tiles_of(&job.rect, &mut pixels, edge).into_par_iter();
+    let counts = tiles.map(|tile| render_tile(reads, &bricks, tile)).try_reduce(
+        || vec![BrickCounts::default(); bricks.len()],
+        |mut a, b| {
+            a.iter_mut().zip(b).for_each(|(a, b)| *a = a.plus(b));
+            Ok(a)
+        },
+    )?;
+    Ok(JobImage { rect: job.rect, pixels, counts })
+}
+
+/// The largest edge that leaves every thread some tiles.
+fn tile_edge(pixels: usize, threads: usize) -> usize {
+    let mut edge = TILE;
+    while edge > SMALLEST_TILE && pixels < threads * TILES_PER_THREAD * edge * edge {
+        edge /= 2;
+    }
+    edge
+}
+
+/// Cuts a row-major accumulator into tiles.
+fn tiles_of<'a>(rect: &PixelRect, pixels: &'a mut [Premul], edge: usize) -> Vec<Tile<'a>> {
+    let mut tiles = Vec::new();
+    if rect.is_empty() {
+        return tiles;
+    }
+    let width = rect.size().x as usize;
+    for (band, rows) in pixels.chunks_mut(width * edge).enumerate() {
+        let first = tiles.len();
+        let height = rows.len() / width;
+        for x in (0..width).step_by(edge) {
+            let lo = rect.lo + UVec2::new(x as u32, (band * edge) as u32);
+            let hi = lo + UVec2::new((width - x).min(edge) as u32, height as u32);
+            tiles.push(Tile { rect: PixelRect { lo, hi }, rows: Vec::with_capacity(height) });
+        }
+        for row in rows.chunks_mut(width) {
+            for (tile, part) in tiles[first..].iter_mut().zip(row.chunks_mut(edge)) {
+                tile.rows.push(part);
+            }
+        }
+    }
+    tiles
+}
+
+/// What all rays of a job read.
+struct Reads<'a> {
+    frame: &'a FrameUniform,
+    tables: &'a Tables<'a>,
+    /// Where the scene has a style.
+    integrals: Option<&'a Integrals<'a>>,
+    watch: Watch<'a>,
+}
+
+/// All bricks front to back into one tile; returns what each took.
+fn render_tile(
+    reads: &Reads<'_>,
+    bricks: &[PlacedBrick<'_>],
+    mut tile: Tile<'_>,
+) -> Result<Vec<BrickCounts>, RaycastError> {
+    let Reads { frame, tables, integrals, watch } = *reads;
+    let lo = tile.rect.lo;
+    let width = tile.rect.size().x;
+    let rays: Vec<Ray> =
+        (lo.y..tile.rect.hi.y).flat_map(|y| (lo.x..tile.rect.hi.x).map(move |x| pixel_ray(frame, x, y))).collect();
+    let mut counts = vec![BrickCounts::default(); bricks.len()];
+    for (brick, counts) in bricks.iter().zip(&mut counts) {
+        let touched = tile.rect.intersect(&brick.projected);
+        if touched.is_empty() {
+            continue;
+        }
+        let data = brick.data();
+        let are_slabs_alone = integrals.is_some_and(|with| are_slabs_alone(&brick.uniform, &data, with));
+        let mut finished = true;
+        // The pulse is one number for all threads: too dear for every row.
+        watch.goes_on()?;
+        for y in touched.lo.y - lo.y..touched.hi.y - lo.y {
+            watch.is_wanted()?;
+            let row = &mut tile.rows[y as usize];
+            for x in touched.lo.x - lo.x..touched.hi.x - lo.x {
+                let pixel = &mut row[x as usize];
+                let ray = &rays[(y * width + x) as usize];
+                let (sum, took) = if brick.is_plain {
+                    let (sum, n) = raycast_ray(frame, &brick.uniform, data.texels, tables.table, ray, *pixel);
+                    (sum, RayCounts { samples: n, positions: n, ..RayCounts::default() })
+                } else if let Some(with) = integrals.filter(|_| are_slabs_alone) {
+                    slabs_ray(frame, &brick.uniform, &data, with, ray, *pixel)
+                } else if let Some(with) = integrals {
+                    integral_ray(frame, &brick.uniform, &data, with, ray, *pixel, &mut Unwatched)
+                } else {
+                    accelerated_ray(frame, &brick.uniform, &data, tables, ray, *pixel, &mut Unwatched)
+                };
+                *pixel = sum;
+                let [samples, positions] = [took.samples, took.positions].map(u64::from);
+                let [leapt, skips] = [took.leapt, took.skips].map(u64::from);
+                *counts = counts.plus(BrickCounts { samples, positions, leapt, skips });
+                finished &= sum.a >= frame.stop_alpha;
+            }
+        }
+        // Only where the brick covers the tile does it see all pixels finished.
+        if finished && touched == tile.rect {
+            break;
+        }
+    }
+    Ok(counts)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,80 @@
+//! What of a brick is put into the backend's memory. Bricks of different recipes are different resident bricks.
+
+use brickcast_shaders::Features;
+use brickcast_volume::brick::RANGE_MARGIN;
+use brickcast_volume::regions::guard_width;
+use brickcast_volume::scene::{Filter, Leap, RegionView, Scene};
+
+/// The store knows of the one region of a brick as far as its margin reaches: a wider ghost layer may hold others.
+pub(crate) const fn knows_only_region(ghost: u32) -> bool {
+    ghost <= RANGE_MARGIN
+}
+
+/// Everything that the texels of a resident brick depend on, the store apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
+pub struct Recipe {
+    /// Regions flattened to their means and coded for leaping with this guard width; none: the voxels as they are.
+    pub guard: Option<u8>,
+    /// Voxels that gradients look beyond a position's support: 0 or 1. Matters with a guard only.
+    pub radius: u8,
+    /// Macrocells of this edge, whose value ranges say which are empty.
+    pub macrocell: Option<u8>,
+    /// Macrocells whose codes span at most this are leapt through; goes with `macrocell`, never with `guard`.
+    pub homogeneous: Option<u16>,
+    /// Also which voxels are in a region: for region views and region transfer functions.
+    pub region_flags: bool,
+}
+
+impl Recipe {
+    /// Of a brick that is drawn from V' or not, in a scene.
+    #[must_use]
+    pub fn of(scene: &Scene, flattened: bool, has_regions: bool) -> Self {
+        let acceleration = &scene.acceleration;
+        let radius = scene.style.gradient_radius();
+        let homogeneous = match acceleration.leap {
+            // What a cube is flattened by has no bound on surfaces and gradients, and is no label.
+            Leap::Macrocells(range)
+                if scene.style.surfaces.is_empty() && radius == 0 && scene.filter != Filter::Nearest =>
+            {
+                Some((f64::from(range) * 65535.0) as u16)
+            }
+            Leap::Off | Leap::Regions | Leap::Macrocells(_) => None,
+        };
+        let shows_kinds = scene.region_view != RegionView::All || scene.region_transfer_function.is_some();
+        Self {
+            // Steps are at most 16 voxels: 33.
+            guard: flattened.then(|| guard_width(scene.step, radius) as u8),
+            radius: radius as u8,
+            macrocell: (acceleration.skip_empty || homogeneous.is_some())
+                .then(|| acceleration.macrocell.voxels() as u8),
+            homogeneous,
+            region_flags: shows_kinds && has_regions,
+        }
+    }
+
+    /// Voxels per edge of the macrocells that such a brick has.
+    pub(crate) fn cell_edge(&self) -> Option<u8> {
+        self.macrocell.or(self.homogeneous.map(|_| 4))
+    }
+
+    /// What of the kernel such a brick takes; some bricks take less (those without leap voxels).
+    #[must_use]
+    pub fn features(&self) -> Features {
+        Features {
+            leap: self.guard.is_some(),
+            map: self.macrocell.is_some(),
+            regions: self.region_flags,
+            // What a store lacks is no recipe's business.
+            holes: false,
+            integral: None,
+        }
+    }
+
+    /// The same of bricks with and without holes, where voxels of the store may lack data; bricks with holes never leap.
+    #[must_use]
+    pub fn all_features(&self, may_lack_data: bool) -> Vec<Features> {
+        let whole = self.features();
+        let holed = may_lack_data.then_some(Features { holes: true, leap: false, ..whole });
+        std::iter::once(whole).chain(holed).collect()
+    }
+}

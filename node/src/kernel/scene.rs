@@ -1,0 +1,78 @@
+//! A frame as a kernel sees it.
+
+use std::sync::Arc;
+
+use brickcast_shaders::FrameUniform;
+use brickcast_volume::View;
+use brickcast_volume::brick::OwnedBox;
+use brickcast_volume::scene::{Filter, RegionView};
+use brickcast_volume::transfer_function::TransferTable;
+
+use super::occupied::Occupied;
+use super::style::KernelStyle;
+
+/// What a kernel needs to know of a frame.
+#[derive(Debug, Clone)]
+pub struct KernelScene {
+    pub view: View,
+    pub table: Arc<TransferTable>,
+    /// In (0, 1]; 1 is off.
+    pub early_termination: f32,
+    pub filter: Filter,
+    /// Use the macrocells of bricks that have them. What a brick leaps through is its recipe's business.
+    pub skip_empty: bool,
+    /// Bricks without region flags (see [`Recipe::region_flags`](super::recipe::Recipe::region_flags)) count as free of regions.
+    pub region_view: RegionView,
+    /// For samples whose nearest voxel is in a region.
+    pub region_table: Option<Arc<TransferTable>>,
+    /// What the plain kernels do not do; none where the scene asks for nothing of it.
+    pub style: Option<KernelStyle>,
+}
+
+impl KernelScene {
+    /// Without skipping, and regions like all else.
+    #[must_use]
+    pub fn plain(view: View, table: Arc<TransferTable>, early_termination: f32, filter: Filter) -> Self {
+        let (skip_empty, region_view, region_table, style) = (false, RegionView::All, None, None);
+        Self { view, table, early_termination, filter, skip_empty, region_view, region_table, style }
+    }
+
+    /// The uniform of the frame.
+    #[must_use]
+    pub fn frame_uniform(&self) -> FrameUniform {
+        // A projection's pixels are no opacities, and every sample counts.
+        let is_projection = self.style.as_ref().is_some_and(|style| style.kinds.mode != 0);
+        let stop = if is_projection { 1.0 } else { self.early_termination };
+        FrameUniform::new(&self.view.kernel(), &self.table, stop)
+            .with_regions(self.region_view, self.region_table.as_deref())
+            .with_filter(self.filter)
+    }
+
+    /// The part of `owned` that holds all samples and slabs that show, where all that is not empty lies in `occupied`: a slab
+    /// that shows starts or ends there. Every sample of a projection counts.
+    /// And whether it pays to skip in it.
+    pub(crate) fn bounds(&self, occupied: Occupied, owned: &OwnedBox) -> (OwnedBox, bool) {
+        let Occupied { bounds, skips, skips_uncut } = occupied;
+        if self.style.as_ref().is_some_and(|style| style.kinds.mode != 0) {
+            return (*owned, skips_uncut);
+        }
+        if bounds.voxel_count() == 0 {
+            return (OwnedBox { lo: owned.lo, hi: owned.lo }, skips);
+        }
+        let reach = glam::UVec3::splat(self.style.as_ref().map_or(0, |style| style.reach));
+        let lo = bounds.lo.saturating_sub(reach).max(owned.lo);
+        (OwnedBox { lo, hi: (bounds.hi + reach).min(owned.hi).max(lo) }, skips)
+    }
+
+    /// May macrocells be skipped in a brick? In a projection what is skipped counts as a sample of no weight; a place that holds no
+    /// data is none at all.
+    pub(crate) fn skips_in(&self, has_holes: bool) -> bool {
+        !has_holes || self.style.as_ref().is_none_or(|style| style.kinds.mode == 0)
+    }
+
+    /// True where it matters which samples are in regions.
+    #[must_use]
+    pub fn tells_regions_apart(&self) -> bool {
+        self.region_view != RegionView::All || self.region_table.is_some()
+    }
+}

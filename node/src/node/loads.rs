@@ -1,0 +1,111 @@
+//! Loading ahead of frames.
+
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use brickcast_proto::{PrepareReceipt, PrepareRequest, StoreQuery};
+
+use super::Node;
+use crate::brick::residency::Wanted;
+use crate::clients::Caller;
+use crate::error::NodeError;
+use crate::kernel::Features;
+use crate::render::{BrickChoice, LoadMeter, load_bricks};
+use crate::stores::OpenStore;
+
+/// Bricks loaded ahead before a waiting frame gets its turn.
+const PREPARE_BATCH: usize = 64;
+
+/// What a request comes to.
+struct Wish {
+    /// As many as the budget holds, in the order asked.
+    bricks: Vec<Wanted>,
+    fits: bool,
+    features: HashSet<Features>,
+}
+
+/// Tells work that goes on by itself when the call that it is for is dropped.
+#[derive(Debug, Default)]
+struct Gone(Arc<AtomicBool>);
+
+impl Drop for Gone {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+impl Node {
+    /// Lets go of bricks, warms the pipelines and makes bricks resident, in the order asked and as many as the budget holds;
+    /// frames get their turn in between, in the background after every brick.
+    ///
+    /// # Errors
+    /// An unknown store or brick, a broken store, a failing adapter, draining.
+    pub async fn prepare(
+        self: &Arc<Self>,
+        caller: Caller,
+        request: PrepareRequest,
+    ) -> Result<PrepareReceipt, NodeError> {
+        self.accepting()?;
+        let request = Arc::new(request);
+        let (session, background, filter) = (request.session, request.background, request.scene.filter);
+        let wish = move |node: &Self| {
+            let store = node.stores.query(&StoreQuery::Hash(request.store))?;
+            let wish = node.wish(&request, &store)?;
+            node.residency.release(session, request.store, &request.release);
+            Ok((store, wish))
+        };
+        let (store, Wish { bricks, fits, features }) = self.aside(&caller, wish).await?;
+        let warm_up = move |node: &Self| {
+            features.into_iter().try_for_each(|features| node.raycaster.warm_up(filter, features))?;
+            Ok(())
+        };
+        self.in_turn(&caller, warm_up).await?;
+        let mut load = LoadMeter::default();
+        let gone = Gone::default();
+        for batch in bricks.chunks(if background { 1 } else { PREPARE_BATCH }) {
+            self.accepting()?;
+            let (batch, store, gone) = (batch.to_vec(), store.clone(), gone.0.clone());
+            let loaded = self.in_turn(&caller, move |node| {
+                let cancelled = || node.stopped() || gone.load(Ordering::Relaxed);
+                let loaded = load_bricks(&batch, &store, node.workshop(session), &cancelled);
+                loaded.map(|(_, meter)| meter).inspect_err(|error| node.note_broken(error, &store))
+            });
+            load.add(loaded.await?);
+        }
+        Ok(PrepareReceipt {
+            load_ms: load.milliseconds(),
+            bricks: u32::try_from(bricks.len()).unwrap_or(u32::MAX),
+            decoded_bytes: load.decoded_bytes,
+            owned_bytes: load.owned_bytes,
+            resident_bytes: self.residency.occupancy().bytes,
+            fits,
+            bytes: self.residency.resident_bytes(&bricks),
+        })
+    }
+
+    /// Works out what to load; builds the scene's tables on the way.
+    fn wish(&self, request: &PrepareRequest, store: &OpenStore) -> Result<Wish, NodeError> {
+        let grid = store.store.manifest().grid;
+        let all = request.bricks.iter().chain(&request.release);
+        if let Some(&brick) = all.into_iter().find(|&&brick| u64::from(brick) >= grid.brick_count()) {
+            return Err(NodeError::NoSuchBrick { brick, last: grid.brick_count().saturating_sub(1) });
+        }
+        let choice = BrickChoice::new(&store.store, &request.scene, &self.tables)?;
+        let mut bricks = Vec::with_capacity(request.bricks.len());
+        let mut bytes = 0_u64;
+        for &brick in &request.bricks {
+            // What the scene does not show need not be there.
+            let Some(chosen) = choice.of(grid.brick_at(brick as usize), &*self.raycaster) else { continue };
+            bytes = bytes.saturating_add(chosen.wanted.bytes);
+            if bytes <= self.config.memory_budget {
+                bricks.push(chosen.wanted);
+            }
+        }
+        let integral = choice.kinds();
+        let with = move |features| Features { integral, ..features };
+        let may_lack = store.store.manifest().no_data.is_some();
+        let features = bricks.iter().flat_map(|w| w.key.recipe.all_features(may_lack)).chain([Features::PLAIN]);
+        Ok(Wish { features: features.map(with).collect(), bricks, fits: bytes <= self.config.memory_budget })
+    }
+}

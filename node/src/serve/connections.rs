@@ -1,0 +1,140 @@
+//! Connections as a node takes them: so many at a time, of each client so many, and those that say nothing not for long.
+
+use std::future::Future as _;
+use std::io;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::task::{Context, Poll, ready};
+use std::time::Duration;
+
+use futures_util::Stream;
+use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::{Sleep, sleep};
+use tonic::transport::server::{Connected, TcpConnectInfo};
+
+use super::refusals::refused;
+use crate::clients::{Client, Place, Quota};
+
+/// Connections that a node has open at a time; more are closed as they come.
+pub const MAX_CONNECTIONS: usize = 512;
+/// Connections that one client has open at a time, those in the middle of a handshake too.
+pub const MAX_CONNECTIONS_EACH: usize = MAX_CONNECTIONS / 2;
+/// A connection that has not said so much (HTTP/2's preface, or as much of a TLS handshake) within [`HELLO_TIMEOUT`] is closed.
+const HELLO_BYTES: usize = 24;
+pub const HELLO_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// What a node can talk over: TCP, or a test's idea of it.
+pub trait Pipe: AsyncRead + AsyncWrite + Connected<ConnectInfo = TcpConnectInfo> + Unpin + Send + 'static {}
+
+impl<T: AsyncRead + AsyncWrite + Connected<ConnectInfo = TcpConnectInfo> + Unpin + Send + 'static> Pipe for T {}
+
+/// Connections that were let in.
+#[derive(Debug)]
+pub(crate) struct Connections<I> {
+    incoming: I,
+    places: Arc<Semaphore>,
+    each: Arc<Quota>,
+}
+
+impl<I> Connections<I> {
+    pub(crate) fn new(incoming: I) -> Self {
+        let places = Arc::new(Semaphore::new(MAX_CONNECTIONS));
+        Self { incoming, places, each: Quota::new(MAX_CONNECTIONS_EACH) }
+    }
+}
+
+impl<P: Pipe, I: Stream<Item = io::Result<P>> + Unpin> Stream for Connections<I> {
+    type Item = io::Result<Connection<P>>;
+
+    fn poll_next(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
+        loop {
+            let stream = match ready!(Pin::new(&mut self.incoming).poll_next(context)) {
+                Some(Ok(stream)) => stream,
+                Some(Err(error)) => return Poll::Ready(Some(Err(error))),
+                None => return Poll::Ready(None),
+            };
+            let client = Client::from(stream.connect_info().remote_addr().map(|address| address.ip()));
+            // A stream that is dropped is closed: the client sees a connection that ends at once.
+            let Some(own) = self.each.take(client) else {
+                refused("more connections than one client may have open");
+                tracing::debug!("{client:?} has {MAX_CONNECTIONS_EACH} connections open: closed another");
+                continue;
+            };
+            match self.places.clone().try_acquire_owned() {
+                Ok(place) => return Poll::Ready(Some(Ok(Connection::new(stream, client, (own, place))))),
+                Err(_) => {
+                    refused("more connections than all may have open");
+                    tracing::debug!("{MAX_CONNECTIONS} connections are open: closed another");
+                }
+            }
+        }
+    }
+}
+
+/// A connection; its places are free again when it is dropped. What its calls know of it is whose it is.
+#[derive(Debug)]
+pub(crate) struct Connection<P> {
+    stream: P,
+    client: Client,
+    /// Bytes that must still come, and until when.
+    hello: Option<(usize, Pin<Box<Sleep>>)>,
+    _places: (Place, OwnedSemaphorePermit),
+}
+
+impl<P: Pipe> Connection<P> {
+    fn new(stream: P, client: Client, places: (Place, OwnedSemaphorePermit)) -> Self {
+        Self { stream, client, hello: Some((HELLO_BYTES, Box::pin(sleep(HELLO_TIMEOUT)))), _places: places }
+    }
+}
+
+impl<P: Pipe> Connected for Connection<P> {
+    type ConnectInfo = Client;
+
+    fn connect_info(&self) -> Client {
+        self.client
+    }
+}
+
+impl<P: Pipe> AsyncRead for Connection<P> {
+    fn poll_read(mut self: Pin<&mut Self>, context: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
+        let before = buf.filled().len();
+        let polled = Pin::new(&mut self.stream).poll_read(context, buf);
+        let Some((missing, until)) = &mut self.hello else { return polled };
+        if polled.is_ready() {
+            *missing = missing.saturating_sub(buf.filled().len() - before);
+        }
+        if *missing == 0 {
+            self.hello = None;
+        } else if polled.is_pending() && until.as_mut().poll(context).is_ready() {
+            return Poll::Ready(Err(io::Error::new(io::ErrorKind::TimedOut, "the peer said nothing")));
+        }
+        polled
+    }
+}
+
+impl<P: Pipe> AsyncWrite for Connection<P> {
+    fn poll_write(mut self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.stream).poll_write(context, bytes)
+    }
+
+    fn poll_write_vectored(
+        mut self: Pin<&mut Self>,
+        context: &mut Context<'_>,
+        bytes: &[io::IoSlice<'_>],
+    ) -> Poll<io::Result<usize>> {
+        Pin::new(&mut self.stream).poll_write_vectored(context, bytes)
+    }
+
+    fn is_write_vectored(&self) -> bool {
+        self.stream.is_write_vectored()
+    }
+
+    fn poll_flush(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_flush(context)
+    }
+
+    fn poll_shutdown(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<io::Result<()>> {
+        Pin::new(&mut self.stream).poll_shutdown(context)
+    }
+}

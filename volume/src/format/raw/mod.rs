@@ -1,0 +1,104 @@
+//! Headerless voxels: what the hints say, then what the file's name says.
+
+pub(super) mod error;
+mod name;
+
+use std::fs::File;
+use std::path::Path;
+
+use super::error::FormatError;
+use super::planes::{Coding, DataLocation, PlaneSource};
+use super::source::{Placement, SourceHeader, VolumeSource};
+use super::voxel_type::{Endian, VoxelType};
+use crate::space::Geometry;
+use name::RawName;
+
+pub use error::RawError;
+
+/// What the user says of a raw file; the file's name fills in what is missing.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RawHints {
+    /// Voxels per axis, x fastest.
+    pub dims: Option<[u32; 3]>,
+    pub voxel_type: Option<VoxelType>,
+    pub endian: Option<Endian>,
+    /// Bytes in front of the first voxel.
+    pub skip: u64,
+    /// World units per voxel and axis.
+    pub spacing: Option<[f64; 3]>,
+    /// World position of the centre of voxel (0, 0, 0).
+    pub origin: Option<[f64; 3]>,
+    /// A value that stands for no data, in files of any format.
+    pub no_data: Option<f64>,
+}
+
+impl RawHints {
+    /// True where the user said nothing that is for raw files alone.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        Self { no_data: None, ..self.clone() } == Self::default()
+    }
+}
+
+pub(super) fn open(file: File, path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, FormatError> {
+    let file_bytes = file.metadata().map_err(|reason| FormatError::io(path, "read", reason))?.len();
+    let name = RawName::of(path);
+    let mut notes = Vec::new();
+    if hints.dims.is_none()
+        && let Some([x, y, z]) = name.dims
+    {
+        notes.push(format!("dims {x} x {y} x {z} read from the file's name (--dims X,Y,Z overrides)"));
+    }
+    if hints.voxel_type.is_none()
+        && let Some(voxel_type) = name.voxel_type
+    {
+        notes.push(format!("type {voxel_type} read from the file's name (--type overrides)"));
+    }
+    let (dims, voxel_type) = match (hints.dims.or(name.dims), hints.voxel_type.or(name.voxel_type)) {
+        (Some(dims), Some(voxel_type)) => (dims, voxel_type),
+        (dims, voxel_type) => {
+            let missing = match (dims.is_some(), voxel_type.is_some()) {
+                (false, false) => "dims and type",
+                (false, true) => "dims",
+                _ => "type",
+            };
+            let length = length_help(dims, voxel_type, file_bytes.saturating_sub(hints.skip));
+            return Err(FormatError::Raw { path: path.into(), reason: RawError::Unknown { missing, length } });
+        }
+    };
+    let endian = hints.endian.or(name.endian).unwrap_or(Endian::Little);
+    if voxel_type.bytes() > 1 && hints.endian.is_none() {
+        notes.push(match name.endian {
+            Some(endian) => format!("byte order {endian} read from the file's name (--endian overrides)"),
+            None => "byte order not said: little assumed (--endian big overrides)".into(),
+        });
+    }
+    if hints.spacing.is_none() {
+        notes.push("spacing not said: 1, 1, 1 assumed (--spacing X,Y,Z overrides)".into());
+    }
+    let geometry = Geometry::new(dims, hints.spacing.unwrap_or([1.0; 3]), hints.origin.unwrap_or([0.0; 3]))
+        .map_err(|reason| FormatError::Geometry { path: path.into(), reason })?;
+    let placement = Placement { spacing: hints.spacing.is_some(), origin: hints.origin.is_some(), directions: false };
+    let no_data = hints.no_data.into_iter().collect();
+    let header = SourceHeader { geometry, placement, voxel_type, format: "raw", space_unit: None, no_data, notes };
+    let location = DataLocation { path: path.into(), start: hints.skip, coding: Coding::Raw, endian };
+    Ok(Box::new(PlaneSource::new(header, location, vec![path.into()])?))
+}
+
+/// What the file's length says where only half is known; empty where it says nothing.
+fn length_help(dims: Option<[u32; 3]>, voxel_type: Option<VoxelType>, bytes: u64) -> String {
+    match (dims, voxel_type) {
+        (Some(dims), None) => {
+            let voxels: u128 = dims.iter().map(|&n| u128::from(n)).product();
+            if voxels > 0 && u128::from(bytes) % voxels == 0 {
+                format!(" Its {bytes} bytes are {} per voxel.", u128::from(bytes) / voxels)
+            } else {
+                format!(" Its {bytes} bytes are no multiple of the {voxels} voxels.")
+            }
+        }
+        (None, Some(voxel_type)) => {
+            format!(" Its {bytes} bytes are {} voxels of {voxel_type}.", bytes / voxel_type.bytes() as u64)
+        }
+        _ => String::new(),
+    }
+}

@@ -1,0 +1,86 @@
+//! An input volume, whatever its format.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use super::error::FormatError;
+use super::voxel_type::VoxelType;
+use crate::small_file::{self, FileKind, NotOpened};
+use crate::space::Geometry;
+
+/// What of a geometry a file, or the user, says; the rest was assumed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Placement {
+    pub spacing: bool,
+    pub origin: bool,
+    pub directions: bool,
+}
+
+/// What a file says of its volume.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SourceHeader {
+    pub geometry: Geometry,
+    /// What of the geometry the file says.
+    pub placement: Placement,
+    pub voxel_type: VoxelType,
+    /// Name of the format, for people.
+    pub format: &'static str,
+    /// Unit of spacing and origin where the file names one, e.g. `mm`.
+    pub space_unit: Option<String>,
+    /// Values that stand for no data (fill values), as the file or the user declares them; NaN always does.
+    pub no_data: Vec<f64>,
+    /// What was guessed or left aside (a raw file's name read as dims, axes of another space), for people.
+    pub notes: Vec<String>,
+}
+
+/// An input volume, read in order; a second pass starts with [`VolumeSource::rewind`].
+pub trait VolumeSource: Send + std::fmt::Debug {
+    fn header(&self) -> &SourceHeader;
+
+    /// Every file that the volume is read from, its header first: while none of them changes, nor does the volume. None where it is
+    /// in memory.
+    fn files(&self) -> &[PathBuf] {
+        &[]
+    }
+
+    /// Starts over at plane 0.
+    ///
+    /// # Errors
+    /// The file cannot be opened again.
+    fn rewind(&mut self) -> Result<(), FormatError>;
+
+    /// Replaces `planes` by the next `count` z-planes (fewer only at the volume's end), voxels little endian, x fastest.
+    ///
+    /// # Errors
+    /// Truncated data, a broken compressed stream.
+    fn read_planes(&mut self, count: u32, planes: &mut Vec<u8>) -> Result<(), FormatError>;
+
+    /// Replaces `piece` by the voxels that come next: whole voxels, `most` bytes where so many are left. A source that cannot
+    /// stop within a plane gives the whole next one.
+    ///
+    /// # Errors
+    /// As [`VolumeSource::read_planes`].
+    fn read_piece(&mut self, most: usize, piece: &mut Vec<u8>) -> Result<(), FormatError> {
+        let _ = most;
+        self.read_planes(1, piece)
+    }
+
+    /// Makes `voxel`, counted x fastest, the next one that [`VolumeSource::read_piece`] gives. False where the source goes in
+    /// order only; then nothing has changed.
+    ///
+    /// # Errors
+    /// The file cannot be opened again.
+    fn seek(&mut self, voxel: u64) -> Result<bool, FormatError> {
+        let _ = voxel;
+        Ok(false)
+    }
+}
+
+/// Opens a regular file; anything else is refused, never waited for.
+pub(super) fn open_regular(path: &Path) -> Result<File, FormatError> {
+    small_file::open_regular(path).map_err(|error| match error {
+        NotOpened::Io(reason) => FormatError::io(path, "open", reason),
+        NotOpened::NotRegular(FileKind::Folder) => FormatError::Directory { path: path.into() },
+        NotOpened::NotRegular(kind) => FormatError::NotRegular { path: path.into(), kind },
+    })
+}

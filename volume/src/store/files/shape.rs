@@ -1,0 +1,196 @@
+//! Which files and folders a store has: what else lies in its folder is not the store's.
+
+use std::path::Path;
+
+use glam::UVec3;
+
+use super::folder::StoreFolder;
+use crate::store::halo::index::ENTRY_BYTES;
+use crate::store::halo::reach::{REGION_HALO, VOXEL_HALO};
+use crate::store::hash::ContentHash;
+use crate::store::manifest::Manifest;
+use crate::store::manifest::file as manifest_file;
+use crate::store::profile::{
+    ARRAY_FILE, DISTANCE_ARRAY_FILE, DISTANCE_SHARDS_FILE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, LABEL_ARRAY_FILE,
+    LABEL_IMAGE_FILE, LABEL_SHARDS_FILE, LABELS_GROUP_FILE, MANIFEST_FILE, RANGES_FILE, REGION_BRICKS_FILE,
+    REGION_HALO_INDEX_FILE, REGION_HALOS_FILE, REGIONS_FILE, SHARD_EDGE, SHARDS_FILE, StoreArray,
+};
+use crate::store::regions::facts_table::{FACTS_BYTES, REGION_BYTES};
+use crate::store::shard::table::RECORD_BYTES;
+
+/// A file that is read whole, with its length and hash as the manifest has them.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SmallFile {
+    pub(crate) name: &'static str,
+    /// The most that it can have.
+    pub(crate) bytes: u64,
+    pub(crate) hash: ContentHash,
+}
+
+/// All files of a store but its manifest, shards and records of halos.
+pub(crate) fn small_files(manifest: &Manifest) -> Vec<SmallFile> {
+    let file = |name, bytes, hash| SmallFile { name, bytes, hash };
+    let bricks = manifest.grid.brick_count();
+    let table =
+        manifest.geometry.dims().map(|n| n.div_ceil(SHARD_EDGE)).as_u64vec3().element_product() * RECORD_BYTES as u64;
+    let f = &manifest.files;
+    let mut files = vec![
+        file(GROUP_FILE, Manifest::MAX_BYTES, f.group),
+        file(ARRAY_FILE, Manifest::MAX_BYTES, f.array),
+        file(RANGES_FILE, bricks * 4, f.ranges),
+        file(SHARDS_FILE, table, f.shards),
+    ];
+    let index = |records: usize| bricks * (records * ENTRY_BYTES) as u64;
+    if let Some(halo) = &manifest.halo {
+        files.push(file(HALO_INDEX_FILE, index(VOXEL_HALO.records()), halo.voxels.index));
+        files.extend(halo.regions.map(|r| file(REGION_HALO_INDEX_FILE, index(REGION_HALO.records()), r.index)));
+    }
+    if let Some(regions) = &manifest.regions {
+        let f = &regions.files;
+        files.extend([
+            file(LABELS_GROUP_FILE, Manifest::MAX_BYTES, f.group),
+            file(LABEL_IMAGE_FILE, Manifest::MAX_BYTES, f.image),
+            file(LABEL_ARRAY_FILE, Manifest::MAX_BYTES, f.labels),
+            file(DISTANCE_ARRAY_FILE, Manifest::MAX_BYTES, f.distances),
+            file(REGIONS_FILE, u64::from(regions.count) * REGION_BYTES as u64, f.regions),
+            file(REGION_BRICKS_FILE, bricks * FACTS_BYTES as u64, f.bricks),
+            file(LABEL_SHARDS_FILE, table, f.label_shards),
+            file(DISTANCE_SHARDS_FILE, table, f.distance_shards),
+        ]);
+    }
+    files
+}
+
+/// The manifest's bytes in a folder of whoever runs the program, where there is a file of that name and of a manifest's size.
+fn read_free(folder: &Path) -> Option<Vec<u8>> {
+    StoreFolder::free(folder).read_at_most(MANIFEST_FILE, Manifest::MAX_BYTES + 1).ok()
+}
+
+/// Where a store's files and folders may lie.
+#[derive(Debug, Clone)]
+pub(crate) struct StoreShape {
+    pub(crate) files: Vec<&'static str>,
+    pub(crate) arrays: Vec<StoreArray>,
+    /// Shards per axis.
+    pub(crate) shards: UVec3,
+}
+
+impl StoreShape {
+    /// Of the one store that `manifest` speaks of.
+    pub(crate) fn of(manifest: &Manifest) -> Self {
+        let mut files: Vec<_> = small_files(manifest).into_iter().map(|f| f.name).collect();
+        files.push(MANIFEST_FILE);
+        if let Some(halo) = &manifest.halo {
+            files.push(HALOS_FILE);
+            files.extend(halo.regions.map(|_| REGION_HALOS_FILE));
+        }
+        let mut arrays = vec![StoreArray::Voxels];
+        if manifest.regions.is_some() {
+            arrays.extend([StoreArray::Labels, StoreArray::Distances]);
+        }
+        Self { files, arrays, shards: manifest.geometry.dims().map(|n| n.div_ceil(SHARD_EDGE)) }
+    }
+
+    /// Of any store of this or an earlier version (their files have the same names), or of a part of one.
+    pub(crate) fn any() -> Self {
+        let files = vec![
+            MANIFEST_FILE,
+            GROUP_FILE,
+            ARRAY_FILE,
+            RANGES_FILE,
+            SHARDS_FILE,
+            HALOS_FILE,
+            HALO_INDEX_FILE,
+            REGION_HALOS_FILE,
+            REGION_HALO_INDEX_FILE,
+            LABELS_GROUP_FILE,
+            LABEL_IMAGE_FILE,
+            LABEL_ARRAY_FILE,
+            DISTANCE_ARRAY_FILE,
+            REGIONS_FILE,
+            REGION_BRICKS_FILE,
+            LABEL_SHARDS_FILE,
+            DISTANCE_SHARDS_FILE,
+        ];
+        Self { files, arrays: vec![StoreArray::Voxels, StoreArray::Labels, StoreArray::Distances], shards: UVec3::MAX }
+    }
+
+    /// Of the store in `folder`, as strictly as its manifest allows; nothing where that is no manifest of ours at all.
+    pub(crate) fn in_folder(folder: &Path) -> Option<Self> {
+        let bytes = read_free(folder)?;
+        let ours = manifest_file::is_ours(&bytes);
+        ours.then(|| Manifest::from_bytes(&bytes).map_or_else(|_| Self::any(), |manifest| Self::of(&manifest)))
+    }
+
+    /// A small one, for tests.
+    #[cfg(test)]
+    pub(crate) fn small() -> Self {
+        let files = vec![MANIFEST_FILE, LABEL_IMAGE_FILE];
+        Self { files, arrays: vec![StoreArray::Labels], shards: UVec3::new(2, 1, 11) }
+    }
+
+    /// `path` is below the store's folder, `/` between names.
+    pub(crate) fn has_file(&self, path: &str) -> bool {
+        self.files.contains(&path) || self.shard_part(path).is_some_and(|indices| indices == 3)
+    }
+
+    pub(crate) fn has_folder(&self, path: &str) -> bool {
+        let within = |file: &str| file.strip_prefix(path).is_some_and(|rest| rest.starts_with('/'));
+        let leads_to_array = self.arrays.iter().map(|a| a.path()).any(|array| array == path || within(array));
+        let leads_to_file = self.files.iter().any(|file| within(file));
+        leads_to_array || leads_to_file || self.shard_part(path).is_some_and(|indices| indices < 3)
+    }
+
+    /// How many of a shard's three indices `path` has, where it is one of a shard or leads to one.
+    fn shard_part(&self, path: &str) -> Option<usize> {
+        let key = self.arrays.iter().find_map(|array| path.strip_prefix(array.path())?.strip_prefix("/c"))?;
+        let limits = [self.shards.z, self.shards.y, self.shards.x];
+        let indices: Vec<&str> = key.strip_prefix('/').map_or(Vec::new(), |key| key.split('/').collect());
+        let good =
+            |(index, limit): (&&str, u32)| index.parse::<u32>().is_ok_and(|n| n < limit && n.to_string() == **index);
+        let fits = (key.is_empty() || key.starts_with('/')) && indices.len() <= 3;
+        (fits && indices.iter().zip(limits).all(good)).then_some(indices.len())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_a_store_has_is_known() {
+        let shape = StoreShape::small();
+        for file in ["brickcast.json", "labels/regions/zarr.json", "labels/regions/0/c/10/0/1"] {
+            assert!(shape.has_file(file) && !shape.has_folder(file), "{file}");
+        }
+        for folder in [
+            "labels",
+            "labels/regions",
+            "labels/regions/0",
+            "labels/regions/0/c",
+            "labels/regions/0/c/10",
+            "labels/regions/0/c/10/0",
+        ] {
+            assert!(shape.has_folder(folder) && !shape.has_file(folder), "{folder}");
+        }
+        let foreign = [
+            "",
+            "c",
+            "notes.txt",
+            "label",
+            "labels/",
+            "brickcast.json/x",
+            "labels/regions/0/c/11/0/0",
+            "labels/regions/0/c/0/1/0",
+            "labels/regions/0/c/00/0/0",
+            "labels/regions/0/c/+1/0/0",
+            "labels/regions/0/c/1/0/0/0",
+            "labels/regions/0/cc",
+            "0/c/0/0/0",
+            "labels/regions/0/c/ 1",
+        ];
+        for path in foreign {
+            assert!(!shape.has_file(path) && !shape.has_folder(path), "{path}");
+        }
+    }
+}

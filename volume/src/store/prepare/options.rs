@@ -1,0 +1,87 @@
+//! How a store is made, and what came of it.
+
+use std::path::PathBuf;
+
+use crate::format::{self, RawHints, VolumeSource};
+use crate::ids::StoreHash;
+use crate::store::error::StoreError;
+use crate::store::manifest::Manifest;
+use crate::store::tiles::MAX_TILE_VOXELS;
+
+/// How a store is made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PrepareOptions {
+    /// Voxels per brick edge, a power of two in 8..=512. Shards and inner chunks do not depend on it.
+    pub brick_size: u32,
+    /// Values, in the file's units, that codes 0 and 65535 stand for; by default the smallest and largest voxel.
+    pub range: Option<(f64, f64)>,
+    /// Replace a store that is there already; at the end, not before.
+    pub force: bool,
+    /// Name of the input for the manifest; directories are left out.
+    pub source_name: Option<String>,
+    /// Size of the input in bytes for the manifest.
+    pub source_bytes: Option<u64>,
+    /// Find regions that rays leap through; by default none.
+    pub regions: Option<RegionOptions>,
+    /// The most voxels of a plane that are held at once: planes of more are prepared in tiles. The store does not depend on it.
+    pub tile_voxels: u64,
+}
+
+/// How regions are found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RegionOptions {
+    pub segmentation: Segmentation,
+    /// Regions of fewer voxels are left out; 0 and 1 leave out none.
+    pub min_region: u64,
+}
+
+/// Where regions come from; `range` is the largest difference within a region, a share (above 0, at most 1) of the range
+/// that the store's codes are stretched over.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Segmentation {
+    /// Components of value windows, which are placed at the histogram's masses.
+    Windows { range: f64 },
+    /// The paper's seeded flood fill in raster order, in memory, for comparison.
+    Flood { range: f64 },
+    /// A label volume, taken as it is; 0 is no region.
+    Labels { path: PathBuf, hints: RawHints },
+}
+
+impl Default for PrepareOptions {
+    fn default() -> Self {
+        Self {
+            brick_size: 64,
+            range: None,
+            force: false,
+            source_name: None,
+            source_bytes: None,
+            regions: None,
+            tile_voxels: MAX_TILE_VOXELS,
+        }
+    }
+}
+
+impl PrepareOptions {
+    /// Every file that a store of `source` is made from; none where all is in memory.
+    ///
+    /// # Errors
+    /// A label volume that cannot be opened.
+    pub fn inputs(&self, source: &dyn VolumeSource) -> Result<Vec<PathBuf>, StoreError> {
+        let mut files = source.files().to_vec();
+        if let Some(Segmentation::Labels { path, hints }) = self.regions.as_ref().map(|r| &r.segmentation) {
+            files.extend_from_slice(format::open(path, hints)?.files());
+        }
+        Ok(files)
+    }
+}
+
+/// What was made.
+#[derive(Debug, Clone)]
+pub struct PrepareSummary {
+    pub hash: StoreHash,
+    pub manifest: Manifest,
+    /// Bytes of all files of the store.
+    pub store_bytes: u64,
+    /// Seconds that regions took.
+    pub region_seconds: f64,
+}

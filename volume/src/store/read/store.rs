@@ -1,0 +1,214 @@
+//! An open store and its bricks.
+
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::cache::ChunkCache;
+use super::window::{RowDecoder, ToCodes, Window};
+use crate::brick::{BrickVoxels, StoredBox};
+use crate::ids::{BrickIndex, StoreHash};
+use crate::store::brick_ranges::BrickRanges;
+use crate::store::error::{HaloFault, StoreError};
+use crate::store::files::folder::StoreFolder;
+use crate::store::halo::bound::RecordBound;
+use crate::store::halo::reach::VOXEL_HALO;
+use crate::store::halo::read::Halos;
+use crate::store::manifest::Manifest;
+use crate::store::no_data::NO_DATA_CODE;
+use crate::store::profile::{
+    ARRAY_FILE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, InnerChunk, MANIFEST_FILE, RANGES_FILE, SHARDS_FILE,
+    StoreArray,
+};
+use crate::store::regions::open::StoreRegions;
+use crate::store::shard::grid::ShardGrid;
+use crate::store::shard::open::open_shards;
+use crate::store::shard::read::Shards;
+use crate::store::shard::tail::TailLayout;
+
+/// The most ghost layers that a read may ask for.
+pub const MAX_GHOST: u32 = 64;
+
+/// An open, finished store. Cheap to clone; reads from any number of threads.
+#[derive(Debug, Clone)]
+pub struct Store {
+    inner: Arc<Inner>,
+}
+
+#[derive(Debug)]
+struct Inner {
+    folder: StoreFolder,
+    hash: StoreHash,
+    manifest: Manifest,
+    manifest_bytes: Vec<u8>,
+    ranges: BrickRanges,
+    shards: Shards,
+    /// Nothing where bricks are smaller than inner chunks.
+    halos: Option<Halos>,
+    regions: Option<StoreRegions>,
+    /// Stretched code of every bit pattern of the stored type.
+    codes: Vec<u16>,
+}
+
+impl Store {
+    /// Opens a store after checking that it is finished: the manifest, the hashes of all small files, and that every shard
+    /// is there in its full length. Contents of shards are checked as they are read, see [`Store::verify`].
+    ///
+    /// # Errors
+    /// Not a finished store, unknown version, a file that is not the one that the manifest speaks of.
+    pub fn open(path: &Path) -> Result<Self, StoreError> {
+        Self::open_in(&StoreFolder::free(path))
+    }
+
+    /// The same of a store that may be in a [`Jail`](crate::store::Jail): its files are opened through `folder`, now and later.
+    ///
+    /// # Errors
+    /// As [`Store::open`]; a file that leads out of the jail.
+    pub fn open_in(folder: &StoreFolder) -> Result<Self, StoreError> {
+        let manifest_bytes = match folder.read_at_most(MANIFEST_FILE, Manifest::MAX_BYTES + 1) {
+            Err(StoreError::Io { source, .. })
+                if matches!(source.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) =>
+            {
+                return Err(StoreError::NotAStore { path: folder.path().to_path_buf() });
+            }
+            read => read?,
+        };
+        let manifest = Manifest::from_bytes(&manifest_bytes)?;
+        for (name, want) in [(GROUP_FILE, manifest.files.group), (ARRAY_FILE, manifest.files.array)] {
+            folder.check_file(name, Manifest::MAX_BYTES, want)?;
+        }
+        let ranges = folder.read_exactly(RANGES_FILE, manifest.grid.brick_count() * 4)?;
+        let ranges = BrickRanges::from_bytes(&manifest, &ranges)?;
+        let grid = ShardGrid::new(manifest.geometry.dims())?;
+        let voxel_bytes = manifest.stored_type.bytes();
+        let layout = TailLayout::of_version(manifest.version);
+        let table = (SHARDS_FILE, manifest.files.shards, layout);
+        let shards = open_shards(folder, StoreArray::Voxels, grid, table, voxel_bytes)?;
+        let halos = manifest.halo.map(|halo| {
+            let files = (HALOS_FILE, HALO_INDEX_FILE, halo.voxels);
+            let bound = RecordBound { head: 0, per_voxel: voxel_bytes as u64 };
+            Halos::open(folder, manifest.grid, VOXEL_HALO, files, bound)
+        });
+        let halos = halos.transpose()?;
+        let regions = StoreRegions::open(folder, &manifest, grid)?;
+        let codes = manifest.value_map().code_of_bits_table();
+        let hash = StoreHash::of(&manifest_bytes);
+        let folder = folder.clone();
+        Ok(Self {
+            inner: Arc::new(Inner { folder, hash, manifest, manifest_bytes, ranges, shards, halos, regions, codes }),
+        })
+    }
+
+    #[must_use]
+    pub fn path(&self) -> PathBuf {
+        self.inner.folder.path().to_path_buf()
+    }
+
+    #[must_use]
+    pub fn hash(&self) -> StoreHash {
+        self.inner.hash
+    }
+
+    #[must_use]
+    pub fn manifest(&self) -> &Manifest {
+        &self.inner.manifest
+    }
+
+    /// The very bytes that the hash is of.
+    #[must_use]
+    pub fn manifest_bytes(&self) -> &[u8] {
+        &self.inner.manifest_bytes
+    }
+
+    #[must_use]
+    pub fn brick_ranges(&self) -> &BrickRanges {
+        &self.inner.ranges
+    }
+
+    /// Smallest and largest value that sampling the brick can meet, in the file's units, to half a code; clamped to the
+    /// manifest's range. Nothing for a brick outside the grid, or one that meets no data.
+    #[must_use]
+    pub fn value_range(&self, brick: BrickIndex) -> Option<(f64, f64)> {
+        let manifest = self.manifest();
+        let [min, max] = manifest.grid.contains(brick).then(|| self.inner.ranges.0[manifest.grid.linear(brick)])?;
+        (min <= max).then(|| (manifest.value_of_code(min), manifest.value_of_code(max)))
+    }
+
+    /// The store's arrays.
+    pub(crate) fn arrays(&self) -> Vec<&Shards> {
+        let regions = self.regions().into_iter().flat_map(|r| [&r.labels, &r.distances]);
+        std::iter::once(&self.inner.shards).chain(regions).collect()
+    }
+
+    /// The store's files of halos.
+    pub(crate) fn halos(&self) -> impl Iterator<Item = &Halos> {
+        self.inner.halos.iter().chain(self.regions().and_then(|r| r.halos.as_ref()))
+    }
+
+    pub(crate) fn regions(&self) -> Option<&StoreRegions> {
+        self.inner.regions.as_ref()
+    }
+
+    /// The brick's owned box grown by `ghost`, clamped at the volume's edge. What is beyond the owned box comes from the
+    /// brick's halo; from the neighbours, through `cache`, where that does not reach.
+    ///
+    /// Decodes in the calling thread: read several bricks at once for speed.
+    ///
+    /// # Errors
+    /// A broken or missing chunk, by name.
+    pub fn read_brick(&self, brick: BrickIndex, ghost: u32, cache: &ChunkCache) -> Result<BrickVoxels, StoreError> {
+        let stored = self.stored_box(brick, ghost)?;
+        let (shards, decoder) = (&self.inner.shards, ToCodes(&self.inner.codes));
+        let voxel_bytes = self.inner.manifest.stored_type.bytes();
+        let parse = |raw: Vec<u8>, voxels| match voxels * voxel_bytes {
+            want if want == raw.len() => Ok(raw),
+            want => Err(HaloFault::RecordLength { got: raw.len(), want }),
+        };
+        let halo = self.inner.halos.as_ref().map(|halos| halos.read(brick, ghost, cache, parse)).transpose()?.flatten();
+        let codes = match halo {
+            None => self.read_box(shards, stored, cache, &decoder)?,
+            Some(halo) => {
+                let row = |voxels: Option<&Vec<u8>>, first, out: &mut [u16]| {
+                    decoder.row(voxels.map(Vec::as_slice), first, out);
+                };
+                self.read_with_halo(shards, (brick, stored), cache, &decoder, (&halo, row))?
+            }
+        };
+        let has_holes = self.inner.manifest.no_data.is_some() && codes.contains(&NO_DATA_CODE);
+        Ok(BrickVoxels { stored, codes, has_holes })
+    }
+
+    /// The owned box of a brick grown by `ghost`, if both can be.
+    pub(crate) fn stored_box(&self, brick: BrickIndex, ghost: u32) -> Result<StoredBox, StoreError> {
+        let grid = &self.inner.manifest.grid;
+        if !grid.contains(brick) {
+            return Err(StoreError::BrickOutside { brick, dims: grid.dims().to_array() });
+        }
+        if ghost > MAX_GHOST {
+            return Err(StoreError::Ghost { ghost, max: MAX_GHOST });
+        }
+        Ok(grid.owned_box(brick).stored(ghost))
+    }
+
+    /// The elements of one array in a box, clamped at the volume's edge.
+    pub(crate) fn read_box<T: Copy + Default>(
+        &self,
+        shards: &Shards,
+        stored: StoredBox,
+        cache: &ChunkCache,
+        decoder: &impl RowDecoder<T>,
+    ) -> Result<Vec<T>, StoreError> {
+        let mut window = Window::new(stored, self.inner.manifest.grid.volume_dims());
+        let (first, last) = window.chunks();
+        for z in first.z..=last.z {
+            for y in first.y..=last.y {
+                for x in first.x..=last.x {
+                    let chunk = InnerChunk([x, y, z]);
+                    let decoded = cache.get(self.inner.hash, shards.array, chunk, || shards.read_chunk(chunk))?;
+                    window.fill(chunk, (*decoded).as_deref(), decoder);
+                }
+            }
+        }
+        Ok(window.clamped_to_edge())
+    }
+}

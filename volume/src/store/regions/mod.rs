@@ -1,0 +1,11 @@
+//! The regions of a store: found, written, and opened again.
+
+pub(super) mod error;
+mod facts_build;
+pub(super) mod facts_table;
+mod label_place;
+mod label_planes;
+pub(super) mod open;
+mod scratch;
+pub(super) mod segment;
+pub(super) mod write;

@@ -1,0 +1,320 @@
+//! Regions of a volume that was just written: its distances, its regions, and the files that say so.
+//!
+//! Passes over the voxels, each in slabs of whole planes read back from the shards: distances forward, distances backward
+//! (scratch file only), components, labels. What one pass must tell the next lies in scratch files; memory holds a slab, the
+//! nodes of its components, and the regions.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use super::error::RegionsError;
+use super::label_planes::LabelPlanes;
+use super::scratch::Scratch;
+use crate::format::Placement;
+use crate::regions::block::{CodeTables, Part, Slab};
+use crate::regions::components::{Components, RecordLayout, SLAB_PLANES, resolve};
+use crate::regions::distance::{BackwardSweep, ForwardSweep};
+use crate::regions::given::{GivenParts, TooManyParts};
+use crate::regions::{MAX_FLOOD_VOXELS, MAX_REGIONS, NO_REGION, Windows, density_of_code, flood, window_width};
+use crate::space::Geometry;
+use crate::store::error::StoreError;
+use crate::store::manifest::regions::SegmentationMethod;
+use crate::store::no_data::{NO_DATA_CODE, clear_holes};
+use crate::store::prepare::options::{RegionOptions, Segmentation};
+use crate::store::progress::{Phase, Progress};
+use crate::store::read::planes::CodePlanes;
+
+/// The most labels of a label volume.
+const MAX_GIVEN_LABELS: usize = 1 << 24;
+
+/// Stands for the density of a voxel without data: further from all others than the widest window.
+const HOLE: u16 = u16::MAX;
+
+/// A volume whose voxels are written, and what is to be found in it.
+pub(crate) struct Segmenter<'a> {
+    pub(crate) options: &'a RegionOptions,
+    pub(crate) geometry: Geometry,
+    /// What of the geometry the volume's file says.
+    pub(crate) placement: Placement,
+    /// Where scratch files go.
+    pub(crate) scratch: &'a Path,
+    pub(crate) voxels: CodePlanes<'a>,
+    /// Voxels of [`NO_DATA_CODE`] hold no data: they belong to no region.
+    pub(crate) has_holes: bool,
+    pub(crate) progress: &'a mut dyn FnMut(Progress),
+}
+
+/// Components or given labels with leap voxels, and what is needed to find them again voxel by voxel.
+pub(crate) struct Found {
+    pub(crate) kept: Vec<Part>,
+    pub(crate) tables: CodeTables,
+    pub(crate) distances: Scratch,
+    pub(crate) finder: Finder,
+}
+
+/// How the kept part of a voxel is found.
+pub(crate) enum Finder {
+    /// Through the record of its slab.
+    Records { file: Scratch, slabs: Vec<SlabRecord> },
+    /// By its label.
+    Given { planes: LabelPlanes, kept_of_label: HashMap<u32, usize> },
+}
+
+/// Where a slab's record lies in the scratch file.
+pub(crate) struct SlabRecord {
+    pub(crate) offset: u64,
+    pub(crate) fates: usize,
+    pub(crate) layout: RecordLayout,
+}
+
+impl Finder {
+    /// The fates of all nodes of a slab.
+    pub(crate) fn read_fates(file: &mut Scratch, record: &SlabRecord) -> Result<Vec<u32>, StoreError> {
+        let mut fates = vec![0; record.fates];
+        file.read(record.offset, bytemuck::cast_slice_mut(&mut fates))?;
+        Ok(fates)
+    }
+}
+
+/// The method, and what may differ within a region, that options ask for.
+pub(crate) fn checked(options: &RegionOptions) -> Result<(SegmentationMethod, Option<f64>), RegionsError> {
+    let (method, range) = match options.segmentation {
+        Segmentation::Windows { range } => (SegmentationMethod::Windows, Some(range)),
+        Segmentation::Flood { range } => (SegmentationMethod::Flood, Some(range)),
+        Segmentation::Labels { .. } => (SegmentationMethod::Labels, None),
+    };
+    match range {
+        Some(w) if !(w > 0.0 && w <= 1.0) => Err(RegionsError::SegmentationRange(w)),
+        _ => Ok((method, range)),
+    }
+}
+
+/// Regions beyond what a manifest may speak of, before all of them are in memory.
+fn check_count(kept: usize) -> Result<(), RegionsError> {
+    if kept > MAX_REGIONS as usize { Err(RegionsError::TooManyRegions) } else { Ok(()) }
+}
+
+impl Segmenter<'_> {
+    pub(crate) fn depth(&self) -> u32 {
+        self.geometry.dims().z
+    }
+
+    pub(crate) fn dims(&self) -> [usize; 3] {
+        self.geometry.dims().to_array().map(|n| n as usize)
+    }
+
+    pub(crate) fn report(&mut self, phase: Phase, done: u32) {
+        let total = self.depth().into();
+        (self.progress)(Progress { phase, done: done.into(), total });
+    }
+
+    /// First and past-the-end plane of every slab.
+    pub(crate) fn slabs(&self) -> impl Iterator<Item = (u32, u32)> + use<> {
+        let depth = self.depth();
+        (0..depth).step_by(SLAB_PLANES as usize).map(move |z| (z, (z + SLAB_PLANES).min(depth)))
+    }
+
+    /// Finds all regions; `histogram` counts the voxels of each 14-bit density.
+    pub(crate) fn find(&mut self, histogram: &[u64]) -> Result<Found, StoreError> {
+        let density: Vec<_> = (0..=u16::MAX).map(density_of_code).collect();
+        let min_region = self.options.min_region;
+        let mut planes = match &self.options.segmentation {
+            Segmentation::Windows { range } => {
+                let windows = Windows::new(histogram, window_width(*range));
+                let mut window = windows.of_codes();
+                if self.has_holes {
+                    // A label of their own, so that distances end at them.
+                    window[usize::from(NO_DATA_CODE)] = windows.count();
+                }
+                let tables = CodeTables { window, density };
+                let mut distances = self.window_distances(&tables.window)?;
+                let (kept, finder) = self.components(&tables, &mut distances, min_region)?;
+                return Ok(Found { kept, tables, distances, finder });
+            }
+            Segmentation::Flood { range } => LabelPlanes::Memory(self.flood(*range, &density)?),
+            Segmentation::Labels { path, hints } => LabelPlanes::open(path, hints, (&self.geometry, self.placement))?,
+        };
+        let tables = CodeTables { window: Vec::new(), density };
+        let mut distances = self.given_distances(&mut planes)?;
+        let (labels, kept) = self.given(&mut planes, &tables, &mut distances)?.finish(min_region);
+        let kept_of_label = labels.into_iter().zip(0..).collect();
+        Ok(Found { kept, tables, distances, finder: Finder::Given { planes, kept_of_label } })
+    }
+
+    fn window_distances(&mut self, window: &[u16]) -> Result<Scratch, StoreError> {
+        let (mut codes, plane) = (Vec::new(), self.voxels.plane());
+        let mut forward = Forward::new(self)?;
+        for (z0, z1) in self.slabs() {
+            self.report(Phase::Distances, z0 / 2);
+            self.voxels.read(z0, z1, &mut codes)?;
+            for codes in codes.chunks_exact(plane) {
+                forward.push(codes.iter().map(|c| window[usize::from(*c)]).collect())?;
+            }
+        }
+        self.backward(forward.finish()?)
+    }
+
+    fn given_distances(&mut self, planes: &mut LabelPlanes) -> Result<Scratch, StoreError> {
+        let (mut labels, mut codes, plane) = (Vec::new(), Vec::new(), self.voxels.plane());
+        let mut forward = Forward::new(self)?;
+        planes.rewind()?;
+        for (z0, z1) in self.slabs() {
+            self.report(Phase::Distances, z0 / 2);
+            planes.read(z0, z1, plane, &mut labels)?;
+            if self.has_holes {
+                self.voxels.read(z0, z1, &mut codes)?;
+                clear_holes(&codes, &mut labels);
+            }
+            for labels in labels.chunks_exact(plane) {
+                forward.push(labels.to_vec())?;
+            }
+        }
+        self.backward(forward.finish()?)
+    }
+
+    /// The backward sweep, in place.
+    fn backward(&mut self, mut file: Scratch) -> Result<Scratch, StoreError> {
+        let mut sweep = BackwardSweep::new(self.dims()[0]);
+        let mut plane = vec![0; self.voxels.plane()];
+        for z in (0..self.depth()).rev() {
+            self.report(Phase::Distances, self.depth() - z / 2 - 1);
+            let offset = u64::from(z) * plane.len() as u64;
+            file.read(offset, &mut plane)?;
+            sweep.push(&mut plane);
+            file.write(offset, &plane)?;
+        }
+        Ok(file)
+    }
+
+    /// Calls `take` with every slab, its number and its planes.
+    pub(crate) fn each_slab(
+        &mut self,
+        phase: Phase,
+        distances: &mut Scratch,
+        mut take: impl FnMut(&mut Self, usize, (u32, u32), &Slab<'_>) -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
+        let (mut codes, mut near, plane) = (Vec::new(), Vec::new(), self.voxels.plane());
+        for (i, (z0, z1)) in self.slabs().enumerate() {
+            self.report(phase, z0);
+            self.voxels.read(z0, z1, &mut codes)?;
+            near.resize(codes.len(), 0);
+            distances.read(u64::from(z0) * plane as u64, &mut near)?;
+            if self.has_holes {
+                // Nobody leaps in them, so no part of them is kept.
+                clear_holes(&codes, &mut near);
+            }
+            let slab = Slab { dims: self.dims(), z0: z0 as usize, codes: &codes, distances: &near };
+            take(self, i, (z0, z1), &slab)?;
+        }
+        Ok(())
+    }
+
+    fn components(
+        &mut self,
+        tables: &CodeTables,
+        distances: &mut Scratch,
+        min_region: u64,
+    ) -> Result<(Vec<Part>, Finder), StoreError> {
+        let mut components = Components::new(self.dims(), min_region);
+        let mut file = Scratch::create(self.scratch, "records")?;
+        let (mut slabs, mut offset) = (Vec::new(), 0);
+        self.each_slab(Phase::Regions, distances, |_, _, _, slab| {
+            let record = components.add(slab, tables);
+            let bytes = bytemuck::cast_slice::<u32, u8>(&record.fates);
+            file.write(offset, bytes)?;
+            slabs.push(SlabRecord { offset, fates: record.fates.len(), layout: record.layout });
+            offset += bytes.len() as u64;
+            Ok(check_count(components.kept())?)
+        })?;
+        let mut answers: Vec<u32> = Vec::new();
+        for slab in slabs.iter().rev() {
+            let mut fates = Finder::read_fates(&mut file, slab)?;
+            resolve(&mut fates, &answers);
+            file.write(slab.offset, bytemuck::cast_slice(&fates))?;
+            fates.truncate(slab.layout.carried);
+            answers = fates;
+        }
+        Ok((components.finish(), Finder::Records { file, slabs }))
+    }
+
+    fn given(
+        &mut self,
+        planes: &mut LabelPlanes,
+        tables: &CodeTables,
+        distances: &mut Scratch,
+    ) -> Result<GivenParts, StoreError> {
+        let (mut parts, mut labels) = (GivenParts::new(MAX_GIVEN_LABELS), Vec::new());
+        planes.rewind()?;
+        self.each_slab(Phase::Regions, distances, |this, _, (z0, z1), slab| {
+            planes.read(z0, z1, this.voxels.plane(), &mut labels)?;
+            if this.has_holes {
+                clear_holes(slab.codes, &mut labels);
+            }
+            parts.add(slab, &labels, tables).map_err(|TooManyParts| planes.too_many(MAX_GIVEN_LABELS).into())
+        })?;
+        Ok(parts)
+    }
+
+    fn flood(&mut self, range: f64, density: &[u16]) -> Result<Vec<u32>, StoreError> {
+        let voxels = self.geometry.voxel_count();
+        if voxels > MAX_FLOOD_VOXELS {
+            return Err(RegionsError::FloodTooLarge { voxels }.into());
+        }
+        let (mut all, mut codes) = (Vec::new(), Vec::new());
+        let memory = |_| RegionsError::FloodMemory { voxels };
+        all.try_reserve_exact(voxels as usize).map_err(memory)?;
+        for (z0, z1) in self.slabs() {
+            self.report(Phase::Flood, z0);
+            self.voxels.read(z0, z1, &mut codes)?;
+            let is_hole = |code: u16| self.has_holes && code == NO_DATA_CODE;
+            all.extend(codes.iter().map(|c| if is_hole(*c) { HOLE } else { density[usize::from(*c)] }));
+        }
+        let mut labels = flood::flood(&all, self.dims(), window_width(range)).map_err(memory)?;
+        labels.iter_mut().zip(&all).filter(|(_, d)| **d == HOLE).for_each(|(label, _)| *label = NO_REGION);
+        Ok(labels)
+    }
+}
+
+/// The forward sweep, whose bounds go to the scratch file.
+struct Forward<L> {
+    sweep: ForwardSweep<L>,
+    file: Scratch,
+    offset: u64,
+}
+
+impl<L: Copy + Eq + Send + Sync> Forward<L> {
+    fn new(segmenter: &Segmenter<'_>) -> Result<Self, StoreError> {
+        let file = Scratch::create(segmenter.scratch, "distances")?;
+        Ok(Self { sweep: ForwardSweep::new(segmenter.dims()[0]), file, offset: 0 })
+    }
+
+    fn push(&mut self, labels: Vec<L>) -> Result<(), StoreError> {
+        if let Some(bounds) = self.sweep.push(labels) {
+            self.file.write(self.offset, bounds)?;
+            self.offset += bounds.len() as u64;
+        }
+        Ok(())
+    }
+
+    fn finish(mut self) -> Result<Scratch, StoreError> {
+        if let Some(bounds) = self.sweep.finish() {
+            self.file.write(self.offset, bounds)?;
+        }
+        Ok(self.file)
+    }
+}
+
+// Slabs are written as whole layers of inner chunks.
+const _: () = assert!(SLAB_PLANES.is_multiple_of(crate::store::profile::CHUNK_EDGE));
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// No test makes so many regions; that the limit is the manifest's own is what counts.
+    #[test]
+    fn as_many_regions_as_a_manifest_may_speak_of_and_no_more() {
+        assert_eq!(check_count(MAX_REGIONS as usize), Ok(()));
+        assert_eq!(check_count(MAX_REGIONS as usize + 1), Err(RegionsError::TooManyRegions));
+    }
+}

@@ -1,0 +1,207 @@
+//! The pass that writes labels and distances, and the files that describe them.
+
+use std::fs;
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::facts_build::{FactsBuilder, FinalSlab};
+use super::facts_table::{BrickFactsTable, regions_to_bytes};
+use super::segment::{Finder, Found, Segmenter};
+use crate::brick::BrickGrid;
+use crate::regions::block::{BlockSpace, Slab};
+use crate::regions::components::numbered;
+use crate::regions::runs::BLOCK_EDGE;
+use crate::regions::{NO_REGION, RegionTable};
+use crate::store::error::StoreError;
+use crate::store::halo::reach::has_halos;
+use crate::store::halo::write::RegionHalos;
+use crate::store::halo::writer::WrittenHalos;
+use crate::store::hash::ContentHash;
+use crate::store::manifest::Manifest;
+use crate::store::manifest::regions::{RegionHashes, RegionsEntry, SegmentationMethod};
+use crate::store::no_data::clear_holes;
+use crate::store::profile::{
+    CHUNK_EDGE, DISTANCE_ARRAY_FILE, DISTANCE_SHARDS_FILE, LABEL_ARRAY_FILE, LABEL_IMAGE_FILE, LABEL_SHARDS_FILE,
+    LABELS_GROUP_FILE, REGION_BRICKS_FILE, REGION_HALOS_FILE, REGIONS_FILE, StoreArray,
+};
+use crate::store::progress::Phase;
+use crate::store::shard::record::ShardRecord;
+use crate::store::shard::table as shard_table;
+use crate::store::shard::write::ShardWriter;
+use crate::store::tiles::Tile;
+use crate::store::zarr_json;
+
+/// What a store with regions has beside its voxels.
+pub(crate) struct Written {
+    pub(crate) entry: RegionsEntry,
+    /// Files still to be written, by name.
+    pub(crate) files: Vec<(&'static str, Vec<u8>)>,
+    /// Bytes of all shards.
+    pub(crate) shard_bytes: u64,
+    pub(crate) halos: Option<WrittenHalos>,
+    pub(crate) note: Option<String>,
+}
+
+/// Shards of one attempt, and what they hold.
+struct Attempt {
+    facts: FactsBuilder,
+    labels: Vec<ShardRecord>,
+    distances: Vec<ShardRecord>,
+    halos: Option<WrittenHalos>,
+}
+
+/// Writes labels and distances below `root`; once more with fewer regions where a brick would have too many.
+pub(crate) fn write_regions(
+    segmenter: &mut Segmenter<'_>,
+    mut found: Found,
+    (method, range): (SegmentationMethod, Option<f64>),
+    manifest: &Manifest,
+    root: &Path,
+) -> Result<Written, StoreError> {
+    let asked = segmenter.options.min_region;
+    let (mut min_region, mut note) = (asked, None);
+    let (table, label_of_kept, attempt) = loop {
+        let (table, label_of_kept) = numbered(&found.kept, min_region);
+        let attempt = write_once(segmenter, &mut found, &table, &label_of_kept, manifest.grid, root)?;
+        let Some(needed) = attempt.facts.needed_min_region(&table) else { break (table, label_of_kept, attempt) };
+        note = Some(format!(
+            "regions below {needed} voxels were left out ({min_region} was asked for): a brick had more regions than a brick's \
+             table holds"
+        ));
+        min_region = needed;
+        for array in [StoreArray::Labels, StoreArray::Distances] {
+            let shards = root.join(array.path()).join("c");
+            fs::remove_dir_all(&shards).map_err(StoreError::io("remove", &shards))?;
+        }
+    };
+    let leaps = found.kept.iter().zip(&label_of_kept).filter(|(_, label)| **label != NO_REGION);
+    let files = vec![
+        (LABELS_GROUP_FILE, zarr_json::labels_group()),
+        (LABEL_IMAGE_FILE, zarr_json::label_image(manifest)),
+        (LABEL_ARRAY_FILE, zarr_json::label_array(manifest)),
+        (DISTANCE_ARRAY_FILE, zarr_json::distance_array(manifest)),
+        (REGIONS_FILE, regions_to_bytes(&table)),
+        (REGION_BRICKS_FILE, BrickFactsTable(attempt.facts.facts()).to_bytes()),
+        (LABEL_SHARDS_FILE, shard_table::to_bytes(&attempt.labels)),
+        (DISTANCE_SHARDS_FILE, shard_table::to_bytes(&attempt.distances)),
+    ];
+    let hash = |i: usize| ContentHash::of(&files[i].1);
+    let entry = RegionsEntry {
+        method,
+        segmentation_range: range,
+        min_region_asked: asked,
+        min_region,
+        count: table.0.len() as u32,
+        voxels: table.0.iter().map(|r| r.voxels).sum(),
+        largest: table.0.iter().map(|r| r.voxels).max().unwrap_or(0),
+        leap_voxels: leaps.map(|(part, _)| part.leaps).sum(),
+        files: RegionHashes {
+            group: hash(0),
+            image: hash(1),
+            labels: hash(2),
+            distances: hash(3),
+            regions: hash(4),
+            bricks: hash(5),
+            label_shards: hash(6),
+            distance_shards: hash(7),
+        },
+    };
+    let shard_bytes = attempt.labels.iter().chain(&attempt.distances).map(|s| s.bytes).sum();
+    Ok(Written { entry, files, shard_bytes, halos: attempt.halos, note })
+}
+
+fn write_once(
+    segmenter: &mut Segmenter<'_>,
+    found: &mut Found,
+    table: &RegionTable,
+    label_of_kept: &[u32],
+    grid: BrickGrid,
+    root: &Path,
+) -> Result<Attempt, StoreError> {
+    let (dims, shards) = (segmenter.dims(), segmenter.voxels.shards.grid);
+    let tile = Tile::whole(segmenter.geometry.dims());
+    let mut label_writer = ShardWriter::new(root, StoreArray::Labels, shards);
+    let mut distance_writer = ShardWriter::new(root, StoreArray::Distances, shards);
+    let mut facts = FactsBuilder::new(grid, table, segmenter.has_holes);
+    let halos = has_halos(grid.brick_size());
+    let mut halos = halos.then(|| RegionHalos::create(&root.join(REGION_HALOS_FILE), grid)).transpose()?;
+    let Found { tables, distances, finder, .. } = found;
+    if let Finder::Given { planes, .. } = finder {
+        planes.rewind()?;
+    }
+    let (mut labels, mut near) = (Vec::new(), Vec::new());
+    segmenter.each_slab(Phase::Labels, distances, |this, i, (z0, z1), slab| {
+        match finder {
+            Finder::Records { file, slabs } => {
+                let fates = Finder::read_fates(file, &slabs[i])?;
+                labels.resize(slab.codes.len(), NO_REGION);
+                paint(slab, &mut labels, |block, space| {
+                    let nodes = space.find(slab, block, tables).nodes.len();
+                    let fates = &fates[slabs[i].layout.blocks[block] as usize..][..nodes];
+                    let kept = |part: usize| match space.node_of_part[part] {
+                        0 => None,
+                        node => (fates[node as usize - 1] as usize).checked_sub(1),
+                    };
+                    let parts = 0..space.node_of_part.len();
+                    parts.map(|part| kept(part).map_or(NO_REGION, |k| label_of_kept[k])).collect()
+                });
+            }
+            Finder::Given { planes, kept_of_label } => {
+                planes.read(z0, z1, this.voxels.plane(), &mut labels)?;
+                if this.has_holes {
+                    clear_holes(slab.codes, &mut labels);
+                }
+                labels.par_chunks_mut(dims[0]).for_each(|row| {
+                    for run in row.chunk_by_mut(|a, b| a == b) {
+                        let label = kept_of_label.get(&run[0]).map_or(NO_REGION, |k| label_of_kept[*k]);
+                        run.fill(label);
+                    }
+                });
+            }
+        }
+        near.clear();
+        near.extend(slab.distances.iter().zip(&labels).map(|(d, label)| if *label == NO_REGION { 0 } else { *d }));
+        facts.add(&FinalSlab { z0, codes: slab.codes, labels: &labels, distances: &near });
+        halos.as_mut().map(|h| h.add(z0..z1, &labels, &near)).transpose()?;
+        let layer = CHUNK_EDGE as usize * this.voxels.plane();
+        for (cz, (labels, near)) in (z0 / CHUNK_EDGE..).zip(labels.chunks(layer).zip(near.chunks(layer))) {
+            label_writer.add(&tile, cz, labels)?;
+            distance_writer.add(&tile, cz, near)?;
+        }
+        Ok(())
+    })?;
+    let halos = halos.map(RegionHalos::finish).transpose()?;
+    Ok(Attempt { facts, labels: label_writer.finish(), distances: distance_writer.finish(), halos })
+}
+
+/// Paints every part of every block of a slab; `label_of_parts` finds a block's runs and says each part's label.
+fn paint(
+    slab: &Slab<'_>,
+    labels: &mut [u32],
+    label_of_parts: impl Fn(usize, &mut BlockSpace) -> Vec<u32> + Send + Sync,
+) {
+    let [nx, ny, _] = slab.dims;
+    let [bx, by] = slab.blocks();
+    // Rows of blocks share no voxels: each gets its rows of every plane.
+    let mut rows_of_blocks: Vec<Vec<&mut [u32]>> = (0..by).map(|_| Vec::new()).collect();
+    for plane in labels.chunks_exact_mut(nx * ny) {
+        plane.chunks_mut(BLOCK_EDGE * nx).zip(&mut rows_of_blocks).for_each(|(part, rows)| rows.push(part));
+    }
+    rows_of_blocks.into_par_iter().enumerate().for_each_init(
+        BlockSpace::default,
+        |space, (row_of_blocks, mut planes)| {
+            for block in row_of_blocks * bx..(row_of_blocks + 1) * bx {
+                let label_of_part = label_of_parts(block, space);
+                let (lo, size) = slab.block(block);
+                for (row, runs) in space.runs.rows() {
+                    let (y, z) = (row % size[1], row / size[1]);
+                    let out = &mut planes[z][y * nx + lo[0]..][..size[0]];
+                    for run in runs {
+                        out[usize::from(run.start)..usize::from(run.end)].fill(label_of_part[run.part as usize]);
+                    }
+                }
+            }
+        },
+    );
+}

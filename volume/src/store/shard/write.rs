@@ -1,0 +1,153 @@
+//! Shards are written append-only, those of one z of a tile at a time: inner chunks as their slab comes, the index when the last
+//! slab has come. Memory holds their ends (indices and checksums), never a shard.
+
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use xxhash_rust::xxh3::Xxh3Default;
+
+use super::grid::ShardGrid;
+use super::record::ShardRecord;
+use super::tail;
+use crate::store::codec;
+use crate::store::error::StoreError;
+use crate::store::hash::ContentHash;
+use crate::store::profile::{
+    ABSENT, CHUNK_EDGE, CHUNK_VOXELS, CHUNKS_PER_EDGE, CHUNKS_PER_SHARD, InnerChunk, SHARD_EDGE, ShardIndex, StoreArray,
+};
+use crate::store::tiles::Tile;
+use crate::store::voxel::Cell;
+
+/// Writes an array's shards in the order of their slabs.
+pub(crate) struct ShardWriter {
+    root: PathBuf,
+    array: StoreArray,
+    grid: ShardGrid,
+    /// The shards being written, x fastest; empty between those of one z and the next.
+    row: Vec<OpenShard>,
+    /// By the shard's place in the grid.
+    table: Vec<Option<ShardRecord>>,
+}
+
+struct OpenShard {
+    shard: ShardIndex,
+    path: PathBuf,
+    bytes: u64,
+    hash: Xxh3Default,
+    /// Offset and length per inner chunk.
+    index: Vec<[u64; 2]>,
+    /// Checksums, by the same places.
+    sums: Vec<u32>,
+}
+
+impl ShardWriter {
+    pub(crate) fn new(root: &Path, array: StoreArray, grid: ShardGrid) -> Self {
+        Self { root: root.to_path_buf(), array, grid, row: Vec::new(), table: vec![None; grid.count() as usize] }
+    }
+
+    /// Takes a tile's planes of the `cz`-th layer of inner chunks, x fastest; all layers of a tile come in order before the next tile's.
+    pub(crate) fn add<T: Cell>(&mut self, tile: &Tile, cz: u32, slab: &[T]) -> Result<(), StoreError> {
+        if cz.is_multiple_of(CHUNKS_PER_EDGE) {
+            self.start_row(tile, cz / CHUNKS_PER_EDGE)?;
+        }
+        let grid = self.grid;
+        for open in &mut self.row {
+            let first = (cz % CHUNKS_PER_EDGE) as usize * (CHUNKS_PER_EDGE * CHUNKS_PER_EDGE) as usize;
+            let slots = first..first + (CHUNKS_PER_EDGE * CHUNKS_PER_EDGE) as usize;
+            let present: Vec<_> =
+                slots.map(|slot| InnerChunk::at(open.shard, slot)).filter(|c| grid.holds(*c)).collect();
+            let encoded: Vec<_> = present
+                .into_par_iter()
+                .map(|chunk| Ok((chunk.slot(), encode_chunk(chunk, tile, slab)?)))
+                .collect::<Result<_, StoreError>>()?;
+            open.append(encoded)?;
+        }
+        let next = cz + 1;
+        if next.is_multiple_of(CHUNKS_PER_EDGE) || next == grid.chunk_dims().z {
+            for open in self.row.drain(..) {
+                let place = grid.linear(open.shard);
+                self.table[place] = Some(open.finish()?);
+            }
+        }
+        Ok(())
+    }
+
+    /// The table of all shards, once every layer was added.
+    pub(crate) fn finish(self) -> Vec<ShardRecord> {
+        debug_assert!(self.table.iter().all(Option::is_some), "a shard was in no tile");
+        self.table.into_iter().flatten().collect()
+    }
+
+    fn start_row(&mut self, tile: &Tile, z: u32) -> Result<(), StoreError> {
+        let first_x = tile.cells(0, SHARD_EDGE).start;
+        for y in tile.cells(1, SHARD_EDGE) {
+            for x in tile.cells(0, SHARD_EDGE) {
+                let shard = ShardIndex([x, y, z]);
+                let path = self.root.join(shard.path(self.array));
+                if let (true, Some(dir)) = (x == first_x, path.parent()) {
+                    fs::create_dir_all(dir).map_err(StoreError::io("create", dir))?;
+                }
+                let (index, sums) = (vec![[ABSENT; 2]; CHUNKS_PER_SHARD], vec![0; CHUNKS_PER_SHARD]);
+                self.row.push(OpenShard { shard, path, bytes: 0, hash: Xxh3Default::new(), index, sums });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl OpenShard {
+    /// Opened for each slab anew: a row may have more shards than a process may have open files.
+    fn append(&mut self, chunks: Vec<(usize, Option<Vec<u8>>)>) -> Result<(), StoreError> {
+        let file = File::options().append(true).create(true).open(&self.path);
+        let mut file = BufWriter::with_capacity(1 << 20, file.map_err(StoreError::io("create", &self.path))?);
+        for (slot, bytes) in chunks {
+            let Some(bytes) = bytes else { continue };
+            file.write_all(&bytes).map_err(StoreError::io("write", &self.path))?;
+            self.hash.update(&bytes);
+            self.index[slot] = [self.bytes, bytes.len() as u64];
+            self.sums[slot] = codec::stated_sum(&bytes).unwrap_or_default();
+            self.bytes += bytes.len() as u64;
+        }
+        file.flush().map_err(StoreError::io("write", &self.path))
+    }
+
+    fn finish(mut self) -> Result<ShardRecord, StoreError> {
+        let tail = tail::to_bytes(&self.index, &self.sums);
+        self.hash.update(&tail);
+        let written = File::options().append(true).create(true).open(&self.path).and_then(|mut file| {
+            file.write_all(&tail)?;
+            file.sync_all()
+        });
+        written.map_err(StoreError::io("write", &self.path))?;
+        Ok(ShardRecord {
+            bytes: self.bytes + tail.len() as u64,
+            hash: ContentHash(self.hash.digest128()),
+            tail_hash: ContentHash::of(&tail),
+        })
+    }
+}
+
+/// Cuts an inner chunk out of its slab, padded with 0, and encodes it; nothing where it holds nothing but 0.
+fn encode_chunk<T: Cell>(chunk: InnerChunk, tile: &Tile, slab: &[T]) -> Result<Option<Vec<u8>>, StoreError> {
+    let [nx, ny] = tile.size();
+    let planes = slab.len() / (nx * ny);
+    let edge = CHUNK_EDGE as usize;
+    let [x0, y0] = [0, 1].map(|a| (chunk.0[a] * CHUNK_EDGE - tile.lo[a]) as usize);
+    let (width, height) = (edge.min(nx - x0), edge.min(ny - y0));
+    let mut voxels = vec![T::zeroed(); CHUNK_VOXELS];
+    for z in 0..planes {
+        for y in 0..height {
+            let from = &slab[(z * ny + y0 + y) * nx + x0..][..width];
+            voxels[(z * edge + y) * edge..][..width].copy_from_slice(from);
+        }
+    }
+    if voxels.iter().all(|v| *v == T::zeroed()) {
+        return Ok(None);
+    }
+    if cfg!(target_endian = "big") {
+        voxels.iter_mut().for_each(|v| *v = v.swapped_le());
+    }
+    codec::encode(bytemuck::cast_slice(&voxels)).map(Some)
+}
