@@ -14,7 +14,8 @@ use tokio::time::Instant;
 
 use super::dial::Dial;
 use super::discovery::{NodeList, Target};
-use super::service::{NodeClient, NodeError};
+use super::node_error::NodeError;
+use super::service::NodeClient;
 use crate::plan::{Assignment, Shown};
 
 /// Between two attempts at a node: at first, and at most.

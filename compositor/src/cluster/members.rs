@@ -17,7 +17,8 @@ use super::dial::Dial;
 use super::discovery::{NodeList, Target};
 use super::error::ClusterError;
 use super::follow::{Arrival, Follower, News, Outlook, SharedOutlook};
-use super::service::{NodeClient, NodeError};
+use super::node_error::NodeError;
+use super::service::NodeClient;
 
 /// How often a node is asked at the start, where its answers are lost on the way, and the pause before it is asked again.
 const FIRST_CALLS: u32 = 3;

@@ -1,4 +1,6 @@
 //! A session with some nodes on one store: load, then frame after frame.
+//!
+//! What it awaits is type-erased: the body of an `async fn` is compiled again in every crate that awaits it.
 
 pub mod audit;
 mod balanced;
@@ -13,7 +15,7 @@ use brickcast_volume::scene::{Acceleration, RegionView, Scene, Transport};
 use brickcast_volume::style::Style;
 use brickcast_volume::transfer_function::TransferFunction;
 use brickcast_volume::{Epoch, FrameId, View};
-use futures_util::future::join_all;
+use futures_util::future::{BoxFuture, join_all};
 
 pub use self::balanced::BalanceStats;
 pub use self::error::SessionError;
@@ -91,15 +93,23 @@ impl Session {
     /// # Errors
     /// A node that was named by itself and cannot be reached, speaks another protocol, lacks the store or has another content
     /// under its name; no node that serves. Each is named.
-    pub async fn open(nodes: &[String], choice: StoreChoice) -> Result<Self, SessionError> {
-        Self::open_through(Dial::default(), nodes, choice).await
+    pub fn open(nodes: &[String], choice: StoreChoice) -> BoxFuture<'_, Result<Self, SessionError>> {
+        Self::open_through(Dial::default(), nodes, choice)
     }
 
     /// As [`Session::open`], with connections of another kind.
     ///
     /// # Errors
     /// As [`Session::open`].
-    pub async fn open_through(dial: Dial, nodes: &[String], choice: StoreChoice) -> Result<Self, SessionError> {
+    pub fn open_through(
+        dial: Dial,
+        nodes: &[String],
+        choice: StoreChoice,
+    ) -> BoxFuture<'_, Result<Self, SessionError>> {
+        Box::pin(Self::opened(dial, nodes, choice))
+    }
+
+    async fn opened(dial: Dial, nodes: &[String], choice: StoreChoice) -> Result<Self, SessionError> {
         let (cluster, store) =
             Cluster::open(NodeList::parse(nodes).map_err(ClusterError::Discovery)?, &dial, &choice).await?;
         let balance = Settings { mode: Mode::Off, ..Settings::default() };
@@ -159,7 +169,11 @@ impl Session {
     ///
     /// # Errors
     /// No node that could is left.
-    pub async fn load(&mut self, scene: &Scene) -> Result<LoadStats, SessionError> {
+    pub fn load<'a>(&'a mut self, scene: &'a Scene) -> BoxFuture<'a, Result<LoadStats, SessionError>> {
+        Box::pin(self.loaded(scene))
+    }
+
+    async fn loaded(&mut self, scene: &Scene) -> Result<LoadStats, SessionError> {
         let started = Instant::now();
         let mut stats = LoadStats { load_ms: 0.0, decoded_bytes: 0, owned_bytes: 0, shown_bricks: 0, fits: true };
         loop {
@@ -207,7 +221,16 @@ impl Session {
     ///
     /// # Errors
     /// No node is left. A frame of which a part is missing at the deadline is returned, marked incomplete.
-    pub async fn render(
+    pub fn render<'a>(
+        &'a mut self,
+        scene: &'a Scene,
+        transport: Transport,
+        deadline: Duration,
+    ) -> BoxFuture<'a, Result<Frame, SessionError>> {
+        Box::pin(self.rendered(scene, transport, deadline))
+    }
+
+    async fn rendered(
         &mut self,
         scene: &Scene,
         transport: Transport,
