@@ -10,7 +10,7 @@ fn chunks(count: usize) -> Vec<ChunkFacts> {
 
 /// Every chunk has as many positions as `costs` says, in eight strips.
 fn demand(costs: &[f64]) -> Demand {
-    Demand { strips: costs.iter().map(|c| vec![c / 8.0; 8]).collect() }
+    Demand { strips: costs.iter().map(|c| vec![c / 8.0; 8]).collect(), ..Demand::default() }
 }
 
 /// Renders a frame on nodes that take `ms` per unit of cost, on chunks with `rho` samples a position: max over mean, measured.
@@ -27,7 +27,7 @@ fn frame(b: &mut Balancer, demand: &Demand, rho: f64, ms: &[f64]) -> f64 {
         seen.chunks.push((chunk, strips.iter().sum::<f64>() * rho));
     }
     seen.nodes = cost.iter().zip(ms).enumerate().map(|(n, (c, ms))| (Seat(n as u64), c * ms, *c)).collect();
-    b.observe(&seen);
+    b.observe(demand, &seen);
     for load in b.background() {
         b.finished(&load, LoadOutcome::Loaded { ms: 50.0 });
     }
@@ -172,20 +172,23 @@ fn what_was_seen_counts_more_than_what_was_said() {
     b.join(Seat(0), ROOMY, &[0, 1]);
     let view = demand(&[100.0, 0.0]);
     b.divide(&view);
-    b.observe(&Observed { chunks: vec![(0, 20.0)], nodes: vec![(Seat(0), 5.0, 20.0)] });
+    b.observe(&view, &Observed { chunks: vec![(0, 20.0)], nodes: vec![(Seat(0), 5.0, 20.0)] });
     assert!((b.predictor.rho(0) - 0.2).abs() < 1e-12);
     // The other's prior is corrected by what this one's was worth.
     assert!((b.predictor.rho(1) - 0.2).abs() < 1e-12);
     assert_eq!(b.predictor.kappas(), [0.25]);
     b.divide(&view);
-    b.observe(&Observed { chunks: vec![(0, 40.0), (9, 1.0)], nodes: vec![(Seat(0), 20.0, 40.0), (Seat(7), 1.0, 1.0)] });
+    b.observe(
+        &view,
+        &Observed { chunks: vec![(0, 40.0), (9, 1.0)], nodes: vec![(Seat(0), 20.0, 40.0), (Seat(7), 1.0, 1.0)] },
+    );
     assert!((b.predictor.rho(0) - (0.7 * 0.2 + 0.3 * 0.4)).abs() < 1e-12);
     assert!((b.predictor.kappas()[0] - (0.8 * 0.25 + 0.2 * 0.5)).abs() < 1e-12);
     // A new node, slow by its own word, is taken for three times as slow as the others are.
     b.join(Seat(1), NodeFacts { throttle: 3.0, ..ROOMY }, &[]);
     assert!((b.predictor.kappas()[1] - 0.9).abs() < 1e-12);
     // Nonsense changes nothing.
-    b.observe(&Observed { chunks: vec![(0, f64::NAN)], nodes: vec![(Seat(0), f64::INFINITY, -1.0)] });
+    b.observe(&view, &Observed { chunks: vec![(0, f64::NAN)], nodes: vec![(Seat(0), f64::INFINITY, -1.0)] });
     assert!(b.predictor.rho(0).is_finite() && b.predictor.kappas().iter().all(|k| k.is_finite() && *k > 0.0));
 }
 
