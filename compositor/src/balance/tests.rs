@@ -226,3 +226,32 @@ fn what_found_no_room_goes_to_a_node_that_has_some() {
     (0..6).for_each(|_| _ = frame(&mut b, &view, 1.0, &[0.01; 2]));
     assert!(b.report().seats.iter().all(|s| s.bytes <= 8 << 20), "{:?}", b.report());
 }
+
+/// Frames of sessions that show other things overlap: each teaches what its own look costs, by the view that it was divided for.
+#[test]
+fn frames_of_several_looks_overlap_and_each_learns_its_own() {
+    let mut b = Balancer::new(Settings { load_by: LoadBy::Time, ..Settings::default() }, chunks(2));
+    b.join(Seat(0), ROOMY, &[0, 1]);
+    let [one, other] =
+        [(1, [100.0, 0.0]), (2, [50.0, 200.0])].map(|(look, costs)| Demand { look: LookId(look), ..demand(&costs) });
+    b.divide(&one);
+    b.divide(&other);
+    b.observe(&one, &Observed { chunks: vec![(0, 20.0)], nodes: vec![(Seat(0), 5.0, 20.0)] });
+    b.observe(&other, &Observed { chunks: vec![(0, 50.0), (1, 100.0)], nodes: vec![(Seat(0), 37.5, 150.0)] });
+    // Both say the same of the node.
+    assert_eq!(b.predictor.kappas(), [0.25]);
+    let mut rhos = |demand: &Demand| {
+        b.divide(demand);
+        [0, 1].map(|chunk| b.predictor.rho(chunk))
+    };
+    assert_eq!((rhos(&one), rhos(&other)), ([0.2, 0.2], [1.0, 0.5]));
+    // The first is shown no more, and chunks take more room.
+    b.show(&[LookId(2)], vec![ChunkFacts { bytes: 3 << 20, prior: 1.0 }; 2]);
+    let mut rhos = |demand: &Demand| {
+        b.divide(demand);
+        [0, 1].map(|chunk| b.predictor.rho(chunk))
+    };
+    assert_eq!((rhos(&one), rhos(&other)), ([1.0, 1.0], [1.0, 0.5]));
+    assert_eq!((b.holds(Seat(0)), b.report().seats[0].bytes), (vec![0, 1], 6 << 20));
+    assert_eq!((b.home(1), b.home(2)), (Some(Seat(0)), None));
+}

@@ -27,8 +27,8 @@ pub use crate::cluster::StoreChoice;
 use self::look::Look;
 use crate::balance::{Demand, Settings};
 use crate::cluster::{Dial, Outlook, Roster};
-use crate::frame::blend::{blend, classified};
-use crate::frame::{self, FrameError, FrameOrder};
+use crate::frame::blend::{Classes, blend};
+use crate::frame::{self, Finished, FrameError, FrameOrder, FrameSink};
 use crate::picture::Picture;
 use crate::plan::{Assignment, InView, StoreFacts};
 
@@ -205,7 +205,21 @@ impl Session {
         transport: Transport,
         deadline: Duration,
     ) -> BoxFuture<'a, Result<Frame, SessionError>> {
-        Box::pin(self.rendered(scene, transport, deadline))
+        Box::pin(async move { self.rendered(scene, transport, deadline, &mut ()).await })
+    }
+
+    /// As [`Session::render`]; `sink` hears of the tiles as they are finished. Dropping the future cancels the frame on the nodes.
+    ///
+    /// # Errors
+    /// As [`Session::render`].
+    pub fn render_into<'a>(
+        &'a mut self,
+        scene: &'a Scene,
+        transport: Transport,
+        deadline: Duration,
+        sink: &'a mut dyn FrameSink,
+    ) -> BoxFuture<'a, Result<Frame, SessionError>> {
+        Box::pin(self.rendered(scene, transport, deadline, sink))
     }
 
     async fn rendered(
@@ -213,6 +227,7 @@ impl Session {
         scene: &Scene,
         transport: Transport,
         deadline: Duration,
+        sink: &mut dyn FrameSink,
     ) -> Result<Frame, SessionError> {
         let cluster = self.cluster.clone();
         let store = cluster.store();
@@ -233,7 +248,9 @@ impl Session {
         let (roster, table) = divided.as_ref().map_or((&roster, &*first), |d| (&d.roster, &d.table));
         let order =
             FrameOrder { session: self.id, frame, epoch: roster.epoch, store: store.hash, scene, transport, deadline };
-        let end = frame::run(&order, frame::workers(roster), (&look.shown, &in_view), table, cluster.dial()).await?;
+        let finished = Finished::told_to(sink, store, scene, &view);
+        let workers = frame::workers(roster);
+        let end = frame::run(&order, workers, (&look.shown, &in_view), table, cluster.dial(), finished).await?;
         let complete = end.ledger.is_complete();
         let clean = complete && end.reissued == 0 && end.lost.is_empty();
         for (position, lost) in &end.lost {
@@ -245,8 +262,8 @@ impl Session {
         let balance = divided.and_then(|d| cluster.learn(d, self.id, scene, &end.costs, clean));
         let missing_tiles = end.ledger.missing_tiles();
         let (ledger, tree, from, size) = (end.ledger, store.tree(), view.viewpoint(), scene.size);
-        let (mode, function, range) = (scene.style.mode, scene.transfer_function.clone(), store.manifest.range);
-        let join = move || classified(blend(&ledger, &tree, from, size, mode)?, mode, &function, range);
+        let classes = Classes::of(scene, store.manifest.range);
+        let join = move || classes.picture(blend(&ledger, &tree, from, size, classes.mode())?);
         let picture = tokio::task::spawn_blocking(join).await.map_err(FrameError::Task)??;
         let frame_ms = started.elapsed().as_secs_f64() * 1e3;
         let lost = end.lost.into_iter().map(|(_, lost)| lost).collect();
