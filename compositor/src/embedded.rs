@@ -15,6 +15,7 @@ use brickcast_node::{DataRoot, Node, NodeConfig, NodeError, serve_admitted};
 use brickcast_proto::credentials::{Doorkeeper, Token};
 use brickcast_volume::regions::Drawn;
 use brickcast_volume::scene::Scene;
+use futures_util::future::BoxFuture;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
@@ -96,7 +97,16 @@ impl EmbeddedNodes {
     ///
     /// # Errors
     /// A count outside 1..=64, no free port, a node that cannot start.
-    pub async fn start(kernel: &Kernel, count: usize, store: &Path, memory_budget: u64) -> Result<Self, EmbeddedError> {
+    pub fn start<'a>(
+        kernel: &'a Kernel,
+        count: usize,
+        store: &'a Path,
+        memory_budget: u64,
+    ) -> BoxFuture<'a, Result<Self, EmbeddedError>> {
+        Box::pin(Self::started(kernel, count, store, memory_budget))
+    }
+
+    async fn started(kernel: &Kernel, count: usize, store: &Path, memory_budget: u64) -> Result<Self, EmbeddedError> {
         if !(1..=64).contains(&count) {
             return Err(EmbeddedError::Count(count));
         }

@@ -4,7 +4,7 @@ use super::predict::Predictor;
 use super::settings::Settings;
 use super::table::Table;
 use super::totals::Totals;
-use super::types::{ChunkFacts, Load, LoadOutcome, NodeFacts, Observed, Reason, Seat};
+use super::types::{ChunkFacts, Demand, Load, LoadOutcome, LookId, NodeFacts, Observed, Reason, Seat};
 
 /// Decides, and remembers what it needs for that. What it decides is in the files of that name: [`divide`](Self::divide),
 /// [`background`](Self::background), [`report`](Self::report).
@@ -53,6 +53,17 @@ impl Balancer {
         }
     }
 
+    /// From now on these looks are rendered, and over all of them these are the facts; of as many chunks as before. Who holds what and how
+    /// fast nodes are stays known; what was seen of looks that are no longer among them is forgotten.
+    pub fn show(&mut self, looks: &[LookId], chunks: Vec<ChunkFacts>) {
+        if chunks.len() != self.chunks.len() {
+            return;
+        }
+        self.table.weigh(chunks.iter().map(|c| c.bytes).collect());
+        self.predictor.show(looks, &chunks);
+        self.chunks = chunks;
+    }
+
     /// A node enters, or returns to its seat, with the chunks that it has loaded (unknown ones are ignored). Between frames.
     pub fn join(&mut self, seat: Seat, facts: NodeFacts, holds: &[u32]) {
         self.leave(seat);
@@ -73,9 +84,9 @@ impl Balancer {
         }
     }
 
-    /// Learns from the frame that was divided last.
-    pub fn observe(&mut self, seen: &Observed) {
-        self.predictor.learn_chunks(&seen.chunks);
+    /// Learns from a frame that was divided for `demand`: the last one, or one that others have overtaken.
+    pub fn observe(&mut self, demand: &Demand, seen: &Observed) {
+        self.predictor.learn_chunks(demand, &seen.chunks);
         let known = |&(seat, ms, cost): &(Seat, f64, f64)| Some((self.table.index(seat)?, ms, cost));
         let nodes: Vec<(usize, f64, f64)> = seen.nodes.iter().filter_map(known).collect();
         self.predictor.learn_nodes(&nodes);
@@ -107,6 +118,20 @@ impl Balancer {
                 node.facts.budget = node.facts.budget.min(node.bytes);
             }
         }
+    }
+
+    #[must_use]
+    pub fn chunk_count(&self) -> usize {
+        self.chunks.len()
+    }
+
+    /// Who renders a chunk, as far as that is settled: its primary, else who holds it.
+    #[must_use]
+    pub fn home(&self, chunk: u32) -> Option<Seat> {
+        let chunk = chunk as usize;
+        let holder = || self.table.holders.get(chunk)?.first().copied();
+        let index = self.primary.get(chunk).copied().flatten().or_else(holder)?;
+        Some(self.table.nodes[index].seat)
     }
 
     /// The chunks that a seat's node holds, or is to adopt; ascending.

@@ -1,7 +1,9 @@
 //! What a chunk will cost and how fast a node is, from what was seen (docs/algorithms.md, Balance).
 
+use std::collections::BTreeMap;
+
 use super::settings::{LoadBy, Settings};
-use super::types::{ChunkFacts, Demand};
+use super::types::{ChunkFacts, Demand, LookId};
 
 /// Weight of a new observation of a chunk, of a node.
 const CHUNK_WEIGHT: f64 = 0.3;
@@ -13,17 +15,26 @@ const TELLING: f64 = 0.1;
 /// How fast the speed of a node that has next to nothing to do is forgotten, so that it is tried again.
 const FORGET: f64 = 0.02;
 
+/// What frames of one look showed.
+#[derive(Debug, Clone)]
+struct Seen {
+    /// Per chunk: samples per position.
+    rho: Vec<Option<f64>>,
+    /// Seen over expected, of all chunks seen so far: corrects the priors of the others.
+    scale: Option<f64>,
+}
+
 #[derive(Debug, Clone)]
 pub(super) struct Predictor {
     load_by: LoadBy,
     nominal_speed: f64,
     /// Bytes per ms.
     pub(super) rate: f64,
-    /// Per chunk: expected before anything was seen, and seen samples per position.
+    /// Per chunk: samples per position that are expected before anything was seen.
     prior: Vec<f64>,
-    rho: Vec<Option<f64>>,
-    /// Seen over expected, of all chunks seen so far: corrects the priors of the others.
-    scale: Option<f64>,
+    seen: BTreeMap<LookId, Seen>,
+    /// Of the last view.
+    look: LookId,
     /// Per node: declared throttle, and ms per unit of cost.
     throttle: Vec<f64>,
     kappa: Vec<Option<f64>>,
@@ -32,6 +43,10 @@ pub(super) struct Predictor {
     /// Per chunk: positions, and predicted cost.
     geometric: Vec<f64>,
     pub(super) cost: Vec<f64>,
+}
+
+fn priors(chunks: &[ChunkFacts]) -> Vec<f64> {
+    chunks.iter().map(|c| sane(c.prior).min(MOST_DENSE)).collect()
 }
 
 /// Not negative, not infinite, not NaN: anything else a caller may say counts as 0.
@@ -45,9 +60,9 @@ impl Predictor {
             load_by: settings.load_by,
             nominal_speed: settings.nominal_speed,
             rate: settings.load_rate,
-            prior: chunks.iter().map(|c| sane(c.prior).min(MOST_DENSE)).collect(),
-            rho: vec![None; chunks.len()],
-            scale: None,
+            prior: priors(chunks),
+            seen: BTreeMap::new(),
+            look: LookId::default(),
             throttle: Vec::new(),
             kappa: Vec::new(),
             strips: vec![Vec::new(); chunks.len()],
@@ -67,13 +82,22 @@ impl Predictor {
         }
     }
 
+    /// Other looks, and what is expected of their chunks.
+    pub(super) fn show(&mut self, looks: &[LookId], chunks: &[ChunkFacts]) {
+        self.prior = priors(chunks);
+        self.seen.retain(|look, _| looks.contains(look));
+    }
+
     /// Samples per position that are expected of a chunk.
     pub(super) fn rho(&self, chunk: usize) -> f64 {
-        self.rho[chunk].unwrap_or((self.prior[chunk] * self.scale.unwrap_or(1.0)).min(MOST_DENSE))
+        let seen = self.seen.get(&self.look);
+        let scale = seen.and_then(|seen| seen.scale).unwrap_or(1.0);
+        seen.and_then(|seen| seen.rho[chunk]).unwrap_or((self.prior[chunk] * scale).min(MOST_DENSE))
     }
 
     /// Takes a view's demand: predicts the cost of every chunk.
     pub(super) fn ask(&mut self, demand: &Demand) {
+        self.look = demand.look;
         for chunk in 0..self.cost.len() {
             let strips = demand.strips.get(chunk).map_or(&[][..], |s| s);
             self.strips[chunk].clear();
@@ -92,22 +116,30 @@ impl Predictor {
         self.strips[chunk][lo as usize..hi as usize].iter().sum::<f64>() * self.rho(chunk)
     }
 
-    pub(super) fn learn_chunks(&mut self, seen: &[(u32, f64)]) {
+    /// What chunks cost that were asked for by `demand`.
+    pub(super) fn learn_chunks(&mut self, demand: &Demand, costs: &[(u32, f64)]) {
+        let chunks = self.prior.len();
+        let unseen = || Seen { rho: vec![None; chunks], scale: None };
+        let seen = self.seen.entry(demand.look).or_insert_with(unseen);
         let (mut measured, mut expected) = (0.0, 0.0);
-        for &(chunk, cost) in seen {
+        for &(chunk, cost) in costs {
             let chunk = chunk as usize;
-            let Some(&geometric) = self.geometric.get(chunk).filter(|g| **g > 0.0) else { continue };
+            let Some(strips) = demand.strips.get(chunk).filter(|_| chunk < chunks) else { continue };
+            let geometric: f64 = strips.iter().map(|s| sane(*s)).sum();
+            if geometric <= 0.0 {
+                continue;
+            }
             let ratio = (sane(cost) / geometric).min(MOST_DENSE);
             measured += ratio * geometric;
             expected += self.prior[chunk] * geometric;
-            self.rho[chunk] = Some(match self.rho[chunk] {
+            seen.rho[chunk] = Some(match seen.rho[chunk] {
                 Some(rho) => rho + CHUNK_WEIGHT * (ratio - rho),
                 None => ratio,
             });
         }
         if expected > 0.0 {
             let now = measured / expected;
-            self.scale = Some(self.scale.map_or(now, |scale| scale + CHUNK_WEIGHT * (now - scale)));
+            seen.scale = Some(seen.scale.map_or(now, |scale| scale + CHUNK_WEIGHT * (now - scale)));
         }
     }
 

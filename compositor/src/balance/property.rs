@@ -47,7 +47,7 @@ fn demand(view: u32) -> Demand {
         let count = if r.is_multiple_of(3) { 0 } else { r % 9 + 1 };
         (0..count).map(|s| scale * f64::from(1 + mixed(r, s) % 4)).collect()
     };
-    Demand { strips: (0..CHUNKS as u32).map(strips).collect() }
+    Demand { strips: (0..CHUNKS as u32).map(strips).collect(), ..Demand::default() }
 }
 
 /// What the caller knows, to compare with.
@@ -207,8 +207,8 @@ fn run(settings: &Settings, script: &[Event]) {
                 let chunks = division.chunks.keys().map(|&c| (c, f64::from(mixed(c, 7) % 50))).collect();
                 let nodes = world.present.iter().map(|&s| (s, f64::from(mixed(view, 1) % 30), 10.0)).collect();
                 let seen = Observed { chunks, nodes };
-                b.observe(&seen);
-                twin.observe(&seen);
+                b.observe(&demand, &seen);
+                twin.observe(&demand, &seen);
                 let loads = b.background();
                 assert_eq!(loads, twin.background());
                 world.check_loads(&b, &loads);

@@ -67,6 +67,15 @@ impl Table {
         (node.present, node.reserved, node.outstanding) = (false, 0, None);
     }
 
+    /// Chunks have other sizes from now on.
+    pub(super) fn weigh(&mut self, bytes: Vec<u64>) {
+        self.bytes = bytes;
+        for node in &mut self.nodes {
+            let held = node.held.iter().zip(&self.bytes).filter(|(held, _)| **held);
+            node.bytes = held.map(|(_, bytes)| bytes).sum();
+        }
+    }
+
     pub(super) fn present(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.nodes.len()).filter(|&n| self.nodes[n].present)
     }

@@ -10,7 +10,7 @@ fn chunks(count: usize) -> Vec<ChunkFacts> {
 
 /// Every chunk has as many positions as `costs` says, in eight strips.
 fn demand(costs: &[f64]) -> Demand {
-    Demand { strips: costs.iter().map(|c| vec![c / 8.0; 8]).collect() }
+    Demand { strips: costs.iter().map(|c| vec![c / 8.0; 8]).collect(), ..Demand::default() }
 }
 
 /// Renders a frame on nodes that take `ms` per unit of cost, on chunks with `rho` samples a position: max over mean, measured.
@@ -27,7 +27,7 @@ fn frame(b: &mut Balancer, demand: &Demand, rho: f64, ms: &[f64]) -> f64 {
         seen.chunks.push((chunk, strips.iter().sum::<f64>() * rho));
     }
     seen.nodes = cost.iter().zip(ms).enumerate().map(|(n, (c, ms))| (Seat(n as u64), c * ms, *c)).collect();
-    b.observe(&seen);
+    b.observe(demand, &seen);
     for load in b.background() {
         b.finished(&load, LoadOutcome::Loaded { ms: 50.0 });
     }
@@ -172,20 +172,23 @@ fn what_was_seen_counts_more_than_what_was_said() {
     b.join(Seat(0), ROOMY, &[0, 1]);
     let view = demand(&[100.0, 0.0]);
     b.divide(&view);
-    b.observe(&Observed { chunks: vec![(0, 20.0)], nodes: vec![(Seat(0), 5.0, 20.0)] });
+    b.observe(&view, &Observed { chunks: vec![(0, 20.0)], nodes: vec![(Seat(0), 5.0, 20.0)] });
     assert!((b.predictor.rho(0) - 0.2).abs() < 1e-12);
     // The other's prior is corrected by what this one's was worth.
     assert!((b.predictor.rho(1) - 0.2).abs() < 1e-12);
     assert_eq!(b.predictor.kappas(), [0.25]);
     b.divide(&view);
-    b.observe(&Observed { chunks: vec![(0, 40.0), (9, 1.0)], nodes: vec![(Seat(0), 20.0, 40.0), (Seat(7), 1.0, 1.0)] });
+    b.observe(
+        &view,
+        &Observed { chunks: vec![(0, 40.0), (9, 1.0)], nodes: vec![(Seat(0), 20.0, 40.0), (Seat(7), 1.0, 1.0)] },
+    );
     assert!((b.predictor.rho(0) - (0.7 * 0.2 + 0.3 * 0.4)).abs() < 1e-12);
     assert!((b.predictor.kappas()[0] - (0.8 * 0.25 + 0.2 * 0.5)).abs() < 1e-12);
     // A new node, slow by its own word, is taken for three times as slow as the others are.
     b.join(Seat(1), NodeFacts { throttle: 3.0, ..ROOMY }, &[]);
     assert!((b.predictor.kappas()[1] - 0.9).abs() < 1e-12);
     // Nonsense changes nothing.
-    b.observe(&Observed { chunks: vec![(0, f64::NAN)], nodes: vec![(Seat(0), f64::INFINITY, -1.0)] });
+    b.observe(&view, &Observed { chunks: vec![(0, f64::NAN)], nodes: vec![(Seat(0), f64::INFINITY, -1.0)] });
     assert!(b.predictor.rho(0).is_finite() && b.predictor.kappas().iter().all(|k| k.is_finite() && *k > 0.0));
 }
 
@@ -222,4 +225,33 @@ fn what_found_no_room_goes_to_a_node_that_has_some() {
     b.join(Seat(1), small, &[]);
     (0..6).for_each(|_| _ = frame(&mut b, &view, 1.0, &[0.01; 2]));
     assert!(b.report().seats.iter().all(|s| s.bytes <= 8 << 20), "{:?}", b.report());
+}
+
+/// Frames of sessions that show other things overlap: each teaches what its own look costs, by the view that it was divided for.
+#[test]
+fn frames_of_several_looks_overlap_and_each_learns_its_own() {
+    let mut b = Balancer::new(Settings { load_by: LoadBy::Time, ..Settings::default() }, chunks(2));
+    b.join(Seat(0), ROOMY, &[0, 1]);
+    let [one, other] =
+        [(1, [100.0, 0.0]), (2, [50.0, 200.0])].map(|(look, costs)| Demand { look: LookId(look), ..demand(&costs) });
+    b.divide(&one);
+    b.divide(&other);
+    b.observe(&one, &Observed { chunks: vec![(0, 20.0)], nodes: vec![(Seat(0), 5.0, 20.0)] });
+    b.observe(&other, &Observed { chunks: vec![(0, 50.0), (1, 100.0)], nodes: vec![(Seat(0), 37.5, 150.0)] });
+    // Both say the same of the node.
+    assert_eq!(b.predictor.kappas(), [0.25]);
+    let mut rhos = |demand: &Demand| {
+        b.divide(demand);
+        [0, 1].map(|chunk| b.predictor.rho(chunk))
+    };
+    assert_eq!((rhos(&one), rhos(&other)), ([0.2, 0.2], [1.0, 0.5]));
+    // The first is shown no more, and chunks take more room.
+    b.show(&[LookId(2)], vec![ChunkFacts { bytes: 3 << 20, prior: 1.0 }; 2]);
+    let mut rhos = |demand: &Demand| {
+        b.divide(demand);
+        [0, 1].map(|chunk| b.predictor.rho(chunk))
+    };
+    assert_eq!((rhos(&one), rhos(&other)), ([1.0, 1.0], [1.0, 0.5]));
+    assert_eq!((b.holds(Seat(0)), b.report().seats[0].bytes), (vec![0, 1], 6 << 20));
+    assert_eq!((b.home(1), b.home(2)), (Some(Seat(0)), None));
 }

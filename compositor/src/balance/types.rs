@@ -26,9 +26,14 @@ pub struct NodeFacts {
     pub budget: u64,
 }
 
+/// What is shown, whatever the view: one transfer function, step and style. The same chunk costs each its own.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct LookId(pub u64);
+
 /// What a view asks of every chunk.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Demand {
+    pub look: LookId,
     /// Per chunk, and in it per strip of screen tiles (along the longer side of its tile rectangle): sample positions inside its box.
     /// No strips: not in view.
     pub strips: Vec<Vec<f64>>,

@@ -9,8 +9,9 @@ use futures_util::future::BoxFuture;
 
 use super::access::Access;
 use super::discovery::Target;
+use super::node_error::NodeError;
 use super::pings::Pings;
-use super::service::{LOAD_DEADLINE, NodeClient, NodeError};
+use super::service::{LOAD_DEADLINE, NodeClient};
 
 type Connect = dyn Fn(Target) -> BoxFuture<'static, Result<NodeClient, NodeError>> + Send + Sync;
 
@@ -42,8 +43,8 @@ impl Dial {
 
     /// # Errors
     /// As [`NodeClient::connect`].
-    pub async fn connect(&self, target: Target) -> Result<NodeClient, NodeError> {
-        (self.0)(target).await
+    pub fn connect(&self, target: Target) -> BoxFuture<'static, Result<NodeClient, NodeError>> {
+        (self.0)(target)
     }
 }
 

@@ -69,7 +69,7 @@ impl NodeList {
     }
 
     /// What the list stands for now, none twice, and what could not be looked up.
-    pub async fn resolve(&mut self) -> (Vec<Target>, Vec<DiscoveryError>) {
+    pub(crate) async fn resolve(&mut self) -> (Vec<Target>, Vec<DiscoveryError>) {
         let (mut all, mut problems) = (Vec::<Target>::new(), Vec::new());
         for (source, last) in &mut self.sources {
             match source.resolve().await {

@@ -3,7 +3,7 @@
 use brickcast_volume::StoreHash;
 
 use super::discovery::DiscoveryError;
-use super::service::NodeError;
+use super::node_error::NodeError;
 
 #[derive(Debug, thiserror::Error)]
 pub enum ClusterError {

@@ -1,8 +1,8 @@
 //! Follows the list of nodes in the background: looks names up again, connects nodes that are new or were lost, and loads
 //! their bricks, so that they can enter the table between two frames. It never touches a frame.
 
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use brickcast_proto::{NodeDescription, NodeState, PrepareRequest};
@@ -14,7 +14,8 @@ use tokio::time::Instant;
 
 use super::dial::Dial;
 use super::discovery::{NodeList, Target};
-use super::service::{NodeClient, NodeError};
+use super::node_error::NodeError;
+use super::service::NodeClient;
 use crate::plan::{Assignment, Shown};
 
 /// Between two attempts at a node: at first, and at most.
@@ -24,13 +25,12 @@ const STEADY: Duration = Duration::from_secs(10);
 /// Between two look-ups of names and files.
 const LOOK_UP: Duration = Duration::from_secs(2);
 
-/// What the session is told; it listens between frames.
+/// What the cluster is told; it listens whenever a frame begins.
 #[derive(Debug)]
 pub(crate) enum News {
     Arrived(Box<Arrival>),
     /// A node of the table drains, or its connection broke; `serial` tells which of its lives.
     Left {
-        address: String,
         serial: u64,
         why: String,
     },
@@ -50,7 +50,7 @@ pub(crate) struct Arrival {
     pub(crate) holds: Vec<u32>,
 }
 
-/// What the session knows of the next frames, so that a node can load what it would be given.
+/// What a session knows of its next frames, so that a node can load what it would be given.
 #[derive(Debug, Clone)]
 pub(crate) struct Outlook {
     pub(crate) scene: Scene,
@@ -60,7 +60,36 @@ pub(crate) struct Outlook {
     pub(crate) slots: Vec<(String, bool)>,
 }
 
-pub(crate) type SharedOutlook = Arc<Mutex<Option<Outlook>>>;
+/// The outlooks of all sessions, which each tells from its plan.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Outlooks(Arc<Mutex<BTreeMap<SessionId, Outlook>>>);
+
+impl Outlooks {
+    /// What nodes that come would be given by this session from now on.
+    pub(crate) fn expect(&self, session: SessionId, outlook: Outlook) {
+        self.lock().insert(session, outlook);
+    }
+
+    /// The session is over.
+    pub(crate) fn forget(&self, session: SessionId) {
+        self.lock().remove(&session);
+    }
+
+    /// Each that wants something else loaded, once.
+    fn distinct(&self) -> Vec<(SessionId, Outlook)> {
+        let mut all: Vec<(SessionId, Outlook)> = Vec::new();
+        for (session, one) in self.lock().iter() {
+            if !all.iter().any(|(_, other)| Arc::ptr_eq(&one.shown, &other.shown) && one.fixed == other.fixed) {
+                all.push((*session, one.clone()));
+            }
+        }
+        all
+    }
+
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<SessionId, Outlook>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
 
 #[derive(Debug)]
 enum State {
@@ -82,16 +111,15 @@ enum State {
 pub(crate) struct Follower {
     pub(crate) list: NodeList,
     pub(crate) dial: Dial,
-    pub(crate) session: SessionId,
     pub(crate) store: StoreHash,
-    pub(crate) outlook: SharedOutlook,
+    pub(crate) outlooks: Outlooks,
     pub(crate) news: mpsc::UnboundedSender<News>,
-    /// Nodes that the session lost, or refused.
+    /// Nodes that the cluster lost, or refused.
     pub(crate) wanted: mpsc::UnboundedReceiver<Target>,
 }
 
 impl Follower {
-    /// Runs until the session is gone. `known` are the nodes of its first table, and those that did not answer then.
+    /// Runs until the cluster is gone. `known` are the nodes of its first table, and those that did not answer then.
     pub(crate) async fn run(mut self, known: Vec<(Target, bool)>) {
         let start = Instant::now();
         let state = |serves| match serves {
@@ -149,8 +177,7 @@ impl Follower {
                 let State::Waiting { until, tries } = *state else { continue };
                 if until <= now {
                     *state = State::Trying { tries };
-                    let attempt =
-                        attempt(target.clone(), self.dial.clone(), (self.session, self.store), self.outlook.clone());
+                    let attempt = attempt(target.clone(), self.dial.clone(), self.store, self.outlooks.clone());
                     let target = target.clone();
                     attempts.spawn(async move { (target, attempt.await) });
                 }
@@ -188,31 +215,25 @@ async fn sleep_until(wake: Option<Instant>) {
     }
 }
 
-async fn attempt(
-    target: Target,
-    dial: Dial,
-    (session, store): (SessionId, StoreHash),
-    outlook: SharedOutlook,
-) -> Result<Arrival, NodeError> {
+async fn attempt(target: Target, dial: Dial, store: StoreHash, outlooks: Outlooks) -> Result<Arrival, NodeError> {
     let mut client = dial.connect(target.clone()).await?;
     let description = client.describe().await?;
     if description.state == NodeState::Draining {
         return Err(NodeError::Draining { address: target.address });
     }
     client.open_store(store).await?;
-    let outlook = outlook.lock().unwrap_or_else(PoisonError::into_inner).clone();
-    let mut holds = Vec::new();
-    if let Some(outlook) = outlook {
+    let mut holds = BTreeSet::new();
+    for (session, outlook) in outlooks.distinct() {
         let (shown, scene) = (outlook.shown.clone(), outlook.scene.clone());
         let chunks = outlook.what_it_would_hold(&target.address);
         let bricks = shown.bricks_in(&chunks);
         let request = PrepareRequest { session, store, bricks, scene, background: false, release: Vec::new() };
         let receipt = client.prepare(request).await?;
         if receipt.fits {
-            holds = chunks;
+            holds.extend(chunks);
         }
     }
-    Ok(Arrival { target, client, description, holds })
+    Ok(Arrival { target, client, description, holds: holds.into_iter().collect() })
 }
 
 impl Outlook {

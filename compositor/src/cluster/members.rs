@@ -1,23 +1,24 @@
 //! Membership: which nodes there are, which of them the next frame is rendered on, and under which epoch.
 //!
-//! Invariant (docs/reference/protocol.md, law 3): the table changes in [`Cluster::settle`] and [`Cluster::lose`] only, which are called between
-//! frames; each change is another epoch. A slot keeps its place while its node is away, so that its chunks come back to it.
+//! Invariant (docs/reference/protocol.md, law 3): the table changes in [`Members::settle`], [`Members::lose`] and [`Members::advance`] only, and
+//! each change is another epoch. A frame that is under way does not see it: it has the [`Roster`] that it began with. A slot keeps its
+//! place while its node is away, so that its chunks come back to it.
 
-use std::hash::{BuildHasher as _, RandomState};
-use std::sync::PoisonError;
+use std::sync::Arc;
 use std::time::Duration;
 
-use brickcast_proto::{NodeDescription, NodeState, PrepareRequest, StoreDescription};
-use brickcast_volume::scene::Scene;
-use brickcast_volume::{Epoch, SessionId, StoreHash};
+use brickcast_proto::{NodeDescription, NodeState, StoreDescription};
+use brickcast_volume::{Epoch, StoreHash};
 use tokio::sync::mpsc;
-use tokio::task::{AbortHandle, JoinSet};
+use tokio::task::JoinSet;
 
 use super::dial::Dial;
 use super::discovery::{NodeList, Target};
 use super::error::ClusterError;
-use super::follow::{Arrival, Follower, News, Outlook, SharedOutlook};
-use super::service::{NodeClient, NodeError};
+use super::follow::{Arrival, Follower, News, Outlooks};
+use super::node_error::NodeError;
+use super::roster::{Member, Roster, Slot};
+use super::service::NodeClient;
 
 /// How often a node is asked at the start, where its answers are lost on the way, and the pause before it is asked again.
 const FIRST_CALLS: u32 = 3;
@@ -32,38 +33,16 @@ pub enum StoreChoice {
     Name(String),
 }
 
-/// A node that serves.
+/// Which nodes there are now; whoever renders keeps a [`Roster`] of it.
 #[derive(Debug)]
-pub(crate) struct Member {
-    pub(crate) client: NodeClient,
-    pub(crate) description: NodeDescription,
-    /// Which of the lives behind this address it is; no other member has the same.
-    pub(crate) serial: u64,
-    /// Chunks that it had loaded when it came; nothing for those of the first table, which load with the session.
-    pub(crate) holds: Option<Vec<u32>>,
-    watch: AbortHandle,
-}
-
-#[derive(Debug)]
-pub(crate) struct Slot {
-    pub(crate) target: Target,
-    /// Or why it is away.
-    pub(crate) member: Result<Member, String>,
-}
-
-/// The nodes of a session.
-#[derive(Debug)]
-pub(crate) struct Cluster {
-    session: SessionId,
-    store: StoreHash,
-    slots: Vec<Slot>,
-    epoch: Epoch,
+pub(crate) struct Members {
+    roster: Roster,
     serial: u64,
     news: mpsc::UnboundedReceiver<News>,
     /// Kept to tell of nodes that left.
     tell: mpsc::UnboundedSender<News>,
     wanted: mpsc::UnboundedSender<Target>,
-    outlook: SharedOutlook,
+    outlooks: Outlooks,
     /// The follower and a watch for every member; all end with this.
     tasks: JoinSet<()>,
 }
@@ -71,7 +50,7 @@ pub(crate) struct Cluster {
 /// A node that answered at the start.
 type First = (NodeClient, NodeDescription, StoreDescription);
 
-impl Cluster {
+impl Members {
     /// Connects the nodes of `list`, and follows it from now on.
     ///
     /// # Errors
@@ -118,98 +97,66 @@ impl Cluster {
         let Some(store) = store else { return Err(fault.unwrap_or(ClusterError::NoneServes(reasons))) };
         let (tell, news) = mpsc::unbounded_channel();
         let (wanted, lost) = mpsc::unbounded_channel();
-        let outlook = SharedOutlook::default();
-        let mut cluster = Self {
-            session: new_session(),
-            store: store.hash,
-            slots: Vec::new(),
-            epoch: Epoch(1),
+        let mut members = Self {
+            roster: Roster::new(store.hash),
             serial: 0,
             news,
             tell,
             wanted,
-            outlook,
+            outlooks: Outlooks::default(),
             tasks: JoinSet::new(),
         };
         let known = slots.iter().map(|(target, answer)| (target.clone(), answer.is_ok())).collect();
         for (target, answer) in slots {
-            let member = answer.map(|(client, description, _)| cluster.member(&target, client, description));
-            cluster.slots.push(Slot { target, member });
+            let member = answer.map(|(client, description, _)| members.member(client, description, None));
+            members.roster.slots_mut().push(Slot { target, member });
         }
         let follower = Follower {
             list,
             dial: dial.clone(),
-            session: cluster.session,
             store: store.hash,
-            outlook: cluster.outlook.clone(),
-            news: cluster.tell.clone(),
+            outlooks: members.outlooks.clone(),
+            news: members.tell.clone(),
             wanted: lost,
         };
-        cluster.tasks.spawn(follower.run(known));
-        Ok((cluster, store))
+        members.tasks.spawn(follower.run(known));
+        Ok((members, store))
     }
 
-    fn member(&mut self, target: &Target, client: NodeClient, description: NodeDescription) -> Member {
+    fn member(&mut self, client: NodeClient, description: NodeDescription, holds: Option<Vec<u32>>) -> Arc<Member> {
         self.serial += 1;
-        let (serial, address) = (self.serial, target.address.clone());
+        let serial = self.serial;
         let (mut watched, tell) = (client.clone(), self.tell.clone());
         let watch = self.tasks.spawn(async move {
             let why = watched.leaves().await;
-            tell.send(News::Left { address, serial, why }).ok();
+            tell.send(News::Left { serial, why }).ok();
         });
-        Member { client, description, serial, holds: None, watch }
+        Arc::new(Member { client, description, serial, holds, watch })
     }
 
-    pub(crate) fn session(&self) -> SessionId {
-        self.session
+    /// The nodes as they are now.
+    pub(crate) fn roster(&self) -> Roster {
+        self.roster.clone()
     }
 
-    /// What a node is asked to load.
-    pub(crate) fn loading(&self, bricks: Vec<u32>, scene: Scene) -> PrepareRequest {
-        let (session, store) = (self.session, self.store);
-        PrepareRequest { session, store, bricks, scene, background: false, release: Vec::new() }
-    }
-
-    pub(crate) fn epoch(&self) -> Epoch {
-        self.epoch
+    /// Where sessions say what nodes that come would be given.
+    pub(crate) fn outlooks(&self) -> Outlooks {
+        self.outlooks.clone()
     }
 
     /// Another table under the next epoch.
     pub(crate) fn advance(&mut self) {
-        self.epoch = Epoch(self.epoch.0 + 1);
+        self.roster.epoch = Epoch(self.roster.epoch.0 + 1);
     }
 
-    /// Position in the table, and the node.
-    pub(crate) fn members(&self) -> impl Iterator<Item = (usize, &Member)> {
-        self.slots.iter().enumerate().filter_map(|(i, slot)| Some((i, slot.member.as_ref().ok()?)))
-    }
-
-    /// Address and whether it is there, in the order of the table.
-    pub(crate) fn slots(&self) -> Vec<(String, bool)> {
-        self.slots.iter().map(|slot| (slot.target.address.clone(), slot.member.is_ok())).collect()
-    }
-
-    /// Why those that are away are.
-    pub(crate) fn reasons(&self) -> Vec<String> {
-        self.slots.iter().filter_map(|slot| slot.member.as_ref().err().cloned()).collect()
-    }
-
-    /// The table: every node that is known, whether it is there or not.
-    pub(crate) fn table(&self) -> &[Slot] {
-        &self.slots
-    }
-
-    /// What nodes that come would be given.
-    pub(crate) fn expect(&self, outlook: Outlook) {
-        *self.outlook.lock().unwrap_or_else(PoisonError::into_inner) = Some(outlook);
-    }
-
-    /// Takes the node out of the table, and tries to get it back.
-    pub(crate) fn lose(&mut self, position: usize, why: String) {
-        let Some(slot) = self.slots.get_mut(position) else { return };
-        let Ok(member) = &slot.member else { return };
-        member.watch.abort();
-        slot.member = Err(why);
+    /// Takes the node with this serial out of the table, and tries to get it back. Nothing where it is gone already: several frames
+    /// may lose one node.
+    pub(crate) fn lose(&mut self, serial: u64, why: String) {
+        let is_it = |slot: &&mut Slot| matches!(&slot.member, Ok(member) if member.serial == serial);
+        let Some(slot) = self.roster.slots_mut().iter_mut().find(is_it) else { return };
+        if let Ok(member) = std::mem::replace(&mut slot.member, Err(why)) {
+            member.watch.abort();
+        }
         self.wanted.send(slot.target.clone()).ok();
         self.advance();
     }
@@ -220,18 +167,16 @@ impl Cluster {
         while let Ok(news) = self.news.try_recv() {
             match news {
                 News::Arrived(arrival) => self.admit(*arrival),
-                News::Left { address, serial, why } => {
-                    let left = |(_, m): &(usize, &Member)| m.serial == serial && m.client.address() == address;
-                    let position = self.members().find(left).map(|(position, _)| position);
-                    if let Some(position) = position {
+                News::Left { serial, why } => {
+                    if self.roster.members().any(|(_, member)| member.serial == serial) {
                         tracing::warn!("{why}");
-                        self.lose(position, why);
+                        self.lose(serial, why);
                     }
                 }
                 News::Gone { address } => {
-                    let before = self.slots.len();
-                    self.slots.retain(|slot| slot.member.is_ok() || slot.target.address != address);
-                    if self.slots.len() != before {
+                    let is_gone = |slot: &Slot| slot.member.is_err() && slot.target.address == address;
+                    if self.roster.slots().iter().any(is_gone) {
+                        self.roster.slots_mut().retain(|slot| !is_gone(slot));
                         self.advance();
                     }
                 }
@@ -240,17 +185,18 @@ impl Cluster {
     }
 
     fn admit(&mut self, Arrival { target, client, description, holds }: Arrival) {
-        let twin = self.members().find(|(_, m)| m.description.node_id == description.node_id);
+        let twin = self.roster.members().find(|(_, m)| m.description.node_id == description.node_id);
         if let Some((_, twin)) = twin.filter(|(_, m)| m.client.address() != target.address) {
             tracing::debug!("{} is the node that {} is", target.address, twin.client.address());
             self.wanted.send(target).ok();
             return;
         }
         tracing::info!("node {} joins", target.address);
-        let member = Ok(Member { holds: Some(holds), ..self.member(&target, client, description) });
-        match self.slots.iter_mut().find(|slot| slot.target.address == target.address) {
+        let member = Ok(self.member(client, description, Some(holds)));
+        let slots = self.roster.slots_mut();
+        match slots.iter_mut().find(|slot| slot.target.address == target.address) {
             Some(slot) => slot.member = member,
-            None => self.slots.push(Slot { target, member }),
+            None => slots.push(Slot { target, member }),
         }
         self.advance();
     }
@@ -295,11 +241,6 @@ async fn ask(target: &Target, dial: &Dial, choice: &StoreChoice, was_reached: &m
         StoreChoice::Name(name) => client.open_store_named(name).await?,
     };
     Ok((client, description, store))
-}
-
-/// A number that no other session has.
-fn new_session() -> SessionId {
-    SessionId(RandomState::new().hash_one(std::process::id()))
 }
 
 /// A node is named once, and all have the same content.

@@ -1,4 +1,4 @@
-//! The nodes of a session: which there are, how they are reached, and what they are asked.
+//! The nodes of a cluster: which there are, how they are reached, and what they are asked.
 
 mod access;
 mod cancels;
@@ -7,7 +7,9 @@ mod discovery;
 mod error;
 mod follow;
 mod members;
+mod node_error;
 mod pings;
+mod roster;
 mod service;
 mod tls_words;
 
@@ -15,8 +17,10 @@ pub use access::{Access, random_token};
 pub use dial::Dial;
 pub use discovery::{DiscoveryError, MAX_NODES, NodeList, Target};
 pub use error::ClusterError;
-pub(crate) use follow::Outlook;
+pub(crate) use follow::{Outlook, Outlooks};
+pub(crate) use members::Members;
 pub use members::StoreChoice;
-pub(crate) use members::{Cluster, Member, Slot};
+pub use node_error::NodeError;
 pub use pings::Pings;
-pub use service::{LOAD_DEADLINE, NodeClient, NodeError};
+pub(crate) use roster::{Member, Roster, Slot};
+pub use service::{LOAD_DEADLINE, NodeClient, Parts};

@@ -1,10 +1,14 @@
 //! A node as the compositor calls it: domain types in, domain types out; wire types stay in here.
+//!
+//! Its public calls are type-erased futures: the body of an `async fn` is compiled again in every crate that awaits it, and with
+//! these that would be all of tonic and h2, in each test program.
 
 use std::error::Error as _;
 use std::time::{Duration, Instant};
 
 use super::access::Access;
 use super::cancels::Cancels;
+use super::node_error::NodeError;
 use super::pings::Pings;
 use super::tls_words::{PERHAPS_CERTIFICATE, PERHAPS_TLS, explained, is_handshake};
 use brickcast_proto::credentials::Badge;
@@ -15,7 +19,9 @@ use brickcast_proto::{
     transport, wire,
 };
 use brickcast_volume::StoreHash;
-use futures_util::{Stream, StreamExt as _};
+use futures_util::StreamExt as _;
+use futures_util::future::BoxFuture;
+use futures_util::stream::BoxStream;
 use tonic::transport::{Channel, Endpoint};
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
@@ -39,75 +45,8 @@ const STEADY: Duration = Duration::from_secs(10);
 /// A ping that is not answered within this gives a connection up: a hanging node is found within 2 s.
 const PING_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Something that a node, or the way to it, did not do. Always names the node.
-#[derive(Debug, thiserror::Error)]
-pub enum NodeError {
-    #[error(transparent)]
-    Address(#[from] transport::AddressError),
-    #[error("node {address}: cannot be reached ({reason}); is brickcast-node running there and its port open?")]
-    Unreachable { address: String, reason: String },
-    #[error("node {address}: no secure connection ({reason})")]
-    Handshake { address: String, reason: String },
-    #[error(
-        "node {address}: no answer to {call} within {seconds} s; it is hanging, the network is cut, or it has more to load than \
-         --load-deadline gives it time for"
-    )]
-    NoAnswer { address: String, call: &'static str, seconds: f64 },
-    #[error("node {address}: {call}: the connection was lost ({reason})")]
-    Lost { address: String, call: &'static str, reason: String },
-    #[error("node {address}: {call}: the connection was closed, because calls on it were cancelled ({reason})")]
-    Calmed { address: String, call: &'static str, reason: String },
-    #[error("node {address}: {call}: {message}")]
-    Refused { address: String, call: &'static str, code: tonic::Code, message: String },
-    #[error("node {address}: it is shutting down")]
-    Draining { address: String },
-    #[error(
-        "node {address}: it answers pings, but sent nothing of the frame for {seconds:.1} s; it is hanging or overloaded"
-    )]
-    Hanging { address: String, seconds: f64 },
-    #[error("node {address}: {call}: sent something that is not valid: {reason}")]
-    Invalid { address: String, call: &'static str, reason: String },
-    #[error(
-        "node {address} speaks protocol {theirs} (version {version}), this is protocol {ours}; run the same release on both"
-    )]
-    Protocol { address: String, theirs: u32, version: String, ours: u32 },
-}
-
-impl NodeError {
-    /// True where bytes that were damaged on their way may have looked like that: the same call again may do.
-    #[must_use]
-    pub(crate) fn may_be_damage(&self) -> bool {
-        use tonic::Code::{DataLoss, Internal, Unknown};
-        self.is_lost() || matches!(self, Self::Refused { code: Internal | Unknown | DataLoss, .. })
-    }
-
-    /// True where the node is well and only has, or had, too much to do: it is worth asking again after a pause.
-    #[must_use]
-    pub fn is_busy(&self) -> bool {
-        matches!(self, Self::Refused { code: tonic::Code::ResourceExhausted, .. }) || self.is_calmed()
-    }
-
-    /// True where only the connection is gone, over calls that were cancelled on it. The next call opens another.
-    #[must_use]
-    pub fn is_calmed(&self) -> bool {
-        matches!(self, Self::Calmed { .. })
-    }
-
-    /// True where the way to the node broke, so that another connection may do.
-    #[must_use]
-    pub fn is_lost(&self) -> bool {
-        match self {
-            Self::Lost { .. }
-            | Self::Calmed { .. }
-            | Self::NoAnswer { .. }
-            | Self::Unreachable { .. }
-            | Self::Invalid { .. } => true,
-            // What was sent was damaged on its way, or what was answered taken too slowly.
-            Self::Refused { code, .. } => *code == tonic::Code::Aborted,
-            _ => false,
-        }
-    }
-}
+/// What comes back of an order: its parts, and the bytes that each took on the wire.
+pub type Parts = BoxStream<'static, Result<(FramePart, usize), NodeError>>;
 
 /// A connected node.
 #[derive(Debug, Clone)]
@@ -129,15 +68,15 @@ impl NodeClient {
     ///
     /// # Errors
     /// A malformed address, no connection within [`transport::CONNECT_TIMEOUT`].
-    pub async fn connect(address: &str, access: &Access) -> Result<Self, NodeError> {
-        Self::connect_pinging(address, access, &Pings::default()).await
+    pub fn connect<'a>(address: &'a str, access: &'a Access) -> BoxFuture<'a, Result<Self, NodeError>> {
+        Box::pin(async move { Self::connect_pinging(address, access, &Pings::default()).await })
     }
 
     /// As [`NodeClient::connect`]; tells `pings` where it is pinged too often, and heeds what others told.
     ///
     /// # Errors
     /// As [`NodeClient::connect`].
-    pub async fn connect_pinging(address: &str, access: &Access, pings: &Pings) -> Result<Self, NodeError> {
+    pub(crate) async fn connect_pinging(address: &str, access: &Access, pings: &Pings) -> Result<Self, NodeError> {
         let endpoint = Self::endpoint(address, access)?.http2_keep_alive_interval(pings.after(address));
         let unreachable = |reason: String| NodeError::Unreachable { address: address.to_owned(), reason };
         let channel = match tokio::time::timeout(transport::CONNECT_TIMEOUT, endpoint.connect()).await {
@@ -189,7 +128,7 @@ impl NodeClient {
     }
 
     /// Resolves when the node leaves: it says that it no longer serves, or the connection breaks. Tells why.
-    pub async fn leaves(&mut self) -> String {
+    pub(crate) async fn leaves(&mut self) -> String {
         let mut calmed = 0;
         loop {
             let started = Instant::now();
@@ -236,7 +175,11 @@ impl NodeClient {
 
     /// # Errors
     /// No answer, or a node of another protocol.
-    pub async fn describe(&mut self) -> Result<NodeDescription, NodeError> {
+    pub fn describe(&mut self) -> BoxFuture<'_, Result<NodeDescription, NodeError>> {
+        Box::pin(self.described())
+    }
+
+    async fn described(&self) -> Result<NodeDescription, NodeError> {
         let describe =
             |mut cluster: ClusterClient<Line>| async move { cluster.describe(wire::DescribeRequest {}).await };
         let answer = self.ask("Describe", describe).await.map_err(|error| match error {
@@ -268,19 +211,19 @@ impl NodeClient {
     ///
     /// # Errors
     /// The node does not know it, or has another content under that name.
-    pub async fn open_store(&mut self, hash: StoreHash) -> Result<StoreDescription, NodeError> {
-        self.open(StoreQuery::Hash(hash)).await
+    pub fn open_store(&mut self, hash: StoreHash) -> BoxFuture<'_, Result<StoreDescription, NodeError>> {
+        Box::pin(self.open(StoreQuery::Hash(hash)))
     }
 
     /// Manifest and brick ranges of a store by the name that the node knows it by.
     ///
     /// # Errors
     /// The node does not know it.
-    pub async fn open_store_named(&mut self, name: &str) -> Result<StoreDescription, NodeError> {
-        self.open(StoreQuery::Name { name: name.to_owned(), expected: None }).await
+    pub fn open_store_named(&mut self, name: &str) -> BoxFuture<'_, Result<StoreDescription, NodeError>> {
+        Box::pin(self.open(StoreQuery::Name { name: name.to_owned(), expected: None }))
     }
 
-    async fn open(&mut self, query: StoreQuery) -> Result<StoreDescription, NodeError> {
+    async fn open(&self, query: StoreQuery) -> Result<StoreDescription, NodeError> {
         let request = wire::OpenStoreRequest::from(query);
         let open = |mut cluster: ClusterClient<Line>| {
             let request = request.clone();
@@ -294,28 +237,30 @@ impl NodeClient {
     ///
     /// # Errors
     /// A brick that cannot be read, a lost node, more time than there is patience.
-    pub async fn prepare(&mut self, request: PrepareRequest) -> Result<PrepareReceipt, NodeError> {
-        let mut cluster = self.cluster.clone();
-        let call = cluster.prepare(wire::PrepareRequest::from(request));
-        let answer = self.within("Prepare", self.patience, call).await?;
-        PrepareReceipt::try_from(answer).map_err(|e| self.invalid("Prepare", e))
+    pub fn prepare(&mut self, request: PrepareRequest) -> BoxFuture<'_, Result<PrepareReceipt, NodeError>> {
+        Box::pin(async move {
+            let mut cluster = self.cluster.clone();
+            let call = cluster.prepare(wire::PrepareRequest::from(request));
+            let answer = self.within("Prepare", self.patience, call).await?;
+            PrepareReceipt::try_from(answer).map_err(|e| self.invalid("Prepare", e))
+        })
     }
 
-    /// Sends an order; its parts come back as they are ready, with the bytes that each took on the wire. Dropping it cancels the
-    /// order, but not before the node took it up.
+    /// Sends an order; its parts come back as they are ready. Dropping them cancels the order, but not before the node took it up.
     ///
     /// # Errors
     /// The order is refused. The stream's items may fail, too.
-    pub async fn render(
-        &mut self,
-        order: RenderOrder,
-    ) -> Result<impl Stream<Item = Result<(FramePart, usize), NodeError>> + use<>, NodeError> {
+    pub fn render(&mut self, order: RenderOrder) -> BoxFuture<'_, Result<Parts, NodeError>> {
+        Box::pin(self.ordered(order))
+    }
+
+    async fn ordered(&self, order: RenderOrder) -> Result<Parts, NodeError> {
         let node = self.clone();
         let (mut render, order) = (self.render.clone(), wire::RenderOrder::from(order));
         let answer = self.cancels.call(async move { render.render_frame(order).await }).await;
         let parts = answer.map_err(|status| self.refused("RenderFrame", &status))?.into_inner();
         let mut unended = self.cancels.unless_ended();
-        Ok(parts.map(move |part| {
+        Ok(Box::pin(parts.map(move |part| {
             let part = part.map_err(|status| {
                 unended.ended();
                 node.refused("RenderFrame", &status)
@@ -326,7 +271,7 @@ impl NodeClient {
                 unended.ended();
             }
             Ok((part, bytes))
-        }))
+        })))
     }
 
     /// A small question, asked again while the node is busy.

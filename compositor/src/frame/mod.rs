@@ -3,23 +3,29 @@
 
 pub mod blend;
 mod collect;
+mod cost;
 mod error;
+mod finished;
 pub mod ledger;
 mod node_frame;
+mod sink;
 mod worker;
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use brickcast_proto::{LayerOrder, Receipt, RenderOrder};
+use brickcast_proto::{LayerOrder, RenderOrder};
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::{Epoch, FrameId, SessionId, StoreHash};
 use tokio::sync::mpsc;
 use tokio::task::{AbortHandle, JoinSet};
 use tokio::time::Instant;
 
+pub(crate) use self::cost::NodeCost;
 pub use self::error::FrameError;
+pub(crate) use self::finished::Finished;
 pub use self::node_frame::{LostNode, NodeFrame};
+pub use self::sink::{FinishedTile, FrameSink};
 pub(crate) use self::worker::workers;
 
 use self::collect::{Event, collect};
@@ -62,28 +68,6 @@ pub(crate) struct FrameEnd {
     pub(crate) bytes_received: u64,
 }
 
-/// What one node's answers cost.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct NodeCost {
-    /// In the list of workers.
-    pub(crate) position: usize,
-    /// Its own time for rendering, throttle included.
-    pub(crate) work_ms: f64,
-    /// Chunks and their cost, in samples.
-    pub(crate) chunks: Vec<(u32, f64)>,
-}
-
-impl NodeCost {
-    pub(crate) fn cost(&self) -> f64 {
-        self.chunks.iter().map(|(_, cost)| cost).sum()
-    }
-
-    fn take(&mut self, receipt: &Receipt) {
-        self.work_ms += receipt.work_ms;
-        self.chunks.extend(receipt.costs.iter().map(|c| (c.chunk, c.units())));
-    }
-}
-
 #[derive(Debug)]
 struct Sent {
     worker: usize,
@@ -98,13 +82,15 @@ struct Sent {
 /// A worker that was called again, and what came of it.
 type Called = (usize, Result<(NodeClient, NodeFrame), NodeError>);
 
-struct Run<'a> {
+struct Run<'a, 's> {
     order: &'a FrameOrder<'a>,
     shown: &'a Shown,
     in_view: &'a InView,
     dial: &'a Dial,
     started: Instant,
     ledger: Ledger,
+    /// Where somebody listens.
+    finished: Option<Finished<'s>>,
     workers: Vec<Worker>,
     sent: Vec<Sent>,
     tasks: JoinSet<()>,
@@ -119,13 +105,15 @@ struct Run<'a> {
     bytes_received: u64,
 }
 
-/// Renders one frame on `workers`, each at its position in `table`.
+/// Renders one frame on `workers`, each at its position in `table`. Dropping the future cancels the frame on the nodes: its tasks hold
+/// the streams.
 pub(crate) async fn run(
     order: &FrameOrder<'_>,
     workers: Vec<Worker>,
     (shown, in_view): (&Shown, &InView),
     table: &Assignment,
     dial: &Dial,
+    finished: Option<Finished<'_>>,
 ) -> Result<FrameEnd, FrameError> {
     let (events, mut inbox) = mpsc::channel(EVENTS);
     let mut run = Run {
@@ -135,6 +123,7 @@ pub(crate) async fn run(
         dial,
         started: Instant::now(),
         ledger: Ledger::new(order.frame, order.epoch, in_view.chunks()),
+        finished,
         workers,
         sent: Vec::new(),
         tasks: JoinSet::new(),
@@ -153,6 +142,9 @@ pub(crate) async fn run(
                 run.send(worker, layers, run.started)?;
             }
         }
+    }
+    if let Some(finished) = &mut run.finished {
+        finished.recount(&run.ledger);
     }
     let ends_at = run.started + order.deadline;
     let mut receipts_until = None;
@@ -186,7 +178,7 @@ pub(crate) async fn run(
     }
 }
 
-impl Run<'_> {
+impl Run<'_, '_> {
     fn send(&mut self, worker: usize, layers: Vec<LayerOrder>, now: Instant) -> Result<(), LedgerError> {
         let Some(client) = self.workers[worker].ready(now).cloned() else { return Ok(()) };
         if layers.is_empty() {
@@ -194,6 +186,9 @@ impl Run<'_> {
         }
         let ticket = Ticket(self.sent.len());
         self.ledger.order(ticket, &layers)?;
+        if let Some(finished) = &mut self.finished {
+            finished.owed(&layers);
+        }
         let FrameOrder { session, frame, epoch, store, scene, transport, .. } = *self.order;
         let order = RenderOrder { session, frame, epoch, store, scene: scene.clone(), transport, layers };
         let task = self.tasks.spawn(collect(client, ticket, order, self.events.clone()));
@@ -209,6 +204,9 @@ impl Run<'_> {
                 self.bytes_received += bytes as u64;
                 self.tiles += u64::from(pixels.is_some());
                 let verdict = self.ledger.accept(at, ticket, layer, tile, pixels);
+                if let (Verdict::Accepted, Some(finished)) = (verdict, &mut self.finished) {
+                    finished.answered(tile, &self.ledger);
+                }
                 if verdict != Verdict::Accepted && !self.sent[ticket.0].ended {
                     // No node answers twice, or what it was not asked: the line damaged the tile's place.
                     self.fail_as_invalid(ticket, format!("tile {tile:?} of layer {}: {verdict:?}", layer.0), now);
@@ -269,7 +267,11 @@ impl Run<'_> {
         sent.ended = true;
         // Dropping the stream tells the node to stop.
         sent.task.abort();
-        self.void += self.ledger.make_void(ticket, which);
+        let void = self.ledger.make_void(ticket, which);
+        self.void += void;
+        if let (1.., Some(finished)) = (void, &mut self.finished) {
+            finished.recount(&self.ledger);
+        }
     }
 
     fn can_work(&self, worker: usize) -> bool {

@@ -6,7 +6,7 @@ use brickcast_proto::NodeState;
 use tokio::time::Instant;
 
 use super::node_frame::NodeFrame;
-use crate::cluster::{Cluster, Dial, NodeClient, NodeError, Slot, Target};
+use crate::cluster::{Dial, NodeClient, NodeError, Roster, Slot, Target};
 
 /// How long a busy node is left alone at first, and at most.
 const PAUSE: (Duration, Duration) = (Duration::from_millis(50), Duration::from_secs(1));
@@ -18,12 +18,12 @@ const CALL_PAUSE: Duration = Duration::from_millis(250);
 const CALMED: u32 = 3;
 
 /// The nodes as a frame sees them, in the order of the table.
-pub(crate) fn workers(cluster: &Cluster) -> Vec<Worker> {
+pub(crate) fn workers(roster: &Roster) -> Vec<Worker> {
     let worker = |Slot { target, member }: &Slot| match member {
         Ok(m) => Worker::present(target.clone(), m.client.clone(), NodeFrame::new(&target.address, &m.description)),
         Err(why) => Worker::absent(target.clone(), why.clone(), NodeFrame::default()),
     };
-    cluster.table().iter().map(worker).collect()
+    roster.slots().iter().map(worker).collect()
 }
 
 /// A node in one frame.

@@ -1,32 +1,36 @@
-//! A session with some nodes on one store: load, then frame after frame.
+//! Sessions on a cluster of nodes that hold one store: load, then frame after frame.
+//!
+//! What it awaits is type-erased: the body of an `async fn` is compiled again in every crate that awaits it.
 
 pub mod audit;
 mod balanced;
+mod cluster;
 mod error;
+mod look;
 pub mod stats;
 
+use std::hash::{BuildHasher as _, RandomState};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use brickcast_proto::{NodeDescription, StoreDescription};
-use brickcast_volume::scene::{Acceleration, RegionView, Scene, Transport};
-use brickcast_volume::style::Style;
-use brickcast_volume::transfer_function::TransferFunction;
-use brickcast_volume::{Epoch, FrameId, View};
-use futures_util::future::join_all;
+use brickcast_proto::NodeDescription;
+use brickcast_volume::scene::{Scene, Transport};
+use brickcast_volume::{Epoch, FrameId, SessionId, View};
+use futures_util::future::{BoxFuture, join_all};
 
 pub use self::balanced::BalanceStats;
+pub use self::cluster::Cluster;
 pub use self::error::SessionError;
 pub use self::stats::{FrameFaults, FrameStats, LoadStats};
 pub use crate::cluster::StoreChoice;
 
-use self::balanced::Balanced;
-use crate::balance::{Mode, Settings};
-use crate::cluster::{Cluster, ClusterError, Dial, NodeList, Outlook};
-use crate::frame::blend::{blend, classified};
-use crate::frame::{self, FrameError, FrameOrder};
+use self::look::Look;
+use crate::balance::{Demand, Settings};
+use crate::cluster::{Dial, Outlook, Roster};
+use crate::frame::blend::{Classes, blend};
+use crate::frame::{self, Finished, FrameError, FrameOrder, FrameSink};
 use crate::picture::Picture;
-use crate::plan::{Assignment, InView, Shown, StoreFacts};
+use crate::plan::{Assignment, InView, StoreFacts};
 
 /// Between two attempts to load on a node that is busy.
 const BUSY_PAUSE: Duration = Duration::from_millis(250);
@@ -45,76 +49,64 @@ pub struct Frame {
     pub stats: FrameStats,
 }
 
-/// Nodes that all hold one store. They may come and go.
+/// One user's frames on a [`Cluster`]: what is his own, and a share in all that is the cluster's.
 #[derive(Debug)]
 pub struct Session {
-    cluster: Cluster,
-    dial: Dial,
-    store: StoreFacts,
+    cluster: Arc<Cluster>,
+    id: SessionId,
     next_frame: u64,
     fixed: Option<Assignment>,
     planned: Option<Planned>,
-    balance: Settings,
-    balanced: Option<Balanced>,
 }
 
-/// What is the same for every view of a sequence: kept until the transfer function, step, unit or the table changes.
+/// What is the same for every view of a sequence: kept until the look or the table changes.
 #[derive(Debug, Clone)]
 struct Planned {
-    transfer_function: TransferFunction,
-    step: f64,
-    opacity_unit: f64,
-    acceleration: Acceleration,
-    region_view: RegionView,
-    region_transfer_function: Option<TransferFunction>,
-    style: Style,
-    shown: Arc<Shown>,
-    assignment: Arc<Assignment>,
+    look: Arc<Look>,
+    first: Arc<Assignment>,
     epoch: Epoch,
 }
 
-impl Planned {
-    fn shows(&self, scene: &Scene) -> bool {
-        self.transfer_function == scene.transfer_function
-            && self.step == scene.step
-            && self.opacity_unit == scene.opacity_unit
-            && self.acceleration == scene.acceleration
-            && self.region_view == scene.region_view
-            && self.region_transfer_function == scene.region_transfer_function
-            && self.style == scene.style
-    }
-}
-
 impl Session {
-    /// Connects to the nodes (`host:port`, `dns:NAME:PORT`, `file:PATH`), agrees on the store, and follows them from now on.
+    /// On a cluster of its own.
     ///
     /// # Errors
-    /// A node that was named by itself and cannot be reached, speaks another protocol, lacks the store or has another content
-    /// under its name; no node that serves. Each is named.
-    pub async fn open(nodes: &[String], choice: StoreChoice) -> Result<Self, SessionError> {
-        Self::open_through(Dial::default(), nodes, choice).await
+    /// As [`Cluster::open`].
+    pub fn open(nodes: &[String], choice: StoreChoice) -> BoxFuture<'_, Result<Self, SessionError>> {
+        Self::open_through(Dial::default(), nodes, choice)
     }
 
     /// As [`Session::open`], with connections of another kind.
     ///
     /// # Errors
     /// As [`Session::open`].
-    pub async fn open_through(dial: Dial, nodes: &[String], choice: StoreChoice) -> Result<Self, SessionError> {
-        let (cluster, store) =
-            Cluster::open(NodeList::parse(nodes).map_err(ClusterError::Discovery)?, &dial, &choice).await?;
-        let balance = Settings { mode: Mode::Off, ..Settings::default() };
-        let store = facts(&store);
-        Ok(Self { cluster, dial, store, next_frame: 1, fixed: None, planned: None, balance, balanced: None })
+    pub fn open_through(
+        dial: Dial,
+        nodes: &[String],
+        choice: StoreChoice,
+    ) -> BoxFuture<'_, Result<Self, SessionError>> {
+        Box::pin(async move { Ok(Cluster::open(dial, nodes, choice).await?.session()) })
+    }
+
+    /// On a cluster that others use, too.
+    #[must_use]
+    pub fn on(cluster: Arc<Cluster>) -> Self {
+        Self { cluster, id: new_id(), next_frame: 1, fixed: None, planned: None }
+    }
+
+    #[must_use]
+    pub fn cluster(&self) -> &Arc<Cluster> {
+        &self.cluster
     }
 
     #[must_use]
     pub fn store(&self) -> &StoreFacts {
-        &self.store
+        self.cluster.store()
     }
 
     /// The nodes of the table: address and description.
-    pub fn members(&self) -> impl Iterator<Item = (&str, &NodeDescription)> {
-        self.cluster.members().map(|(_, member)| (member.client.address(), &member.description))
+    pub fn members(&self) -> impl Iterator<Item = (String, NodeDescription)> {
+        self.cluster.members().into_iter()
     }
 
     /// Renders by this table of chunks from now on, instead of contiguous runs.
@@ -123,35 +115,28 @@ impl Session {
         self.cluster.advance();
     }
 
-    /// Balances by these settings from now on; what was learnt before is forgotten. Off where nobody called this.
+    /// As [`Cluster::balance`]: for all sessions.
     pub fn balance(&mut self, settings: Settings) {
-        self.balance = settings;
-        self.balanced = None;
+        self.cluster.balance(settings);
     }
 
-    fn plan(&mut self, scene: &Scene) -> (Arc<Shown>, Arc<Assignment>) {
-        let same = self.planned.as_ref().filter(|p| p.shows(scene));
-        if let Some(p) = same.filter(|p| p.epoch == self.cluster.epoch()) {
-            return (p.shown.clone(), p.assignment.clone());
-        }
-        let shown = same.map_or_else(|| Arc::new(Shown::in_scene(&self.store, scene)), |p| p.shown.clone());
-        let slots = self.cluster.slots();
-        let outlook = Outlook { scene: scene.clone(), shown: shown.clone(), fixed: self.fixed.clone(), slots };
-        let assignment = Arc::new(outlook.table());
-        self.cluster.expect(outlook);
-        self.planned = Some(Planned {
-            transfer_function: scene.transfer_function.clone(),
-            step: scene.step,
-            opacity_unit: scene.opacity_unit,
-            acceleration: scene.acceleration,
-            region_view: scene.region_view,
-            region_transfer_function: scene.region_transfer_function.clone(),
-            style: scene.style.clone(),
-            shown: shown.clone(),
-            assignment: assignment.clone(),
-            epoch: self.cluster.epoch(),
-        });
-        (shown, assignment)
+    /// What `scene` shows, and the table of these nodes.
+    fn plan(&mut self, scene: &Scene, roster: &Roster) -> (Arc<Look>, Arc<Assignment>) {
+        let same = self.planned.take().filter(|p| p.look.is_of(scene));
+        let planned = match same {
+            Some(planned) if planned.epoch == roster.epoch => planned,
+            same => {
+                let look = same.map_or_else(|| self.cluster.look(scene), |p| p.look);
+                let (fixed, slots) = (self.fixed.clone(), roster.presence());
+                let outlook = Outlook { scene: scene.clone(), shown: look.shown.clone(), fixed, slots };
+                let first = Arc::new(outlook.table());
+                self.cluster.expect(self.id, outlook);
+                Planned { look, first, epoch: roster.epoch }
+            }
+        };
+        let plan = (planned.look.clone(), planned.first.clone());
+        self.planned = Some(planned);
+        plan
     }
 
     /// Makes every node load the bricks that it will render of `scene`, from any view, and warm its pipelines. A node that fails
@@ -159,21 +144,27 @@ impl Session {
     ///
     /// # Errors
     /// No node that could is left.
-    pub async fn load(&mut self, scene: &Scene) -> Result<LoadStats, SessionError> {
+    pub fn load<'a>(&'a mut self, scene: &'a Scene) -> BoxFuture<'a, Result<LoadStats, SessionError>> {
+        Box::pin(self.loaded(scene))
+    }
+
+    async fn loaded(&mut self, scene: &Scene) -> Result<LoadStats, SessionError> {
         let started = Instant::now();
         let mut stats = LoadStats { load_ms: 0.0, decoded_bytes: 0, owned_bytes: 0, shown_bricks: 0, fits: true };
         loop {
-            self.cluster.settle();
-            let (shown, assignment) = self.plan(scene);
-            stats.shown_bricks = shown.brick_count();
-            let answers = join_all(self.cluster.members().map(|(position, member)| {
-                let bricks = assignment.bricks_of(&shown, position);
-                let request = self.cluster.loading(bricks, scene.clone());
-                let mut client = member.client.clone();
-                async move { (position, client.prepare(request).await) }
+            let roster = self.cluster.settled();
+            let (look, first) = self.plan(scene, &roster);
+            let homes = self.fixed.is_none().then(|| self.cluster.homes(&roster, &first)).flatten();
+            let table = homes.as_ref().unwrap_or(&first);
+            stats.shown_bricks = look.shown.brick_count();
+            let answers = join_all(roster.members().map(|(position, member)| {
+                let bricks = table.bricks_of(&look.shown, position);
+                let request = roster.loading(self.id, bricks, scene.clone());
+                let (serial, mut client) = (member.serial, member.client.clone());
+                async move { (serial, client.prepare(request).await) }
             }));
             let (mut again, mut pause, mut fits) = (false, Duration::ZERO, true);
-            for (position, answer) in answers.await {
+            for (serial, answer) in answers.await {
                 match answer {
                     Ok(receipt) => {
                         stats.decoded_bytes += receipt.decoded_bytes;
@@ -186,12 +177,13 @@ impl Session {
                     Err(error) => {
                         again = true;
                         tracing::warn!("loading: {error}; the others load its share");
-                        self.cluster.lose(position, error.to_string());
+                        self.cluster.lose(serial, error.to_string());
                     }
                 }
             }
-            if self.cluster.members().next().is_none() {
-                return Err(FrameError::NoNodeLeft(self.cluster.reasons()).into());
+            let roster = self.cluster.roster();
+            if roster.members().next().is_none() {
+                return Err(FrameError::NoNodeLeft(roster.reasons()).into());
             }
             tokio::time::sleep(pause).await;
             if !again {
@@ -207,54 +199,71 @@ impl Session {
     ///
     /// # Errors
     /// No node is left. A frame of which a part is missing at the deadline is returned, marked incomplete.
-    pub async fn render(
+    pub fn render<'a>(
+        &'a mut self,
+        scene: &'a Scene,
+        transport: Transport,
+        deadline: Duration,
+    ) -> BoxFuture<'a, Result<Frame, SessionError>> {
+        Box::pin(async move { self.rendered(scene, transport, deadline, &mut ()).await })
+    }
+
+    /// As [`Session::render`]; `sink` hears of the tiles as they are finished. Dropping the future cancels the frame on the nodes.
+    ///
+    /// # Errors
+    /// As [`Session::render`].
+    pub fn render_into<'a>(
+        &'a mut self,
+        scene: &'a Scene,
+        transport: Transport,
+        deadline: Duration,
+        sink: &'a mut dyn FrameSink,
+    ) -> BoxFuture<'a, Result<Frame, SessionError>> {
+        Box::pin(self.rendered(scene, transport, deadline, sink))
+    }
+
+    async fn rendered(
         &mut self,
         scene: &Scene,
         transport: Transport,
         deadline: Duration,
+        sink: &mut dyn FrameSink,
     ) -> Result<Frame, SessionError> {
-        let view = View::new(&self.store.manifest.geometry, &scene.camera, scene.size, scene.step)?;
-        self.cluster.settle();
-        let (shown, assignment) = self.plan(scene);
+        let cluster = self.cluster.clone();
+        let store = cluster.store();
+        let view = View::new(&store.manifest.geometry, &scene.camera, scene.size, scene.step)?;
+        let roster = cluster.settled();
+        let (look, first) = self.plan(scene, &roster);
         let frame = FrameId(self.next_frame);
         self.next_frame += 1;
 
         let started = Instant::now();
-        let in_view = InView::new(&shown, &view);
-        let ghost = scene.style.ghost(scene.step);
-        let balanced = match self.balance.mode {
-            Mode::Static | Mode::Dynamic if self.fixed.is_none() => {
-                let made = self.balanced.take().filter(|b| b.is_for(&shown));
-                let made =
-                    made.unwrap_or_else(|| Balanced::new(self.balance.clone(), &self.store, shown.clone(), ghost));
-                Some(self.balanced.insert(made))
-            }
-            _ => None,
+        let in_view = InView::new(&look.shown, &view);
+        let divided = if self.fixed.is_none() && cluster.balances() {
+            let demand = Demand { look: look.id, strips: in_view.sample_positions(&look.shown, &view) };
+            cluster.divide(&look, demand, |roster| self.plan(scene, roster).1)
+        } else {
+            None
         };
-        let table = balanced.map(|b| b.table(&mut self.cluster, &assignment, &in_view, &view));
-        let table = table.as_ref().unwrap_or(&assignment);
-        let epoch = self.cluster.epoch();
-        let order = FrameOrder {
-            session: self.cluster.session(),
-            frame,
-            epoch,
-            store: self.store.hash,
-            scene,
-            transport,
-            deadline,
-        };
-        let workers = frame::workers(&self.cluster);
-        let end = frame::run(&order, workers, (&shown, &in_view), table, &self.dial).await?;
+        let (roster, table) = divided.as_ref().map_or((&roster, &*first), |d| (&d.roster, &d.table));
+        let order =
+            FrameOrder { session: self.id, frame, epoch: roster.epoch, store: store.hash, scene, transport, deadline };
+        let finished = Finished::told_to(sink, store, scene, &view);
+        let workers = frame::workers(roster);
+        let end = frame::run(&order, workers, (&look.shown, &in_view), table, cluster.dial(), finished).await?;
         let complete = end.ledger.is_complete();
         let clean = complete && end.reissued == 0 && end.lost.is_empty();
-        let balance = self.balanced.as_mut().map(|b| b.learn(&self.cluster, scene, &end.costs, clean));
         for (position, lost) in &end.lost {
-            self.cluster.lose(*position, lost.why.clone());
+            if let Some(member) = roster.member(*position) {
+                cluster.lose(member.serial, lost.why.clone());
+            }
         }
+        let epoch = roster.epoch;
+        let balance = divided.and_then(|d| cluster.learn(d, self.id, scene, &end.costs, clean));
         let missing_tiles = end.ledger.missing_tiles();
-        let (ledger, tree, from, size) = (end.ledger, self.store.tree(), view.viewpoint(), scene.size);
-        let (mode, function, range) = (scene.style.mode, scene.transfer_function.clone(), self.store.manifest.range);
-        let join = move || classified(blend(&ledger, &tree, from, size, mode)?, mode, &function, range);
+        let (ledger, tree, from, size) = (end.ledger, store.tree(), view.viewpoint(), scene.size);
+        let classes = Classes::of(scene, store.manifest.range);
+        let join = move || classes.picture(blend(&ledger, &tree, from, size, classes.mode())?);
         let picture = tokio::task::spawn_blocking(join).await.map_err(FrameError::Task)??;
         let frame_ms = started.elapsed().as_secs_f64() * 1e3;
         let lost = end.lost.into_iter().map(|(_, lost)| lost).collect();
@@ -265,11 +274,13 @@ impl Session {
     }
 }
 
-fn facts(description: &StoreDescription) -> StoreFacts {
-    StoreFacts {
-        hash: description.hash,
-        manifest: description.manifest.clone(),
-        ranges: description.ranges.clone(),
-        facts: description.facts.as_ref().map(|table| table.0.clone()),
+impl Drop for Session {
+    fn drop(&mut self) {
+        self.cluster.forget(self.id);
     }
+}
+
+/// A number that no other session has.
+fn new_id() -> SessionId {
+    SessionId(RandomState::new().hash_one(std::process::id()))
 }

@@ -92,7 +92,7 @@ impl Adaptive {
             chunks: division.chunks.keys().map(|&c| (c, picture.cost(c as usize))).collect(),
             nodes: present.iter().map(|&n| (Seat(n as u64), ms(n), row.cost[n])).collect(),
         };
-        self.balancer.observe(&seen);
+        self.balancer.observe(&picture.demand, &seen);
         let wait = |n: &usize| ms(*n) + adopted[*n] as f64 / RATE;
         self.now_ms += present.iter().map(wait).fold(LEAST_FRAME_MS, f64::max);
         for load in self.balancer.background() {

@@ -69,8 +69,8 @@ impl Picture {
                 sums[chunk].add(tile, length * POSITIONS * pixels, told);
             });
         }
-        let mut picture =
-            Self { seen: vec![None; world.count()], demand: Demand { strips: vec![Vec::new(); world.count()] } };
+        let demand = Demand { strips: vec![Vec::new(); world.count()], ..Demand::default() };
+        let mut picture = Self { seen: vec![None; world.count()], demand };
         for (chunk, sums) in sums.iter().enumerate().filter(|(c, _)| world.shown[*c] > 0.0) {
             let Some(mut seen) = sums.seen() else { continue };
             let side = seen.long_side();

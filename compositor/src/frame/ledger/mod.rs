@@ -196,14 +196,16 @@ impl Ledger {
         self.layers_owed().filter(|d| d.ticket == ticket).map(|d| d.open).sum()
     }
 
+    /// The tile of every answer that a ticket still owes.
+    pub fn unanswered(&self) -> impl Iterator<Item = [u32; 2]> + '_ {
+        let open = |d: &'_ Debt| d.tiles.tiles().zip(d.answered.clone()).filter(|(_, answered)| !answered);
+        self.layers_owed().filter(|d| d.open > 0).flat_map(move |d| open(d).map(|(tile, _)| tile).collect::<Vec<_>>())
+    }
+
     /// Tiles (of the picture) for which an answer is missing.
     #[must_use]
     pub fn missing_tiles(&self) -> Vec<[u32; 2]> {
-        let unanswered = |d: &'_ Debt| {
-            let open = d.tiles.tiles().zip(d.answered.clone()).filter(|(_, answered)| !answered);
-            open.map(|(t, _)| t).collect::<Vec<_>>()
-        };
-        let mut missing: Vec<[u32; 2]> = self.layers_owed().flat_map(unanswered).collect();
+        let mut missing: Vec<[u32; 2]> = self.unanswered().collect();
         missing.extend(self.unordered.iter().flat_map(|(_, open)| open).flat_map(TileRect::tiles));
         missing.sort_unstable();
         missing.dedup();

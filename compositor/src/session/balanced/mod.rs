@@ -1,26 +1,24 @@
-//! Load balancing in a session: what the balancer decides becomes a table of one frame, what the frame cost becomes what it knows, and
-//! what it wants loaded is loaded beside the frames (docs/adr/0005-balance.md).
+//! Load balancing of a cluster: what the balancer decides becomes a table of one frame, what the frame cost becomes what it knows, and
+//! what it wants loaded is loaded beside the frames (docs/adr/0005-balance.md). Frames of several sessions take part, each with its look.
 //!
 //! A node is named to the balancer by its life in the table ([`Member::serial`]): one that comes back is another.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
+use std::sync::{Arc, Weak};
 
 use brickcast_proto::PrepareRequest;
-use brickcast_volume::View;
+use brickcast_volume::SessionId;
 use brickcast_volume::scene::Scene;
 use serde::Serialize;
 use tokio::task::JoinSet;
 
+use super::look::Look;
 use crate::balance::{
     Balancer, ChunkFacts, Demand, Load, LoadOutcome, Mode, NodeFacts, Observed, Part, Report, Seat, Settings,
 };
-use crate::cluster::{Cluster, Member};
+use crate::cluster::{Member, NodeClient, Roster};
 use crate::frame::NodeCost;
-use crate::plan::{Assignment, InView, Shown, StoreFacts};
-
-/// Resident bytes of a stored voxel, with what kernels keep beside it: an upper estimate, of which budgets are made.
-const BYTES_PER_VOXEL: u64 = 3;
+use crate::plan::Assignment;
 
 /// What balancing did for one frame.
 #[derive(Debug, Clone, Serialize)]
@@ -28,68 +26,94 @@ pub struct BalanceStats {
     pub mode: Mode,
     /// In the order of the report's seats.
     pub addresses: Vec<String>,
+    /// As of the end of the frame; other sessions' frames are in it.
     #[serde(flatten)]
     pub report: Report,
-    /// Chunks whose primary is another than in the frame before that showed them.
+    /// Chunks whose primary is another than in the frame before that showed them, whosever that was.
     pub moved: Vec<u32>,
     /// What nodes began to load beside their frames.
     pub loads: Vec<Load>,
 }
 
-/// The balancer of one session, for what one transfer function shows.
+/// The balancer of a cluster, for what its sessions show.
 #[derive(Debug)]
 pub(crate) struct Balanced {
+    generation: u64,
     settings: Settings,
     balancer: Balancer,
-    shown: Arc<Shown>,
+    /// Those that the balancer was told of.
+    looks: Vec<Weak<Look>>,
+    /// The nodes that it was told of, as of the last frame that began.
+    roster: Option<Roster>,
     seats: BTreeSet<Seat>,
     loads: JoinSet<(Load, LoadOutcome)>,
-    /// Who was a chunk's primary last, and the chunks of the frame under way for which that changed.
+    /// Who was a chunk's primary last.
     owners: BTreeMap<u32, Seat>,
+}
+
+/// One frame's share of it, kept while the frame is under way.
+#[derive(Debug)]
+pub(crate) struct Divided {
+    generation: u64,
+    demand: Demand,
+    look: Arc<Look>,
+    pub(crate) roster: Roster,
+    pub(crate) table: Assignment,
     moved: Vec<u32>,
 }
 
+impl Divided {
+    /// Of the balancer that made it.
+    pub(super) fn generation(&self) -> u64 {
+        self.generation
+    }
+}
+
 impl Balanced {
-    /// `ghost`: layers of each brick.
-    pub(crate) fn new(settings: Settings, store: &StoreFacts, shown: Arc<Shown>, ghost: u32) -> Self {
-        let grid = store.manifest.grid;
-        let tree = shown.tree();
-        let chunks = (0..tree.chunk_count() as u32).filter_map(|chunk| tree.chunk_at(chunk)).map(|chunk| {
-            let stored: u64 = shown.bricks_of(chunk).map(|b| grid.owned_box(b).stored(ghost).voxel_count()).sum();
-            let prior = if stored == 0 { 0.0 } else { 1.0 };
-            ChunkFacts { bytes: stored * BYTES_PER_VOXEL, prior }
-        });
-        let balancer = Balancer::new(settings.clone(), chunks.collect());
+    /// `generation`: which of the balancers of the cluster it is.
+    pub(crate) fn new(generation: u64, settings: Settings, look: &Arc<Look>) -> Self {
         Self {
+            generation,
+            balancer: Balancer::new(settings.clone(), chunks(std::slice::from_ref(look))),
             settings,
-            balancer,
-            shown,
+            looks: vec![Arc::downgrade(look)],
+            roster: None,
             seats: BTreeSet::new(),
             loads: JoinSet::new(),
             owners: BTreeMap::new(),
-            moved: Vec::new(),
         }
     }
 
-    /// True where it was made for this.
-    pub(crate) fn is_for(&self, shown: &Arc<Shown>) -> bool {
-        Arc::ptr_eq(&self.shown, shown)
+    pub(super) fn generation(&self) -> u64 {
+        self.generation
     }
 
-    /// The table of the next frame. `first` is the table that the members of the session's start have loaded.
-    pub(crate) fn table(
-        &mut self,
-        cluster: &mut Cluster,
-        first: &Assignment,
-        in_view: &InView,
-        view: &View,
-    ) -> Assignment {
-        self.follow(cluster, first);
-        self.land(cluster);
-        let strips = in_view.sample_positions(&self.shown, view);
-        let division = self.balancer.divide(&Demand { strips });
-        let positions: BTreeMap<Seat, usize> = cluster.members().map(|(p, m)| (seat(m), p)).collect();
-        let mut owner: Vec<usize> = (0..self.shown.per_chunk().len() as u32).map(|c| first.owner_of(c)).collect();
+    /// True where a look that it knows is still shown: then nodes hold what it thinks.
+    pub(super) fn is_of_use(&self) -> bool {
+        self.looks.iter().any(|known| known.strong_count() > 0)
+    }
+
+    /// Tells the balancer which looks are shown: this one, and those known that still are.
+    pub(super) fn enter(&mut self, look: &Arc<Look>) {
+        let before = self.looks.len();
+        let mut shown: Vec<Arc<Look>> = self.looks.iter().filter_map(Weak::upgrade).collect();
+        let is_new = !shown.iter().any(|known| Arc::ptr_eq(known, look));
+        if is_new {
+            shown.push(look.clone());
+        }
+        if is_new || shown.len() != before {
+            let ids: Vec<_> = shown.iter().map(|look| look.id).collect();
+            self.balancer.show(&ids, chunks(&shown));
+            self.looks = shown.iter().map(Arc::downgrade).collect();
+        }
+    }
+
+    /// The table of a frame that begins. `first` is the table that the members of the start have loaded.
+    pub(crate) fn divide(&mut self, look: &Arc<Look>, demand: Demand, roster: Roster, first: &Assignment) -> Divided {
+        self.follow(&roster, first);
+        let division = self.balancer.divide(&demand);
+        let positions = positions(&roster);
+        let mut owner: Vec<usize> = (0..look.bytes.len() as u32).map(|c| first.owner_of(c)).collect();
         let mut shared = BTreeMap::new();
         for (chunk, parts) in &division.chunks {
             let share = |p: &Part| Some((*positions.get(&p.seat)?, p.strips));
@@ -103,14 +127,25 @@ impl Balanced {
         }
         let now: BTreeMap<u32, Seat> =
             division.chunks.iter().filter_map(|(c, parts)| Some((*c, parts.first()?.seat))).collect();
-        self.moved = now.iter().filter(|(c, s)| self.owners.get(c).is_some_and(|o| o != *s)).map(|(c, _)| *c).collect();
+        let moved = now.iter().filter(|(c, s)| self.owners.get(c).is_some_and(|o| o != *s)).map(|(c, _)| *c).collect();
         self.owners.extend(now);
-        Assignment::explicit(owner, cluster.slots().len()).sharing(shared)
+        let table = Assignment::explicit(owner, roster.slots().len()).sharing(shared);
+        self.roster = Some(roster.clone());
+        Divided { generation: self.generation, demand, look: look.clone(), roster, table, moved }
+    }
+
+    /// Where chunks are at home: what a session loads there is where its frames will be rendered.
+    pub(super) fn homes(&self, roster: &Roster, first: &Assignment) -> Assignment {
+        let positions = positions(roster);
+        let chunks = self.balancer.chunk_count() as u32;
+        let home = |c: u32| self.balancer.home(c).and_then(|seat| positions.get(&seat).copied());
+        let owner = (0..chunks).map(|c| home(c).unwrap_or_else(|| first.owner_of(c))).collect();
+        Assignment::explicit(owner, roster.slots().len())
     }
 
     /// Tells the balancer who came and who left.
-    fn follow(&mut self, cluster: &Cluster, first: &Assignment) {
-        let members: BTreeMap<Seat, (usize, &Member)> = cluster.members().map(|(p, m)| (seat(m), (p, m))).collect();
+    fn follow(&mut self, roster: &Roster, first: &Assignment) {
+        let members: BTreeMap<Seat, (usize, &Member)> = roster.members().map(|(p, m)| (seat(m), (p, m))).collect();
         for gone in self.seats.iter().filter(|s| !members.contains_key(s)) {
             self.balancer.leave(*gone);
         }
@@ -129,8 +164,8 @@ impl Balanced {
         }
     }
 
-    /// Loads that ended take effect from the next frame on, which is another epoch.
-    fn land(&mut self, cluster: &mut Cluster) {
+    /// Tells the balancer of loads that ended; true where one did its work.
+    pub(super) fn land(&mut self) -> bool {
         let mut landed = false;
         while let Some(done) = self.loads.try_join_next() {
             let Ok((load, outcome)) = done else { continue };
@@ -138,54 +173,105 @@ impl Balanced {
             self.balancer.finished(&load, outcome);
             landed |= matches!(outcome, LoadOutcome::Loaded { .. });
         }
-        if landed {
-            cluster.advance();
-        }
+        landed
     }
 
     /// Learns what the frame cost, and begins to load what the balancer wants elsewhere. `clean`: nothing was rendered twice or is missing.
-    pub(crate) fn learn(&mut self, cluster: &Cluster, scene: &Scene, costs: &[NodeCost], clean: bool) -> BalanceStats {
-        let seats: BTreeMap<usize, Seat> = cluster.members().map(|(p, m)| (p, seat(m))).collect();
+    pub(crate) fn learn(
+        &mut self,
+        frame: Divided,
+        session: SessionId,
+        scene: &Scene,
+        costs: &[NodeCost],
+        clean: bool,
+    ) -> BalanceStats {
         let mut chunks: BTreeMap<u32, f64> = BTreeMap::new();
         for (chunk, cost) in costs.iter().flat_map(|node| &node.chunks) {
             *chunks.entry(*chunk).or_default() += cost;
         }
-        let nodes = costs.iter().filter_map(|n| Some((*seats.get(&n.position)?, n.work_ms, n.cost())));
+        // By the nodes of the frame: the table may be another by now.
+        let nodes = costs.iter().filter_map(|n| Some((seat(frame.roster.member(n.position)?), n.work_ms, n.cost())));
         if clean {
-            self.balancer.observe(&Observed { chunks: chunks.into_iter().collect(), nodes: nodes.collect() });
+            let seen = Observed { chunks: chunks.into_iter().collect(), nodes: nodes.collect() };
+            self.balancer.observe(&frame.demand, &seen);
         }
         let loads = self.balancer.background();
+        let roster = self.roster.as_ref().unwrap_or(&frame.roster);
         for load in loads.iter().cloned() {
-            let Some((_, member)) = cluster.members().find(|(_, m)| seat(m) == load.seat) else { continue };
-            let request = PrepareRequest {
-                background: true,
-                release: self.shown.bricks_in(&load.drops),
-                ..cluster.loading(self.shown.bricks_in(&load.chunks), scene.clone())
-            };
-            let mut client = member.client.clone();
+            let Some((_, member)) = roster.members().find(|(_, m)| seat(m) == load.seat) else { continue };
+            let requests = self.requests(&load, &frame.look, |bricks, look| {
+                let scene = if Arc::ptr_eq(look, &frame.look) { scene } else { &look.scene };
+                roster.loading(session, bricks, scene.clone())
+            });
+            let client = member.client.clone();
             self.loads.spawn(async move {
-                let outcome = match client.prepare(request).await {
-                    Ok(receipt) if receipt.fits => LoadOutcome::Loaded { ms: receipt.load_ms },
-                    Ok(_) => LoadOutcome::DoesNotFit,
-                    Err(error) => {
-                        tracing::debug!("background load: {error}");
-                        LoadOutcome::Failed
-                    }
-                };
+                let outcome = loaded(client, requests).await;
                 (load, outcome)
             });
         }
-        let addresses: BTreeMap<Seat, &str> = cluster.members().map(|(_, m)| (seat(m), m.client.address())).collect();
+        let addresses: BTreeMap<Seat, &str> = roster.members().map(|(_, m)| (seat(m), m.client.address())).collect();
         let report = self.balancer.report();
         let address = |of: &Seat| addresses.get(of).copied().unwrap_or_default().to_owned();
         BalanceStats {
             mode: self.settings.mode,
             addresses: report.seats.iter().map(|s| address(&s.seat)).collect(),
             report,
-            moved: std::mem::take(&mut self.moved),
+            moved: frame.moved,
             loads,
         }
     }
+
+    /// What a node is asked for one load: `first` look's bricks, then those of the others that are shown. What it gives up it gives up
+    /// first; bricks that other sessions used, too, it keeps until it needs their room.
+    fn requests(
+        &self,
+        load: &Load,
+        first: &Arc<Look>,
+        request: impl Fn(Vec<u32>, &Arc<Look>) -> PrepareRequest,
+    ) -> Vec<PrepareRequest> {
+        let others = self.looks.iter().filter_map(Weak::upgrade).filter(|look| !Arc::ptr_eq(look, first));
+        let looks: Vec<Arc<Look>> = std::iter::once(first.clone()).chain(others).collect();
+        let release: BTreeSet<u32> = looks.iter().flat_map(|look| look.shown.bricks_in(&load.drops)).collect();
+        let mut requests = Vec::new();
+        for look in &looks {
+            let bricks = look.shown.bricks_in(&load.chunks);
+            if requests.is_empty() || !bricks.is_empty() {
+                requests.push(PrepareRequest { background: true, ..request(bricks, look) });
+            }
+        }
+        if let Some(first) = requests.first_mut() {
+            first.release = release.into_iter().collect();
+        }
+        requests
+    }
+}
+
+/// Loads beside the frames; the first that does not end well ends it.
+async fn loaded(mut client: NodeClient, requests: Vec<PrepareRequest>) -> LoadOutcome {
+    let mut ms = 0.0;
+    for request in requests {
+        match client.prepare(request).await {
+            Ok(receipt) if receipt.fits => ms += receipt.load_ms,
+            Ok(_) => return LoadOutcome::DoesNotFit,
+            Err(error) => {
+                tracing::debug!("background load: {error}");
+                return LoadOutcome::Failed;
+            }
+        }
+    }
+    LoadOutcome::Loaded { ms }
+}
+
+/// The facts of all chunks over several looks: of each the most that one of them shows, since most bricks are the same ones.
+fn chunks(looks: &[Arc<Look>]) -> Vec<ChunkFacts> {
+    let count = looks.first().map_or(0, |look| look.bytes.len());
+    let most = |chunk: usize| looks.iter().map(|look| look.bytes[chunk]).max().unwrap_or(0);
+    let facts = |bytes| ChunkFacts { bytes, prior: if bytes == 0 { 0.0 } else { 1.0 } };
+    (0..count).map(|chunk| facts(most(chunk))).collect()
+}
+
+fn positions(roster: &Roster) -> BTreeMap<Seat, usize> {
+    roster.members().map(|(position, member)| (seat(member), position)).collect()
 }
 
 fn seat(member: &Member) -> Seat {

@@ -6,14 +6,14 @@ use brickcast_volume::format::{self, RawHints};
 use brickcast_volume::scene::{Acceleration, Filter, RegionView};
 use brickcast_volume::store::{PrepareOptions, Store, prepare};
 use brickcast_volume::transfer_function::{Colormap, TransferFunction};
-use brickcast_volume::{Camera, Epoch, FrameId, Orbit, PictureSize};
+use brickcast_volume::{Camera, Epoch, FrameId, Orbit, PictureSize, View};
 
 use super::*;
-use crate::balance::LoadBy;
-use crate::cluster::NodeList;
+use crate::balance::{LoadBy, LookId};
+use crate::cluster::{Members, NodeList, StoreChoice};
 use crate::embedded::{BackendChoice, EmbeddedNodes, Kernel};
 use crate::frame::ledger::{Ledger, Ticket};
-use crate::session::StoreChoice;
+use crate::plan::{InView, StoreFacts};
 
 const NODES: usize = 3;
 /// Frames to look at of those that share chunks, and within how many they come: copies are loaded meanwhile.
@@ -60,19 +60,20 @@ async fn what_is_shared_out_is_ordered_whole_from_the_first_moment() {
     let kernel = Kernel::open(BackendChoice::Cpu).unwrap();
     let nodes = EmbeddedNodes::start(&kernel, NODES, &store.path(), 1 << 28).await.unwrap();
     let (list, choice) = (NodeList::parse(&nodes.addresses()).unwrap(), StoreChoice::Hash(store.hash()));
-    let (mut cluster, _) = Cluster::open(list, &nodes.dial(), &choice).await.unwrap();
+    let (members, _) = Members::open(list, &nodes.dial(), &choice).await.unwrap();
     let facts = StoreFacts {
         hash: store.hash(),
         manifest: store.manifest().clone(),
         ranges: store.brick_ranges().clone(),
         facts: None,
     };
-    let shown = Arc::new(Shown::in_scene(&facts, &scene));
+    let look = Arc::new(Look::new(LookId(1), &facts, &scene));
+    let shown = look.shown.clone();
     let view = View::new(&facts.manifest.geometry, &scene.camera, scene.size, scene.step).unwrap();
     let in_view = InView::new(&shown, &view);
     let first = Assignment::contiguous(&shown, NODES);
     let settings = Settings { load_by: LoadBy::Samples, ..Settings::default() };
-    let mut balanced = Balanced::new(settings, &facts, shown.clone(), 1);
+    let mut balanced = Balanced::new(1, settings, &look);
     // One chunk has nearly all of the cost: it cannot but be shared.
     let positions = in_view.sample_positions(&shown, &view);
     let cost = |(chunk, strips): (usize, &Vec<f64>)| {
@@ -84,10 +85,13 @@ async fn what_is_shared_out_is_ordered_whole_from_the_first_moment() {
 
     let mut sharing = 0;
     for frame in 0..MOST_FRAMES {
-        let table = balanced.table(&mut cluster, &first, &in_view, &view);
+        balanced.land();
+        let demand = Demand { look: look.id, strips: positions.clone() };
+        let divided = balanced.divide(&look, demand, members.roster(), &first);
+        let table = &divided.table;
         let mut ledger = Ledger::new(FrameId(frame as u64), Epoch(1), in_view.chunks());
         for node in 0..NODES {
-            for layers in in_view.orders_of(&table, node) {
+            for layers in in_view.orders_of(table, node) {
                 // Refused where a tile is owed already.
                 ledger.order(Ticket(node), &layers).unwrap();
             }
@@ -97,7 +101,7 @@ async fn what_is_shared_out_is_ordered_whole_from_the_first_moment() {
         if sharing == SHARING {
             return;
         }
-        balanced.learn(&cluster, &scene, &costs, true);
+        balanced.learn(divided, SessionId(1), &scene, &costs, true);
         tokio::time::sleep(Duration::from_millis(5)).await;
     }
     panic!("no chunk is shared");

@@ -1,0 +1,73 @@
+//! What a node, or the way to it, did not do, and what can be done about it.
+
+use brickcast_proto::transport;
+
+/// Something that a node, or the way to it, did not do. Always names the node.
+#[derive(Debug, thiserror::Error)]
+pub enum NodeError {
+    #[error(transparent)]
+    Address(#[from] transport::AddressError),
+    #[error("node {address}: cannot be reached ({reason}); is brickcast-node running there and its port open?")]
+    Unreachable { address: String, reason: String },
+    #[error("node {address}: no secure connection ({reason})")]
+    Handshake { address: String, reason: String },
+    #[error(
+        "node {address}: no answer to {call} within {seconds} s; it is hanging, the network is cut, or it has more to load than \
+         --load-deadline gives it time for"
+    )]
+    NoAnswer { address: String, call: &'static str, seconds: f64 },
+    #[error("node {address}: {call}: the connection was lost ({reason})")]
+    Lost { address: String, call: &'static str, reason: String },
+    #[error("node {address}: {call}: the connection was closed, because calls on it were cancelled ({reason})")]
+    Calmed { address: String, call: &'static str, reason: String },
+    #[error("node {address}: {call}: {message}")]
+    Refused { address: String, call: &'static str, code: tonic::Code, message: String },
+    #[error("node {address}: it is shutting down")]
+    Draining { address: String },
+    #[error(
+        "node {address}: it answers pings, but sent nothing of the frame for {seconds:.1} s; it is hanging or overloaded"
+    )]
+    Hanging { address: String, seconds: f64 },
+    #[error("node {address}: {call}: sent something that is not valid: {reason}")]
+    Invalid { address: String, call: &'static str, reason: String },
+    #[error(
+        "node {address} speaks protocol {theirs} (version {version}), this is protocol {ours}; run the same release on both"
+    )]
+    Protocol { address: String, theirs: u32, version: String, ours: u32 },
+}
+
+impl NodeError {
+    /// True where bytes that were damaged on their way may have looked like that: the same call again may do.
+    #[must_use]
+    pub(crate) fn may_be_damage(&self) -> bool {
+        use tonic::Code::{DataLoss, Internal, Unknown};
+        self.is_lost() || matches!(self, Self::Refused { code: Internal | Unknown | DataLoss, .. })
+    }
+
+    /// True where the node is well and only has, or had, too much to do: it is worth asking again after a pause.
+    #[must_use]
+    pub fn is_busy(&self) -> bool {
+        matches!(self, Self::Refused { code: tonic::Code::ResourceExhausted, .. }) || self.is_calmed()
+    }
+
+    /// True where only the connection is gone, over calls that were cancelled on it. The next call opens another.
+    #[must_use]
+    pub fn is_calmed(&self) -> bool {
+        matches!(self, Self::Calmed { .. })
+    }
+
+    /// True where the way to the node broke, so that another connection may do.
+    #[must_use]
+    pub fn is_lost(&self) -> bool {
+        match self {
+            Self::Lost { .. }
+            | Self::Calmed { .. }
+            | Self::NoAnswer { .. }
+            | Self::Unreachable { .. }
+            | Self::Invalid { .. } => true,
+            // What was sent was damaged on its way, or what was answered taken too slowly.
+            Self::Refused { code, .. } => *code == tonic::Code::Aborted,
+            _ => false,
+        }
+    }
+}
