@@ -145,7 +145,7 @@ impl Subject {
             let accepted = listener.accept().await.map(|(stream, _)| Slow::new(stream));
             Some((accepted, listener))
         });
-        Ok(serve_incoming(node, Box::pin(incoming), Admission::default(), std::future::pending()).await?)
+        Ok(serve_incoming(node, incoming, Admission::default(), std::future::pending()).await?)
     }
 
     /// A simulation with the nodes, and no client yet.
