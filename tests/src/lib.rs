@@ -14,4 +14,8 @@ pub mod process;
 pub mod product;
 pub mod proxy;
 pub mod referee;
+pub mod rig;
 pub mod scenes;
+mod turn;
+
+pub use turn::{Turn, turn};

@@ -8,6 +8,7 @@ use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
 use futures_util::Stream;
+use futures_util::stream::BoxStream;
 use tokio::io::{AsyncRead, AsyncWrite, ReadBuf};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::{Sleep, sleep};
@@ -30,22 +31,21 @@ pub trait Pipe: AsyncRead + AsyncWrite + Connected<ConnectInfo = TcpConnectInfo>
 impl<T: AsyncRead + AsyncWrite + Connected<ConnectInfo = TcpConnectInfo> + Unpin + Send + 'static> Pipe for T {}
 
 /// Connections that were let in.
-#[derive(Debug)]
-pub(crate) struct Connections<I> {
-    incoming: I,
+pub(crate) struct Connections {
+    incoming: BoxStream<'static, io::Result<Box<dyn Pipe>>>,
     places: Arc<Semaphore>,
     each: Arc<Quota>,
 }
 
-impl<I> Connections<I> {
-    pub(crate) fn new(incoming: I) -> Self {
+impl Connections {
+    pub(crate) fn new(incoming: BoxStream<'static, io::Result<Box<dyn Pipe>>>) -> Self {
         let places = Arc::new(Semaphore::new(MAX_CONNECTIONS));
         Self { incoming, places, each: Quota::new(MAX_CONNECTIONS_EACH) }
     }
 }
 
-impl<P: Pipe, I: Stream<Item = io::Result<P>> + Unpin> Stream for Connections<I> {
-    type Item = io::Result<Connection<P>>;
+impl Stream for Connections {
+    type Item = io::Result<Connection>;
 
     fn poll_next(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Option<Self::Item>> {
         loop {
@@ -73,22 +73,21 @@ impl<P: Pipe, I: Stream<Item = io::Result<P>> + Unpin> Stream for Connections<I>
 }
 
 /// A connection; its places are free again when it is dropped. What its calls know of it is whose it is.
-#[derive(Debug)]
-pub(crate) struct Connection<P> {
-    stream: P,
+pub(crate) struct Connection {
+    stream: Box<dyn Pipe>,
     client: Client,
     /// Bytes that must still come, and until when.
     hello: Option<(usize, Pin<Box<Sleep>>)>,
     _places: (Place, OwnedSemaphorePermit),
 }
 
-impl<P: Pipe> Connection<P> {
-    fn new(stream: P, client: Client, places: (Place, OwnedSemaphorePermit)) -> Self {
+impl Connection {
+    fn new(stream: Box<dyn Pipe>, client: Client, places: (Place, OwnedSemaphorePermit)) -> Self {
         Self { stream, client, hello: Some((HELLO_BYTES, Box::pin(sleep(HELLO_TIMEOUT)))), _places: places }
     }
 }
 
-impl<P: Pipe> Connected for Connection<P> {
+impl Connected for Connection {
     type ConnectInfo = Client;
 
     fn connect_info(&self) -> Client {
@@ -96,7 +95,7 @@ impl<P: Pipe> Connected for Connection<P> {
     }
 }
 
-impl<P: Pipe> AsyncRead for Connection<P> {
+impl AsyncRead for Connection {
     fn poll_read(mut self: Pin<&mut Self>, context: &mut Context<'_>, buf: &mut ReadBuf<'_>) -> Poll<io::Result<()>> {
         let before = buf.filled().len();
         let polled = Pin::new(&mut self.stream).poll_read(context, buf);
@@ -113,7 +112,7 @@ impl<P: Pipe> AsyncRead for Connection<P> {
     }
 }
 
-impl<P: Pipe> AsyncWrite for Connection<P> {
+impl AsyncWrite for Connection {
     fn poll_write(mut self: Pin<&mut Self>, context: &mut Context<'_>, bytes: &[u8]) -> Poll<io::Result<usize>> {
         Pin::new(&mut self.stream).poll_write(context, bytes)
     }

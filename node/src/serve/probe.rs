@@ -6,6 +6,7 @@ use std::time::Duration;
 use brickcast_proto::credentials::{Badge, CredentialError, Tls};
 use brickcast_proto::status::innermost;
 use brickcast_proto::transport::{self, AddressError};
+use futures_util::future::BoxFuture;
 use tonic_health::pb::HealthCheckRequest;
 use tonic_health::pb::health_check_response::ServingStatus;
 use tonic_health::pb::health_client::HealthClient;
@@ -31,7 +32,11 @@ pub enum ProbeError {
 
 /// # Errors
 /// Whatever keeps the node at `address` from serving. `tls` is its own folder: a node's certificate is good for both sides.
-pub async fn probe(address: &str, tls: Option<&Path>, badge: Badge) -> Result<(), ProbeError> {
+pub fn probe<'a>(address: &'a str, tls: Option<&'a Path>, badge: Badge) -> BoxFuture<'a, Result<(), ProbeError>> {
+    Box::pin(ask(address, tls, badge))
+}
+
+async fn ask(address: &str, tls: Option<&Path>, badge: Badge) -> Result<(), ProbeError> {
     let tls = tls.map(Tls::of_node).transpose()?;
     let endpoint = transport::endpoint(address, tls.as_ref())?;
     let address = address.to_owned();

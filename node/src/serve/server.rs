@@ -7,7 +7,9 @@ use std::time::Duration;
 
 use brickcast_proto::status::innermost;
 use brickcast_proto::{DESCRIPTORS, transport};
-use futures_util::Stream;
+use futures_util::future::BoxFuture;
+use futures_util::stream::BoxStream;
+use futures_util::{FutureExt as _, Stream, StreamExt as _};
 use tokio::net::TcpListener;
 use tonic::service::InterceptorLayer;
 use tonic_health::ServingStatus;
@@ -39,12 +41,12 @@ pub enum ServeError {
 ///
 /// # Errors
 /// A listener that fails.
-pub async fn serve(
+pub fn serve(
     node: Arc<Node>,
     listener: TcpListener,
-    shutdown: impl Future<Output = ()>,
-) -> Result<(), ServeError> {
-    serve_admitted(node, listener, Admission::default(), shutdown).await
+    shutdown: impl Future<Output = ()> + Send + 'static,
+) -> BoxFuture<'static, Result<(), ServeError>> {
+    serve_admitted(node, listener, Admission::default(), shutdown)
 }
 
 /// Serves `node` to those whom `admission` lets in (health and reflection, too) until `shutdown` resolves; then tells
@@ -52,24 +54,35 @@ pub async fn serve(
 ///
 /// # Errors
 /// Certificates that are none, a listener that fails.
-pub async fn serve_admitted(
+pub fn serve_admitted(
     node: Arc<Node>,
     listener: TcpListener,
     admission: Admission,
-    shutdown: impl Future<Output = ()>,
-) -> Result<(), ServeError> {
-    serve_incoming(node, transport::incoming(listener), admission, shutdown).await
+    shutdown: impl Future<Output = ()> + Send + 'static,
+) -> BoxFuture<'static, Result<(), ServeError>> {
+    serve_incoming(node, transport::incoming(listener), admission, shutdown)
 }
 
 /// As [`serve_admitted`], for connections from wherever they come.
 ///
 /// # Errors
 /// Certificates that are none, an `incoming` that fails.
-pub async fn serve_incoming<P: Pipe>(
+pub fn serve_incoming<P: Pipe>(
     node: Arc<Node>,
-    incoming: impl Stream<Item = io::Result<P>> + Unpin,
+    incoming: impl Stream<Item = io::Result<P>> + Send + 'static,
     admission: Admission,
-    shutdown: impl Future<Output = ()>,
+    shutdown: impl Future<Output = ()> + Send + 'static,
+) -> BoxFuture<'static, Result<(), ServeError>> {
+    // Boxed, so that the server with all that it is made of is compiled here and not in every program that has one.
+    let incoming = incoming.map(|came| came.map(|pipe| Box::new(pipe) as Box<dyn Pipe>)).boxed();
+    Box::pin(serve_all(node, incoming, admission, shutdown.boxed()))
+}
+
+async fn serve_all(
+    node: Arc<Node>,
+    incoming: BoxStream<'static, io::Result<Box<dyn Pipe>>>,
+    admission: Admission,
+    shutdown: BoxFuture<'static, ()>,
 ) -> Result<(), ServeError> {
     let (health, health_service) = tonic_health::server::health_reporter();
     for name in HEALTH_NAMES {

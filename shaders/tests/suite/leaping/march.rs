@@ -1,0 +1,190 @@
+//! Rays through a field's bricks: what the accelerated loop takes, and what the plain raycast of V' has there.
+
+use brickcast_shaders::layout::{BrickUniform, CODED_SCALE, FrameUniform, NEVER};
+use brickcast_shaders::twin::accelerated::{BrickData, RayCounts, Tables, Watch, accelerated_ray};
+use brickcast_shaders::twin::raycast::{Ray, owned_segment};
+use brickcast_volume::Premul;
+use brickcast_volume::brick::OwnedBox;
+use brickcast_volume::regions::code::{MAX_DENSITY, leap_texel};
+use brickcast_volume::regions::{Classified, guard_width};
+use bytemuck::Zeroable;
+use glam::DVec3;
+
+use super::field::Field;
+
+/// The rule that a march breaks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Broken {
+    Nothing,
+    /// Guards one layer thinner than the step needs.
+    ThinGuard,
+    /// Each leap takes one sample more than it may.
+    LongLeap,
+    /// Slots are looked up one further.
+    WrongSlot,
+    /// A brick's first samples are not probed.
+    NoEntryProbes,
+    /// Densities that do not stretch over the whole range of codes.
+    Unstretched,
+    /// The paper's leap length: right, but shorter.
+    Isotropic,
+}
+
+/// What one ray took from one brick.
+#[derive(Debug, Default)]
+pub(crate) struct Taken {
+    /// (first sample, samples, value in 14-bit densities).
+    pub(crate) runs: Vec<(f32, f32, f32)>,
+}
+
+macro_rules! watches {
+    ($($name:ident: $($rule:ident = $value:expr),*;)*) => {$(
+        struct $name(Taken);
+        impl Watch for $name {
+            $(const $rule: watches!(@ $rule) = $value;)*
+            fn takes(&mut self, k: f32, n: f32, code: f32) {
+                self.0.runs.push((k, n, code * f32::from(MAX_DENSITY)));
+            }
+        }
+    )*};
+    (@ ENTRY_PROBES) => { u32 };
+    (@ LEAP_EXTRA) => { f32 };
+    (@ ISOTROPIC) => { bool };
+}
+
+watches! {
+    Sound: ;
+    Long: LEAP_EXTRA = 1.0;
+    Unprobed: ENTRY_PROBES = 0;
+    Isotropic: ISOTROPIC = true;
+}
+
+/// A brick ready to be marched through.
+pub(crate) struct Brick {
+    uniform: BrickUniform,
+    texels: Vec<u16>,
+    means: Option<Vec<f32>>,
+}
+
+impl Brick {
+    pub(crate) fn new(field: &Field, owned: OwnedBox, guard: u32, broken: Broken) -> Self {
+        let stored = owned.stored(1);
+        let mut uniform = BrickUniform::of_boxes(&owned, &stored);
+        let code = |density: &u16| f32::from(*density) / f32::from(MAX_DENSITY);
+        let (texels, means) = match field.classified(&owned, guard) {
+            Classified::Plain => (field.voxels(stored).codes, None),
+            Classified::Flat { codes } => (codes, None),
+            Classified::Uniform { mean, .. } => {
+                uniform.stored_dims = [1; 3];
+                (vec![leap_texel(255, 0)], Some(vec![code(&mean)]))
+            }
+            Classified::Coded { texels, means, .. } => {
+                let mut means: Vec<f32> = means.iter().map(code).collect();
+                if broken == Broken::WrongSlot {
+                    means.rotate_left(1);
+                }
+                (texels, Some(means))
+            }
+        };
+        if means.is_some() {
+            uniform.code_scale = if broken == Broken::Unstretched { 2.0 } else { CODED_SCALE };
+        }
+        Self { uniform, texels, means }
+    }
+
+    pub(crate) fn march(&self, frame: &FrameUniform, ray: &Ray, broken: Broken) -> (Taken, RayCounts) {
+        let table = [[1.0, 0.5, 0.25, 1e-4]; 2];
+        let tables = Tables { table: &table, region: None };
+        let data = BrickData { texels: &self.texels, means: self.means.as_deref(), map: None, flags: &[] };
+        macro_rules! watched {
+            ($watch:ident) => {{
+                let mut watch = $watch(Taken::default());
+                let (_, counts) = accelerated_ray(frame, &self.uniform, &data, &tables, ray, Premul::CLEAR, &mut watch);
+                (watch.0, counts)
+            }};
+        }
+        match broken {
+            Broken::LongLeap => watched!(Long),
+            Broken::NoEntryProbes => watched!(Unprobed),
+            Broken::Isotropic => watched!(Isotropic),
+            _ => watched!(Sound),
+        }
+    }
+}
+
+/// Only what a ray reads of a frame: samples at multiples of `step`, in units of t.
+pub(crate) fn frame(step: f32) -> FrameUniform {
+    FrameUniform { step, stop_alpha: NEVER, table_scale: 1.0, region_scale: 1.0, shown: 3, ..FrameUniform::zeroed() }
+}
+
+/// From `origin` towards `target`, with `voxels_per_unit` as the view has it.
+pub(crate) fn ray(origin: DVec3, target: DVec3, voxels_per_unit: DVec3) -> Ray {
+    let d = (((target - origin) / voxels_per_unit).normalize() * voxels_per_unit).as_vec3().to_array();
+    let direction = d.map(|d| if d.abs() < 1e-9 { 0.0 } else { d });
+    let inverse = direction.map(|d| if d == 0.0 { 0.0 } else { 1.0 / d });
+    Ray { origin: origin.as_vec3().into(), direction, inverse }
+}
+
+/// How far an accelerated march is from the plain one, in 14-bit densities; and what it took.
+#[derive(Debug, Default, Clone, Copy)]
+pub(crate) struct Comparison {
+    pub(crate) worst: f64,
+    pub(crate) samples: u64,
+    pub(crate) positions: u64,
+    pub(crate) leapt: u64,
+    /// Calls of [`accelerated_ray`] that took anything.
+    pub(crate) segments: u64,
+}
+
+/// The whole field in bricks of `size`, by every ray.
+pub(crate) fn compare(field: &Field, size: u32, step: f32, rays: &[Ray], broken: Broken) -> Comparison {
+    let frame = frame(step);
+    let guard = guard_width(f64::from(step), 0) - u32::from(broken == Broken::ThinGuard);
+    let mut comparison = Comparison::default();
+    for owned in field.bricks(size) {
+        let brick = Brick::new(field, owned, guard, broken);
+        for ray in rays {
+            add(field, &brick, &frame, ray, broken, &mut comparison);
+        }
+    }
+    comparison
+}
+
+fn add(field: &Field, brick: &Brick, frame: &FrameUniform, ray: &Ray, broken: Broken, sum: &mut Comparison) {
+    let (taken, counts) = brick.march(frame, ray, broken);
+    let mut next = owned_segment(frame, &brick.uniform, ray).map(|s| s.k);
+    let coded = brick.means.is_some();
+    let exact = |p| {
+        // Where no voxel leaps, voxels outside regions keep their 16 bits.
+        if coded { field.flattened(p) } else { field.flattened_code(p) }
+    };
+    for (k, n, value) in taken.runs {
+        assert_eq!(Some(k), next, "samples are taken in order, none twice, none left out");
+        for k in (0..n as u32).map(|i| k + i as f32) {
+            let t = k * frame.step;
+            let p = std::array::from_fn(|a| f64::from(ray.origin[a] + t * ray.direction[a]));
+            let want = Field::trilinear(p, exact);
+            sum.worst = sum.worst.max((f64::from(value) - want).abs());
+        }
+        next = Some(k + n);
+    }
+    if let Some(segment) = owned_segment(frame, &brick.uniform, ray) {
+        let k = next.unwrap_or(0.0);
+        assert!(
+            k * frame.step >= segment.t_out && (k - 1.0) * frame.step < segment.t_out,
+            "all owned samples are taken"
+        );
+        sum.segments += 1;
+    }
+    sum.samples += u64::from(counts.samples);
+    sum.positions += u64::from(counts.positions);
+    sum.leapt += u64::from(counts.leapt);
+}
+
+/// The lowest value that an accelerated ray takes, in 14-bit densities.
+pub(crate) fn lowest(field: &Field, size: u32, step: f32, ray: &Ray) -> f32 {
+    let frame = frame(step);
+    let guard = guard_width(f64::from(step), 0);
+    let brick = |owned| Brick::new(field, owned, guard, Broken::Nothing).march(&frame, ray, Broken::Nothing).0;
+    field.bricks(size).into_iter().flat_map(|b| brick(b).runs).fold(f32::MAX, |low, (.., value)| low.min(value))
+}

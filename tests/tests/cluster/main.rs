@@ -1,0 +1,21 @@
+//! Nodes that are far, slow, busy, lost, or throttled: what a session makes of them.
+//!
+//! Most tests here measure time or processor time, so each file has its turn ([`brickcast_tests::turn`]).
+
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
+
+mod balance;
+#[cfg(target_os = "linux")]
+mod cancels;
+#[cfg(target_os = "linux")]
+mod deaf;
+mod decoding;
+mod faults;
+mod processes;
+mod simulated;
+mod simulated_network;
+mod soak;
+#[cfg(target_os = "linux")]
+mod stage;
+mod starting;
+mod throttle;

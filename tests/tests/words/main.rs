@@ -1,0 +1,17 @@
+//! The command line: its words, its settings, its files, and other people's programs beside it.
+
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
+
+mod cache;
+mod cli;
+#[cfg(unix)]
+mod compose;
+mod config;
+mod field;
+#[cfg(target_os = "linux")]
+mod interrupts;
+#[cfg(unix)]
+mod project;
+mod store_care;
+mod store_interop;
+mod transfer_function;

@@ -1,0 +1,15 @@
+//! The brick store from outside: what goes in comes out, damage is named, bytes from the wire do no harm.
+
+mod damage;
+mod halos;
+mod inspect;
+#[cfg(unix)]
+mod jail;
+mod labels;
+mod mutations;
+mod no_data;
+mod outcome;
+mod regions;
+mod round_trip;
+mod support;
+mod tiles;
