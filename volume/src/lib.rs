@@ -11,6 +11,7 @@ pub mod chord;
 pub mod format;
 pub mod ids;
 pub mod leftovers;
+pub mod look_on;
 pub mod macrocell;
 pub mod memory;
 pub mod merge;

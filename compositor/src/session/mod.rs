@@ -9,10 +9,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use brickcast_proto::{NodeDescription, StoreDescription};
-use brickcast_volume::scene::{Acceleration, RegionView, Scene, Transport};
-use brickcast_volume::style::Style;
-use brickcast_volume::transfer_function::TransferFunction;
-use brickcast_volume::{Epoch, FrameId, View};
+use brickcast_volume::scene::{Look, Quality, Scene, Transport};
+use brickcast_volume::{Epoch, FrameId};
 use futures_util::future::join_all;
 
 pub use self::balanced::BalanceStats;
@@ -58,16 +56,11 @@ pub struct Session {
     balanced: Option<Balanced>,
 }
 
-/// What is the same for every view of a sequence: kept until the transfer function, step, unit or the table changes.
+/// What is the same for every view of a sequence: kept until look, quality or the table changes.
 #[derive(Debug, Clone)]
 struct Planned {
-    transfer_function: TransferFunction,
-    step: f64,
-    opacity_unit: f64,
-    acceleration: Acceleration,
-    region_view: RegionView,
-    region_transfer_function: Option<TransferFunction>,
-    style: Style,
+    look: Look,
+    quality: Quality,
     shown: Arc<Shown>,
     assignment: Arc<Assignment>,
     epoch: Epoch,
@@ -75,13 +68,7 @@ struct Planned {
 
 impl Planned {
     fn shows(&self, scene: &Scene) -> bool {
-        self.transfer_function == scene.transfer_function
-            && self.step == scene.step
-            && self.opacity_unit == scene.opacity_unit
-            && self.acceleration == scene.acceleration
-            && self.region_view == scene.region_view
-            && self.region_transfer_function == scene.region_transfer_function
-            && self.style == scene.style
+        self.look == scene.look && self.quality == scene.quality
     }
 }
 
@@ -140,13 +127,8 @@ impl Session {
         let assignment = Arc::new(outlook.table());
         self.cluster.expect(outlook);
         self.planned = Some(Planned {
-            transfer_function: scene.transfer_function.clone(),
-            step: scene.step,
-            opacity_unit: scene.opacity_unit,
-            acceleration: scene.acceleration,
-            region_view: scene.region_view,
-            region_transfer_function: scene.region_transfer_function.clone(),
-            style: scene.style.clone(),
+            look: scene.look.clone(),
+            quality: scene.quality,
             shown: shown.clone(),
             assignment: assignment.clone(),
             epoch: self.cluster.epoch(),
@@ -213,7 +195,7 @@ impl Session {
         transport: Transport,
         deadline: Duration,
     ) -> Result<Frame, SessionError> {
-        let view = View::new(&self.store.manifest.geometry, &scene.camera, scene.size, scene.step)?;
+        let view = scene.view_of(&self.store.manifest.geometry)?;
         self.cluster.settle();
         let (shown, assignment) = self.plan(scene);
         let frame = FrameId(self.next_frame);
@@ -221,7 +203,7 @@ impl Session {
 
         let started = Instant::now();
         let in_view = InView::new(&shown, &view);
-        let ghost = scene.style.ghost(scene.step);
+        let ghost = scene.ghost();
         let balanced = match self.balance.mode {
             Mode::Static | Mode::Dynamic if self.fixed.is_none() => {
                 let made = self.balanced.take().filter(|b| b.is_for(&shown));
@@ -252,8 +234,9 @@ impl Session {
             self.cluster.lose(*position, lost.why.clone());
         }
         let missing_tiles = end.ledger.missing_tiles();
-        let (ledger, tree, from, size) = (end.ledger, self.store.tree(), view.viewpoint(), scene.size);
-        let (mode, function, range) = (scene.style.mode, scene.transfer_function.clone(), self.store.manifest.range);
+        let (ledger, tree, from, size) = (end.ledger, self.store.tree(), view.viewpoint(), scene.view.size);
+        let (mode, function, range) =
+            (scene.look.style.mode, scene.look.transfer_function.clone(), self.store.manifest.range);
         let join = move || classified(blend(&ledger, &tree, from, size, mode)?, mode, &function, range);
         let picture = tokio::task::spawn_blocking(join).await.map_err(FrameError::Task)??;
         let frame_ms = started.elapsed().as_secs_f64() * 1e3;

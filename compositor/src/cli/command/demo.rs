@@ -9,7 +9,7 @@ use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::format::RawHints;
 use brickcast_volume::leftovers::Listed;
 use brickcast_volume::phantom::{PhantomOptions, write_phantom};
-use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
+use brickcast_volume::scene::{Look, Quality, Scene, Transport, ViewSpec};
 use brickcast_volume::store::{PrepareOptions, STORE_VERSION, Store};
 use brickcast_volume::style::{Integration, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
@@ -129,25 +129,14 @@ fn scene(store: &Store, size: PictureSize) -> Result<Scene, Failure> {
         opacities.iter().map(|&(t, opacity)| OpacityPoint { x: at(t), opacity }).collect(),
     )?;
     let orbit = Orbit { azimuth: 35.0, elevation: 28.0, zoom: 1.25, view_angle: 30.0 };
-    Ok(Scene {
-        camera: Camera::orbit(&m.geometry, orbit)?,
-        size,
-        step: 0.5,
-        transfer_function: function,
-        opacity_unit: m.geometry.min_spacing(),
-        early_termination: 0.999,
-        filter: Filter::Hardware,
-        exact: false,
-        acceleration: Acceleration::default(),
-        region_view: RegionView::All,
-        region_transfer_function: None,
-        style: Style {
-            integration: Integration::Preintegrated(TableSize::default()),
-            shading: Some(Phong::default()),
-            ..Style::default()
-        },
-    }
-    .validate()?)
+    let style = Style {
+        integration: Integration::Preintegrated(TableSize::default()),
+        shading: Some(Phong::default()),
+        ..Style::default()
+    };
+    let look = Look { style, ..Look::new(function, m.geometry.min_spacing()) };
+    let view = ViewSpec { camera: Camera::orbit(&m.geometry, orbit)?, size };
+    Ok(Scene::new(look, view, Quality::default())?)
 }
 
 fn next(store: &Path) -> String {

@@ -9,12 +9,12 @@ pub(crate) mod style_json;
 pub(crate) mod table_note;
 
 use anyhow::anyhow;
+use brickcast_volume::PictureSize;
 use brickcast_volume::camera::{Camera, Orbit, Projection};
-use brickcast_volume::scene::{Filter, Scene, Transport};
+use brickcast_volume::scene::{Filter, Look, Quality, Scene, Transport, ViewSpec};
 use brickcast_volume::store::Manifest;
 use brickcast_volume::style::{Mode, Style};
 use brickcast_volume::transfer_function::{Colormap, TransferFunction, default_opacities, describe_default};
-use brickcast_volume::{PictureSize, View};
 use clap::ValueEnum as _;
 
 use self::preset_file::Wanted;
@@ -103,27 +103,27 @@ impl SceneArgs {
             }
             None => None,
         };
-        let scene = Scene {
-            camera,
-            size,
-            step: self.step,
+        let look = Look {
             transfer_function,
+            region_transfer_function,
             opacity_unit: self.opacity_unit.unwrap_or(store.geometry.min_spacing()),
+            region_view: self.accel.region_view(),
+            style,
+        };
+        let quality = Quality {
+            step: self.step,
             early_termination: self.accel.early_termination(self.early_termination),
             filter: self.filter(),
             exact: self.exact,
             acceleration: self.accel.acceleration(store)?,
-            region_view: self.accel.region_view(),
-            region_transfer_function,
-            style,
         };
-        let scene = scene.validate().map_err(Failure::usage)?;
-        View::new(&store.geometry, &scene.camera, scene.size, scene.step).map_err(Failure::usage)?;
+        let scene = Scene::new(look, ViewSpec { camera, size }, quality).map_err(Failure::usage)?;
+        scene.view_of(&store.geometry).map_err(Failure::usage)?;
         let transport = match self.transport {
             Some(TransportArg::U8) => Transport::U8,
             Some(TransportArg::F32) => Transport::F32,
             // The pixels of a projection are codes.
-            None if self.exact || scene.style.mode != Mode::Composite => Transport::F32,
+            None if self.exact || scene.look.style.mode != Mode::Composite => Transport::F32,
             Some(TransportArg::F16) | None => Transport::F16,
         };
         Ok(SceneChoice { scene, transport, notes })

@@ -71,12 +71,13 @@ pub(super) async fn run(args: &BalanceArgs, path: &Path, quiet: bool) -> Result<
     let settings = args.balance.settings(BalanceArg::Dynamic);
     session.balance(settings.clone());
     session.load(&choice.scene).await?;
-    let cameras = args.camera_path.cameras(&choice.scene.camera, args.frames, args.orbit).map_err(Failure::usage)?;
+    let cameras =
+        args.camera_path.cameras(&choice.scene.view.camera, args.frames, args.orbit).map_err(Failure::usage)?;
     let mut screen = Screen { live: !quiet && std::io::stdout().is_terminal(), drawn: 0 };
     let (mut lines, mut problems) = (Vec::new(), Vec::new());
     for (i, camera) in cameras.into_iter().enumerate() {
         let mut scene = choice.scene.clone();
-        scene.camera = camera;
+        scene = scene.seen_by(camera);
         let frame = session.render(&scene, choice.transport, args.nodes.deadline).await?;
         problems.extend(frame.problems.iter().map(|p| format!("frame {i}: {p}")));
         let line = Line::of(i, frame);

@@ -150,7 +150,7 @@ async fn measure(args: &BenchArgs, kernel: &Kernel, store: &Store, budget: u64) 
         let frame_ms = median(one);
         Row {
             kind: one.kind,
-            step: one.scene.step,
+            step: one.scene.quality.step,
             frame_ms,
             samples: one.samples,
             rms_error,

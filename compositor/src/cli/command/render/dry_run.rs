@@ -1,6 +1,5 @@
 //! `brickcast render --dry-run`: what each node would hold and render.
 
-use brickcast_volume::View;
 use brickcast_volume::store::Store;
 use comfy_table::Table;
 
@@ -46,7 +45,7 @@ pub(super) async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -
     let geometry = &store.manifest.geometry;
     let shown = Shown::in_scene(&store, scene);
     let assignment = Assignment::contiguous(&shown, count);
-    let view = View::new(geometry, &scene.camera, scene.size, scene.step)?;
+    let view = scene.view_of(geometry)?;
     let orders = assignment.orders(&shown, &view).into_iter().map(|orders| orders.concat()).collect::<Vec<_>>();
     let (tree, planned) = (store.tree(), planned_bytes(&store, scene, TEXEL_BYTES));
     let grid = tree.grid();

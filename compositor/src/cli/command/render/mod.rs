@@ -7,7 +7,6 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
-use brickcast_volume::View;
 use brickcast_volume::scene::Leap;
 use brickcast_volume::style::Mode;
 use brickcast_volume::transfer_function::TransferFunction;
@@ -155,14 +154,14 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
         say(quiet, &note)?;
     }
     let orbit = args.orbit.unwrap_or(360.0);
-    let cameras = args.camera_path.cameras(&choice.scene.camera, args.frames, orbit).map_err(Failure::usage)?;
+    let cameras = args.camera_path.cameras(&choice.scene.view.camera, args.frames, orbit).map_err(Failure::usage)?;
     // One frame teaches nothing, nodes inside this process share its memory and cores, and an audit's frames are of another kind.
     let several = args.frames > 1 && !args.nodes.nodes.is_empty() && !args.audit;
     session.balance(args.balance.settings(if several { BalanceArg::Dynamic } else { BalanceArg::Off }));
 
     let options =
         FrameOptions { frames: args.frames, fps: f64::from(args.fps), background: background(args.background)? };
-    let mut writer = FrameWriter::open(OutputFormat::from_path(output)?, output, choice.scene.size, options)?;
+    let mut writer = FrameWriter::open(OutputFormat::from_path(output)?, output, choice.scene.view.size, options)?;
     let started = Instant::now();
     let load = session.load(&choice.scene).await?;
     if !load.fits {
@@ -178,7 +177,7 @@ async fn sequence(args: &RenderArgs, mut session: Session, quiet: bool) -> Resul
     let mut first_frame_ms = 0.0;
     for (i, camera) in cameras.into_iter().enumerate() {
         let mut one = choice.clone();
-        one.scene.camera = camera;
+        one.scene = one.scene.seen_by(camera);
         let frame = session.render(&one.scene, one.transport, args.nodes.deadline).await?;
         if i == 0 {
             first_frame_ms = started.elapsed().as_secs_f64() * 1e3;
@@ -240,11 +239,9 @@ async fn audited(
     deadline: Duration,
 ) -> anyhow::Result<Audit> {
     let (store, scene) = (session.store().clone(), &choice.scene);
-    let view = View::new(&store.manifest.geometry, &scene.camera, scene.size, scene.step)?;
+    let view = scene.view_of(&store.manifest.geometry)?;
     let bounds = audit::bounds(&store, scene, &view);
-    let mut plain = scene.clone();
-    plain.acceleration.leap = Leap::Off;
-    let without = session.render(&plain, choice.transport, deadline).await?;
+    let without = session.render(&scene.without_leaping(), choice.transport, deadline).await?;
     if !(frame.complete && without.complete) {
         return Err(anyhow!("a frame was not complete, so there is nothing to compare"));
     }
@@ -293,28 +290,28 @@ pub(crate) fn manifest(session: &Session, choice: &SceneChoice, frame: &Frame) -
         "complete": frame.complete,
         "problems": frame.problems,
         "missing_tiles": frame.missing_tiles,
-        "camera": scene.camera.to_json(),
-        "size": [scene.size.width(), scene.size.height()],
-        "step": scene.step,
-        "opacity_unit": scene.opacity_unit,
-        "early_termination": scene.early_termination,
-        "exact": scene.exact,
+        "camera": scene.view.camera.to_json(),
+        "size": [scene.view.size.width(), scene.view.size.height()],
+        "step": scene.quality.step,
+        "opacity_unit": scene.look.opacity_unit,
+        "early_termination": scene.quality.early_termination,
+        "exact": scene.quality.exact,
         "acceleration": {
-            "skip_empty": scene.acceleration.skip_empty,
-            "leap": match scene.acceleration.leap {
+            "skip_empty": scene.quality.acceleration.skip_empty,
+            "leap": match scene.quality.acceleration.leap {
                 Leap::Off => json!("off"),
                 Leap::Regions => json!("regions"),
                 Leap::Macrocells(range) => json!({ "macrocells": range }),
             },
-            "macrocell": scene.acceleration.macrocell.voxels(),
-            "leap_tolerance": scene.acceleration.leap_tolerance,
+            "macrocell": scene.quality.acceleration.macrocell.voxels(),
+            "leap_tolerance": scene.quality.acceleration.leap_tolerance,
         },
-        "view": format!("{:?}", scene.region_view).to_lowercase(),
-        "style": style_json::describe(&scene.style),
-        "filter": format!("{:?}", scene.filter).to_lowercase(),
+        "view": format!("{:?}", scene.look.region_view).to_lowercase(),
+        "style": style_json::describe(&scene.look.style),
+        "filter": format!("{:?}", scene.quality.filter).to_lowercase(),
         "transport": format!("{:?}", choice.transport).to_lowercase(),
-        "transfer_function": points(&scene.transfer_function),
-        "region_transfer_function": scene.region_transfer_function.as_ref().map(points),
+        "transfer_function": points(&scene.look.transfer_function),
+        "region_transfer_function": scene.look.region_transfer_function.as_ref().map(points),
         "epoch": frame.stats.faults.epoch,
         "reissued": frame.stats.faults.reissued,
         "lost": frame.stats.faults.lost,
