@@ -10,6 +10,7 @@ pub mod camera_file;
 pub mod chord;
 pub mod format;
 pub mod ids;
+pub mod json_fields;
 pub mod leftovers;
 pub mod look_on;
 pub mod macrocell;

@@ -1,5 +1,6 @@
 //! What every layer of a frame has in common: the scene, which is a look, a view of it, and a quality.
 
+mod json;
 mod look;
 mod quality;
 mod view;
@@ -12,6 +13,7 @@ use crate::space::Geometry;
 use crate::style::StyleError;
 use crate::visibility::{View, ViewError};
 
+pub use self::json::SCENE_FIELDS;
 pub use self::look::{Look, RegionView};
 pub use self::quality::{Acceleration, Filter, Leap, LeapKind, MacrocellEdge, Quality, Transport};
 pub use self::view::ViewSpec;
