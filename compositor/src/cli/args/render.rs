@@ -11,6 +11,56 @@ use super::on_the_way::OnTheWayArgs;
 use super::scene::SceneArgs;
 use super::values::triple;
 
+/// What the manifest of `--scene` says: camera, look and quality.
+const SAID_BY_A_MANIFEST: [&str; 46] = [
+    "size",
+    "transfer_function",
+    "preset",
+    "transfer_function_range",
+    "window",
+    "opacity",
+    "colormap",
+    "opacity_unit",
+    "camera",
+    "azimuth",
+    "elevation",
+    "zoom",
+    "view_angle",
+    "position",
+    "focal_point",
+    "view_up",
+    "parallel_scale",
+    "step",
+    "early_termination",
+    "exact",
+    "filter",
+    "transport",
+    "integration",
+    "table_size",
+    "shading",
+    "lighting",
+    "light",
+    "ambient",
+    "diffuse",
+    "specular",
+    "shininess",
+    "light_from",
+    "isosurface",
+    "mode",
+    "clip",
+    "clip_plane",
+    "accel",
+    "leap_tolerance",
+    "macro_range",
+    "macrocell",
+    "view",
+    "region_transfer_function",
+    "region_preset",
+    "frames",
+    "camera_path",
+    "orbit",
+];
+
 #[derive(Debug, Args)]
 pub struct RenderArgs {
     /// A store, an input volume, or the name of a store that the nodes know
@@ -24,7 +74,7 @@ pub struct RenderArgs {
         id = "scene",
         long = "scene",
         value_name = "PICTURE.json",
-        conflicts_with_all = ["SceneArgs", "StyleArgs", "AccelArgs", "frames", "camera_path", "orbit"],
+        conflicts_with_all = SAID_BY_A_MANIFEST,
     )]
     pub picture: Option<PathBuf>,
     /// Compare with the picture beside --scene: the same bits, or by how much it differs
