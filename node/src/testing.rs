@@ -8,7 +8,7 @@ use brickcast_proto::{LayerOrder, RenderOrder, TileRect};
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::format::{FormatError, SourceHeader, VolumeSource, VoxelType};
 use brickcast_volume::regions::Density;
-use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
+use brickcast_volume::scene::{Filter, Look, Quality, Scene, Transport, ViewSpec};
 use brickcast_volume::store::{PrepareOptions, prepare};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use brickcast_volume::{
@@ -81,26 +81,15 @@ pub(crate) fn scene(width: u32, height: u32, orbit: Orbit) -> Scene {
     let geometry = Geometry::new(DIMS, [1.0, 1.0, 1.5], [0.0; 3]).unwrap();
     let colors = vec![ColorPoint { x: 0.0, rgb: [0.1, 0.2, 0.9] }, ColorPoint { x: 255.0, rgb: [1.0, 0.8, 0.1] }];
     let opacities = vec![OpacityPoint { x: 60.0, opacity: 0.0 }, OpacityPoint { x: 255.0, opacity: 0.4 }];
-    let scene = Scene {
-        camera: Camera::orbit(&geometry, orbit).unwrap(),
-        size: PictureSize::new(width, height).unwrap(),
-        step: 0.5,
-        transfer_function: TransferFunction::new(colors, opacities).unwrap(),
-        opacity_unit: 4.0,
-        early_termination: 0.999,
-        filter: Filter::Exact,
-        exact: false,
-        acceleration: Acceleration::default(),
-        region_view: RegionView::All,
-        region_transfer_function: None,
-        style: brickcast_volume::style::Style::default(),
-    };
-    scene.validate().unwrap()
+    let camera = Camera::orbit(&geometry, orbit).unwrap();
+    let view = ViewSpec { camera, size: PictureSize::new(width, height).unwrap() };
+    let look = Look::new(TransferFunction::new(colors, opacities).unwrap(), 4.0);
+    Scene::new(look, view, Quality { filter: Filter::Exact, ..Quality::default() }).unwrap()
 }
 
 /// All chunks of the tree in one layer, all tiles.
 pub(crate) fn whole_order(tree: &MergeTree, store: StoreHash, scene: Scene) -> RenderOrder {
-    let tiles = TileRect::of_picture(scene.size);
+    let tiles = TileRect::of_picture(scene.view.size);
     let chunks = (0..tree.chunk_count() as u32).collect();
     let layers = vec![LayerOrder { node: TreeNode(1), chunks, tiles }];
     let (session, frame, epoch) = (SessionId(1), FrameId(7), Epoch(3));

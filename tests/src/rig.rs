@@ -11,7 +11,7 @@ use crate::proxy::{Fault, Proxy};
 use brickcast::cluster::{Access, Dial, NodeClient, NodeError, Target};
 use brickcast::session::{Frame, Session, SessionError, StoreChoice};
 use brickcast_proto::credentials::Badge;
-use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
+use brickcast_volume::scene::{Filter, Look, Quality, Scene, Transport, ViewSpec};
 use brickcast_volume::store::Store;
 use brickcast_volume::transfer_function::{Colormap, TransferFunction};
 use brickcast_volume::{Camera, Orbit, PictureSize};
@@ -31,20 +31,12 @@ pub fn scene(store: &Store, azimuth: f64) -> Scene {
     let manifest = store.manifest();
     let (lo, hi) = manifest.range;
     let orbit = Orbit { azimuth, elevation: 20.0, ..Orbit::default() };
-    Scene {
-        camera: Camera::orbit(&manifest.geometry, orbit).unwrap(),
-        size: PictureSize::new(320, 256).unwrap(),
-        step: 1.0,
-        transfer_function: TransferFunction::window(lo - (hi - lo), hi, 0.05, Colormap::Viridis).unwrap(),
-        opacity_unit: manifest.geometry.min_spacing(),
-        early_termination: 1.0,
-        filter: Filter::Exact,
-        exact: true,
-        acceleration: Acceleration::default(),
-        region_view: RegionView::All,
-        region_transfer_function: None,
-        style: brickcast_volume::style::Style::default(),
-    }
+    let function = TransferFunction::window(lo - (hi - lo), hi, 0.05, Colormap::Viridis).unwrap();
+    let camera = Camera::orbit(&manifest.geometry, orbit).unwrap();
+    let view = ViewSpec { camera, size: PictureSize::new(320, 256).unwrap() };
+    let whole = Quality { step: 1.0, early_termination: 1.0, exact: true, ..Quality::default() };
+    let quality = Quality { filter: Filter::Exact, ..whole };
+    Scene::new(Look::new(function, manifest.geometry.min_spacing()), view, quality).unwrap()
 }
 
 pub fn node(folder: &Path) -> NodeProcess {
@@ -108,7 +100,7 @@ impl Rig {
     /// A complete frame with the bits of one node.
     pub async fn good_frame(&mut self, session: &mut Session, azimuth: f64) -> Frame {
         let mut scene = scene(&self.store, azimuth);
-        scene.size = PictureSize::new(self.size.0, self.size.1).unwrap();
+        scene = scene.with(|s| s.view.size = PictureSize::new(self.size.0, self.size.1).unwrap()).unwrap();
         let frame = render(session, &scene, 60).await.unwrap();
         assert!(frame.complete && frame.problems.is_empty(), "{:?}", frame.problems);
         let want = render(&mut self.reference, &scene, 60).await.unwrap();

@@ -192,18 +192,22 @@ impl Camera {
     /// The camera in the file's keys.
     #[must_use]
     pub fn to_json(&self) -> serde_json::Value {
+        serde_json::json!(self.file())
+    }
+
+    fn file(&self) -> CameraFile {
         let (view_angle, parallel_scale) = match self.projection {
             Projection::Perspective { view_angle } => (Some(view_angle), None),
             Projection::Parallel { parallel_scale } => (None, Some(parallel_scale)),
         };
-        serde_json::json!(CameraFile {
+        CameraFile {
             position: self.position.into(),
             focal_point: self.focal_point.into(),
             view_up: self.view_up.into(),
             view_angle,
             parallel_projection: parallel_scale.is_some(),
             parallel_scale,
-        })
+        }
     }
 
     #[must_use]
@@ -242,6 +246,18 @@ impl Camera {
         let forward = (self.focal_point - self.position).normalize();
         let right = forward.cross(self.view_up).normalize();
         (right, right.cross(forward), forward)
+    }
+}
+
+impl Serialize for Camera {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.file().serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for Camera {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        CameraFile::deserialize(deserializer)?.camera().map_err(serde::de::Error::custom)
     }
 }
 

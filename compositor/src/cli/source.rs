@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::anyhow;
+use brickcast_volume::StoreHash;
 use brickcast_volume::brick::BrickGrid;
 use brickcast_volume::format::{self, RawHints};
 use brickcast_volume::store::{Manifest, Phase, PrepareOptions, PrepareSummary, STORE_VERSION, Store, prepare, survey};
@@ -21,6 +22,8 @@ pub enum Source {
     Store(Store),
     /// A name that only the nodes know.
     Name(String),
+    /// A store that only the nodes have.
+    Hash(StoreHash),
 }
 
 /// What is known of a volume without rendering it.
@@ -164,12 +167,13 @@ fn words(phase: Phase) -> &'static str {
 }
 
 impl Source {
-    /// The local store's hash, or the name.
+    /// The store's hash, or the name.
     #[must_use]
     pub fn choice(&self) -> StoreChoice {
         match self {
             Self::Store(store) => StoreChoice::Hash(store.hash()),
             Self::Name(name) => StoreChoice::Name(name.clone()),
+            Self::Hash(hash) => StoreChoice::Hash(*hash),
         }
     }
 }

@@ -103,7 +103,7 @@ impl Classes {
     /// Of a scene's frame.
     #[must_use]
     pub fn of(scene: &Scene, range: (f64, f64)) -> Self {
-        Self::new(scene.style.mode, scene.transfer_function.clone(), range)
+        Self::new(scene.look.style.mode, scene.look.transfer_function.clone(), range)
     }
 
     #[must_use]

@@ -46,7 +46,7 @@ async fn answers(
     order: RenderOrder,
     events: &mpsc::Sender<Event>,
 ) -> Result<Receipt, Option<NodeError>> {
-    let (now, size) = ((order.frame, order.epoch), order.scene.size);
+    let (now, size) = ((order.frame, order.epoch), order.scene.view.size);
     let rects: Vec<(TreeNode, TileRect)> = order.layers.iter().map(|l| (l.node, l.tiles)).collect();
     let address = client.address().to_owned();
     let invalid = |reason: String| NodeError::Invalid { address: address.clone(), call: "RenderFrame", reason };

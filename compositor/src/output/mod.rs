@@ -8,14 +8,18 @@ mod error;
 pub mod exr;
 mod format;
 mod hatch;
+pub mod likeness;
 mod limits;
 pub mod manifest;
+pub mod picture_manifest;
 pub mod png;
 mod writer;
 
 pub use error::OutputError;
 pub use format::OutputFormat;
 pub use hatch::hatched;
+pub use likeness::{Difference, DrawnFile};
 pub use limits::MAX_FRAMES;
 pub use manifest::{write_json, write_manifest, write_text};
+pub use picture_manifest::{AboutPicture, ManifestError, PictureManifest, read_manifest};
 pub use writer::{FrameOptions, FrameWriter};

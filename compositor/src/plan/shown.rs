@@ -1,10 +1,10 @@
 //! Which bricks have something to show, whatever the view.
 
+use brickcast_volume::look_on::{BricksOf, LookOn, NewTables};
 use brickcast_volume::merge::MergeTree;
-use brickcast_volume::regions::{BrickFacts, Drawn, SceneTables, drawn, within_reach};
+use brickcast_volume::regions::{BrickFacts, Drawn};
 use brickcast_volume::scene::Scene;
 use brickcast_volume::store::{BrickRanges, Manifest};
-use brickcast_volume::transfer_function::TransferTable;
 use brickcast_volume::{BrickIndex, ChunkIndex, OwnedBox};
 
 /// A store as the compositor knows it: no voxels, only what planning needs.
@@ -22,6 +22,12 @@ impl StoreFacts {
     pub fn tree(&self) -> MergeTree {
         MergeTree::of(self.manifest.grid)
     }
+
+    /// What is known of its bricks.
+    #[must_use]
+    pub fn bricks(&self) -> BricksOf<'_> {
+        BricksOf { manifest: &self.manifest, ranges: &self.ranges.0, facts: self.facts.as_deref() }
+    }
 }
 
 /// The bricks that the transfer function shows, whatever the view, and the chunks that hold them.
@@ -38,21 +44,12 @@ pub struct Shown {
 
 /// Of every brick, x fastest: how it is drawn, and whether it has regions; nothing where it shows nothing.
 pub(crate) fn drawn_in_scene(store: &StoreFacts, scene: &Scene) -> Vec<Option<(Drawn, bool)>> {
-    let (grid, reach) = (store.manifest.grid, scene.style.reach(scene.step));
-    let geometry = &store.manifest.geometry;
-    let delta = scene.step * geometry.min_spacing();
-    let (range, ratio) = (store.manifest.range, delta / scene.opacity_unit);
-    let entries = scene.style.table_entries();
-    let table = |function| TransferTable::with_entries(function, range, ratio, entries);
-    let (main, region) = (table(&scene.transfer_function), scene.region_transfer_function.as_ref().map(table));
-    let surfaces = scene.style.surface_codes(range);
-    let tables = SceneTables::new(scene, &surfaces, &main, region.as_ref());
+    let look = LookOn::new(scene, store.bricks(), &NewTables);
     let of_brick = |brick| {
-        let (raw, facts) = within_reach(&grid, &store.ranges.0, store.facts.as_deref(), brick, reach);
-        let drawn = drawn(scene, &tables, geometry, &grid.owned_box(brick), raw, facts.as_ref())?;
-        Some((drawn, facts.is_some_and(|f| f.has_regions)))
+        let brick = look.of(brick);
+        Some((brick.drawn?, brick.has_regions()))
     };
-    grid.bricks().map(of_brick).collect()
+    store.manifest.grid.bricks().map(of_brick).collect()
 }
 
 impl Shown {

@@ -2,9 +2,9 @@
 
 use brickcast_volume::View;
 use brickcast_volume::chord::most_samples;
-use brickcast_volume::regions::{ChangeRate, SceneTables, brick_change, drawn, within_reach};
+use brickcast_volume::look_on::{LookOn, NewTables};
+use brickcast_volume::regions::ChangeRate;
 use brickcast_volume::scene::{Leap, Scene, Transport};
-use brickcast_volume::transfer_function::TransferTable;
 use serde::Serialize;
 
 use crate::picture::Picture;
@@ -46,22 +46,18 @@ impl Audit {
 /// Per pixel, row-major: the most by which leaping can change it, the sum over the flattened bricks on its ray.
 #[must_use]
 pub fn bounds(store: &StoreFacts, scene: &Scene, view: &View) -> Vec<f32> {
-    let size = scene.size;
+    let size = scene.view.size;
     let mut sums = vec![0.0_f32; size.pixel_count()];
-    let (Some(facts), Leap::Regions) = (&store.facts, scene.acceleration.leap) else { return sums };
-    let main = table_of(store, scene, &scene.transfer_function);
-    let region = scene.region_transfer_function.as_ref().map(|f| table_of(store, scene, f));
-    let surfaces = scene.style.surface_codes(store.manifest.range);
-    let tables = SceneTables::new(scene, &surfaces, &main, region.as_ref());
-    let (kernel, grid, reach) = (view.kernel(), store.manifest.grid, scene.style.reach(scene.step));
+    if store.facts.is_none() || scene.quality.acceleration.leap != Leap::Regions {
+        return sums;
+    }
+    let look = LookOn::new(scene, store.bricks(), &NewTables);
+    let (kernel, grid) = (view.kernel(), store.manifest.grid);
     for brick in grid.bricks() {
-        let (raw, within) = within_reach(&grid, &store.ranges.0, Some(facts), brick, reach);
-        let (Some(facts), raw) = (&within, &raw) else { continue };
-        let owned = grid.owned_box(brick);
+        let (owned, brick) = (grid.owned_box(brick), look.of(brick));
         // A brick may show nothing from V' and something from the volume: what it could change counts then too.
-        let flattened = drawn(scene, &tables, &store.manifest.geometry, &owned, *raw, Some(facts))
-            .map_or(facts.has_regions, |d| d.flattened);
-        let rate = if flattened { brick_change(&tables, *raw, facts) } else { ChangeRate::NONE };
+        let flattened = brick.drawn.map_or(brick.has_regions(), |d| d.flattened);
+        let rate = if flattened { look.change(&brick) } else { ChangeRate::NONE };
         if rate == ChangeRate::NONE {
             continue;
         }
@@ -77,16 +73,6 @@ pub fn bounds(store: &StoreFacts, scene: &Scene, view: &View) -> Vec<f32> {
     sums
 }
 
-fn table_of(
-    store: &StoreFacts,
-    scene: &Scene,
-    function: &brickcast_volume::transfer_function::TransferFunction,
-) -> TransferTable {
-    let delta = scene.step * store.manifest.geometry.min_spacing();
-    let entries = scene.style.table_entries();
-    TransferTable::with_entries(function, store.manifest.range, delta / scene.opacity_unit, entries)
-}
-
 /// What rounding and early termination may add to a bound: two pictures travel in `transport`, and each may stop anywhere
 /// above the scene's early termination; textures hold 14 bits of a flattened value, and real filters weigh in 1/256.
 fn slack(scene: &Scene, transport: Transport) -> f32 {
@@ -95,7 +81,7 @@ fn slack(scene: &Scene, transport: Transport) -> f32 {
         Transport::F16 => 1e-3,
         Transport::U8 => 1.0 / 254.0,
     };
-    rounding + (1.0 - scene.early_termination) + 2.0 / 255.0
+    rounding + (1.0 - scene.quality.early_termination) + 2.0 / 255.0
 }
 
 /// Compares the picture with leaping with the one without, both of `scene`'s view.
@@ -123,7 +109,7 @@ pub fn compare(with: &Picture, without: &Picture, bounds: &[f32], scene: &Scene,
 
 #[cfg(test)]
 mod tests {
-    use brickcast_volume::scene::{Acceleration, Filter, RegionView};
+    use brickcast_volume::scene::{Filter, Look, Quality, ViewSpec};
     use brickcast_volume::transfer_function::{Colormap, TransferFunction};
     use brickcast_volume::{Camera, Geometry, Orbit, PictureSize, Premul};
 
@@ -131,20 +117,10 @@ mod tests {
 
     fn scene(early_termination: f32) -> Scene {
         let geometry = Geometry::new([8; 3], [1.0; 3], [0.0; 3]).unwrap();
-        Scene {
-            camera: Camera::orbit(&geometry, Orbit::default()).unwrap(),
-            size: PictureSize::new(2, 1).unwrap(),
-            step: 0.5,
-            transfer_function: TransferFunction::window(0.0, 1.0, 0.5, Colormap::Viridis).unwrap(),
-            opacity_unit: 1.0,
-            early_termination,
-            filter: Filter::Exact,
-            exact: false,
-            acceleration: Acceleration::default(),
-            region_view: RegionView::All,
-            region_transfer_function: None,
-            style: brickcast_volume::style::Style::default(),
-        }
+        let camera = Camera::orbit(&geometry, Orbit::default()).unwrap();
+        let look = Look::new(TransferFunction::window(0.0, 1.0, 0.5, Colormap::Viridis).unwrap(), 1.0);
+        let view = ViewSpec { camera, size: PictureSize::new(2, 1).unwrap() };
+        Scene::new(look, view, Quality { early_termination, filter: Filter::Exact, ..Quality::default() }).unwrap()
     }
 
     /// A pixel beyond its bound is found, whatever its neighbour's bound allows, and in any channel.
@@ -153,7 +129,7 @@ mod tests {
         let scene = scene(1.0);
         let picture = |a: f32, b: f32| {
             Picture::new(
-                scene.size,
+                scene.view.size,
                 vec![Premul::from_array([0.1, 0.1, a, 0.9]), Premul::from_array([0.1, 0.1, b, 0.9])],
             )
         };

@@ -12,7 +12,7 @@ use futures_util::future::BoxFuture;
 
 use super::balanced::{Balanced, Divided};
 use super::error::SessionError;
-use super::look::{Look, Looks};
+use super::look::{Looks, ShownLook};
 use super::{BalanceStats, Session};
 use crate::balance::{Demand, Mode, Settings};
 use crate::cluster::{ClusterError, Dial, Members, NodeList, Outlook, Outlooks, Roster, StoreChoice};
@@ -126,7 +126,7 @@ impl Cluster {
     }
 
     /// What `scene` shows: the one that another session has, or made now, while others go on.
-    pub(super) fn look(&self, scene: &Scene) -> Arc<Look> {
+    pub(super) fn look(&self, scene: &Scene) -> Arc<ShownLook> {
         let id = {
             let mut looks = lock(&self.looks);
             if let Some(found) = looks.find(scene) {
@@ -134,7 +134,7 @@ impl Cluster {
             }
             looks.next_id()
         };
-        let made = Look::new(id, &self.store, scene);
+        let made = ShownLook::new(id, &self.store, scene);
         lock(&self.looks).keep(made)
     }
 
@@ -146,7 +146,7 @@ impl Cluster {
     /// loaded.
     pub(super) fn divide(
         &self,
-        look: &Arc<Look>,
+        look: &Arc<ShownLook>,
         demand: Demand,
         first: impl FnOnce(&Roster) -> Arc<Assignment>,
     ) -> Option<Divided> {
@@ -192,7 +192,7 @@ impl Cluster {
 
 impl Balance {
     /// The balancer, told of the look; a new one where nobody shows any more what the old one knows.
-    fn of(&mut self, look: &Arc<Look>) -> &mut Balanced {
+    fn of(&mut self, look: &Arc<ShownLook>) -> &mut Balanced {
         self.balanced.take_if(|balanced| !balanced.is_of_use());
         let (generation, settings) = (&mut self.generation, &self.settings);
         let balanced = self.balanced.get_or_insert_with(|| {

@@ -12,7 +12,7 @@ const BYTES_PER_VOXEL: u64 = 3;
 
 /// What is the same for every view until the transfer function, step, unit, region view, acceleration or style changes.
 #[derive(Debug)]
-pub(crate) struct Look {
+pub(crate) struct ShownLook {
     pub(crate) id: LookId,
     /// A scene that has it; camera and size are of no account.
     pub(crate) scene: Scene,
@@ -21,11 +21,11 @@ pub(crate) struct Look {
     pub(crate) bytes: Vec<u64>,
 }
 
-impl Look {
+impl ShownLook {
     /// Looks at every brick's range: that takes its time in large stores.
     pub(crate) fn new(id: LookId, store: &StoreFacts, scene: &Scene) -> Self {
         let shown = Shown::in_scene(store, scene);
-        let (grid, tree, ghost) = (store.manifest.grid, shown.tree(), scene.style.ghost(scene.step));
+        let (grid, tree, ghost) = (store.manifest.grid, shown.tree(), scene.ghost());
         let chunks = (0..tree.chunk_count() as u32).filter_map(|chunk| tree.chunk_at(chunk));
         let stored = |brick| grid.owned_box(brick).stored(ghost).voxel_count();
         let bytes = chunks.map(|chunk| shown.bricks_of(chunk).map(stored).sum::<u64>() * BYTES_PER_VOXEL).collect();
@@ -35,25 +35,21 @@ impl Look {
     /// True where `scene` has this look.
     pub(crate) fn is_of(&self, scene: &Scene) -> bool {
         let mine = &self.scene;
-        mine.transfer_function == scene.transfer_function
-            && mine.step == scene.step
-            && mine.opacity_unit == scene.opacity_unit
-            && mine.acceleration == scene.acceleration
-            && mine.region_view == scene.region_view
-            && mine.region_transfer_function == scene.region_transfer_function
-            && mine.style == scene.style
+        mine.look == scene.look
+            && mine.quality.step == scene.quality.step
+            && mine.quality.acceleration == scene.quality.acceleration
     }
 }
 
 /// The looks that somebody shows.
 #[derive(Debug, Default)]
 pub(super) struct Looks {
-    known: Vec<Weak<Look>>,
+    known: Vec<Weak<ShownLook>>,
     last: u64,
 }
 
 impl Looks {
-    pub(super) fn find(&mut self, scene: &Scene) -> Option<Arc<Look>> {
+    pub(super) fn find(&mut self, scene: &Scene) -> Option<Arc<ShownLook>> {
         self.known.retain(|look| look.strong_count() > 0);
         self.known.iter().filter_map(Weak::upgrade).find(|look| look.is_of(scene))
     }
@@ -65,7 +61,7 @@ impl Looks {
     }
 
     /// Keeps a look that was made, unless another session was faster.
-    pub(super) fn keep(&mut self, made: Look) -> Arc<Look> {
+    pub(super) fn keep(&mut self, made: ShownLook) -> Arc<ShownLook> {
         self.find(&made.scene).unwrap_or_else(|| {
             let made = Arc::new(made);
             self.known.push(Arc::downgrade(&made));

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use brickcast_proto::NodeDescription;
 use brickcast_volume::scene::{Scene, Transport};
-use brickcast_volume::{Epoch, FrameId, SessionId, View};
+use brickcast_volume::{Epoch, FrameId, SessionId};
 use futures_util::future::{BoxFuture, join_all};
 
 pub use self::balanced::BalanceStats;
@@ -24,7 +24,7 @@ pub use self::error::SessionError;
 pub use self::stats::{FrameFaults, FrameStats, LoadStats};
 pub use crate::cluster::StoreChoice;
 
-use self::look::Look;
+use self::look::ShownLook;
 use crate::balance::{Demand, Settings};
 use crate::cluster::{Dial, Outlook, Roster};
 use crate::frame::blend::{Classes, blend};
@@ -62,7 +62,7 @@ pub struct Session {
 /// What is the same for every view of a sequence: kept until the look or the table changes.
 #[derive(Debug, Clone)]
 struct Planned {
-    look: Arc<Look>,
+    look: Arc<ShownLook>,
     first: Arc<Assignment>,
     epoch: Epoch,
 }
@@ -121,7 +121,7 @@ impl Session {
     }
 
     /// What `scene` shows, and the table of these nodes.
-    fn plan(&mut self, scene: &Scene, roster: &Roster) -> (Arc<Look>, Arc<Assignment>) {
+    fn plan(&mut self, scene: &Scene, roster: &Roster) -> (Arc<ShownLook>, Arc<Assignment>) {
         let same = self.planned.take().filter(|p| p.look.is_of(scene));
         let planned = match same {
             Some(planned) if planned.epoch == roster.epoch => planned,
@@ -231,7 +231,7 @@ impl Session {
     ) -> Result<Frame, SessionError> {
         let cluster = self.cluster.clone();
         let store = cluster.store();
-        let view = View::new(&store.manifest.geometry, &scene.camera, scene.size, scene.step)?;
+        let view = scene.view_of(&store.manifest.geometry)?;
         let roster = cluster.settled();
         let (look, first) = self.plan(scene, &roster);
         let frame = FrameId(self.next_frame);
@@ -261,7 +261,7 @@ impl Session {
         let epoch = roster.epoch;
         let balance = divided.and_then(|d| cluster.learn(d, self.id, scene, &end.costs, clean));
         let missing_tiles = end.ledger.missing_tiles();
-        let (ledger, tree, from, size) = (end.ledger, store.tree(), view.viewpoint(), scene.size);
+        let (ledger, tree, from, size) = (end.ledger, store.tree(), view.viewpoint(), scene.view.size);
         let classes = Classes::of(scene, store.manifest.range);
         let join = move || classes.picture(blend(&ledger, &tree, from, size, classes.mode())?);
         let picture = tokio::task::spawn_blocking(join).await.map_err(FrameError::Task)??;

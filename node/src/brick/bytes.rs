@@ -33,7 +33,7 @@ impl Recipe {
     /// many where the brick may turn out to need no region flags.
     #[must_use]
     pub fn planned_bytes(scene: &Scene, owned: &OwnedBox, drawn: &Drawn, has_regions: bool, texel_bytes: u64) -> u64 {
-        let ghost = scene.style.ghost(scene.step);
+        let ghost = scene.ghost();
         if drawn.only_region.is_some() && knows_only_region(ghost) {
             return texel_bytes;
         }

@@ -29,21 +29,21 @@ impl Recipe {
     /// Of a brick that is drawn from V' or not, in a scene.
     #[must_use]
     pub fn of(scene: &Scene, flattened: bool, has_regions: bool) -> Self {
-        let acceleration = &scene.acceleration;
-        let radius = scene.style.gradient_radius();
+        let acceleration = &scene.quality.acceleration;
+        let radius = scene.look.style.gradient_radius();
         let homogeneous = match acceleration.leap {
             // What a cube is flattened by has no bound on surfaces and gradients, and is no label.
             Leap::Macrocells(range)
-                if scene.style.surfaces.is_empty() && radius == 0 && scene.filter != Filter::Nearest =>
+                if scene.look.style.surfaces.is_empty() && radius == 0 && scene.quality.filter != Filter::Nearest =>
             {
                 Some((f64::from(range) * 65535.0) as u16)
             }
             Leap::Off | Leap::Regions | Leap::Macrocells(_) => None,
         };
-        let shows_kinds = scene.region_view != RegionView::All || scene.region_transfer_function.is_some();
+        let shows_kinds = scene.look.region_view != RegionView::All || scene.look.region_transfer_function.is_some();
         Self {
             // Steps are at most 16 voxels: 33.
-            guard: flattened.then(|| guard_width(scene.step, radius) as u8),
+            guard: flattened.then(|| guard_width(scene.quality.step, radius) as u8),
             radius: radius as u8,
             macrocell: (acceleration.skip_empty || homogeneous.is_some())
                 .then(|| acceleration.macrocell.voxels() as u8),

@@ -48,7 +48,7 @@ impl Node {
     ) -> Result<PrepareReceipt, NodeError> {
         self.accepting()?;
         let request = Arc::new(request);
-        let (session, background, filter) = (request.session, request.background, request.scene.filter);
+        let (session, background, filter) = (request.session, request.background, request.scene.quality.filter);
         let wish = move |node: &Self| {
             let store = node.stores.query(&StoreQuery::Hash(request.store))?;
             let wish = node.wish(&request, &store)?;

@@ -37,7 +37,7 @@ impl Bench {
         let color = vec![ColorPoint { x: 0.0, rgb: [1.0; 3] }];
         let opacity = vec![OpacityPoint { x: from, opacity: 0.0 }, OpacityPoint { x: from + 1.0, opacity: 0.5 }];
         let transfer_function = TransferFunction::new(color, opacity).unwrap();
-        Scene { transfer_function, ..scene(64, 64, Orbit::default()) }
+        scene(64, 64, Orbit::default()).with(|s| s.look.transfer_function = transfer_function).unwrap()
     }
 
     /// For all bricks; every one of them is shown.

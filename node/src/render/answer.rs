@@ -37,7 +37,7 @@ pub(super) fn answer(piece: &Piece, layer: &LayerOrder, order: &RenderOrder, pic
 
 /// The pixels of a tile, clipped to the picture; `None` where the layer does not touch it.
 fn cut(tile: [u32; 2], order: &RenderOrder, picture: &Layer) -> Option<Vec<Premul>> {
-    let window = TileRect::tile_pixels(tile, order.scene.size);
+    let window = TileRect::tile_pixels(tile, order.scene.view.size);
     let shared = window.intersect(&picture.rect);
     if shared.is_empty() {
         return None;

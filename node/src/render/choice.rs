@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use brickcast_shaders::Kinds;
 use brickcast_volume::BrickIndex;
+use brickcast_volume::look_on::{BricksOf, LookOn};
 use brickcast_volume::preintegration::Preintegrated;
-use brickcast_volume::regions::{Drawn, SceneTables, drawn, within_reach};
+use brickcast_volume::regions::Drawn;
 use brickcast_volume::scene::Scene;
 use brickcast_volume::store::Store;
-use brickcast_volume::transfer_function::TransferTable;
 
 use super::tables::TableCache;
 use crate::brick::residency::{BrickKey, Wanted};
@@ -20,11 +20,9 @@ use crate::kernel::{KernelStyle, Raycaster, Recipe, knows_only_region};
 pub(crate) struct BrickChoice<'a> {
     store: &'a Store,
     scene: &'a Scene,
-    pub(crate) main: Arc<TransferTable>,
-    pub(crate) region: Option<Arc<TransferTable>>,
+    pub(crate) look: LookOn<'a>,
     /// Outside and inside regions, where the scene integrates slabs.
     pub(crate) slabs: Option<[Arc<Preintegrated>; 2]>,
-    surfaces: Vec<u16>,
 }
 
 /// A brick that shows something, and how.
@@ -39,30 +37,21 @@ impl<'a> BrickChoice<'a> {
     /// Steps that are out of all proportion to the opacity unit.
     pub(crate) fn new(store: &'a Store, scene: &'a Scene, tables: &TableCache) -> Result<Self, NodeError> {
         let manifest = store.manifest();
-        let delta = scene.step * manifest.geometry.min_spacing();
-        let ratio = delta / scene.opacity_unit;
+        let (delta, ratio) = (scene.delta(&manifest.geometry), scene.delta_over_unit(&manifest.geometry));
         if !(1e-9..=1e6).contains(&ratio) {
-            return Err(NodeError::OpacityUnit { delta, unit: scene.opacity_unit, ratio });
+            return Err(NodeError::OpacityUnit { delta, unit: scene.look.opacity_unit, ratio });
         }
-        let (range, entries) = (manifest.range, scene.style.table_entries());
-        let table = |function| tables.get(function, range, ratio, entries);
-        let region = scene.region_transfer_function.as_ref().map(table);
-        let main = table(&scene.transfer_function);
-        let slabs = scene.style.integrates_slabs().then(|| {
-            let lit = scene.style.shading.is_some_and(|phong| phong.lighting.needs_weights());
-            let slabs = |function| tables.slabs(function, range, ratio, entries, lit);
-            let inside = scene.region_transfer_function.as_ref().map(slabs);
-            let outside = slabs(&scene.transfer_function);
-            [outside.clone(), inside.unwrap_or(outside)]
-        });
-        Ok(Self { store, scene, main, region, slabs, surfaces: scene.style.surface_codes(range) })
+        let (ranges, facts) = (&store.brick_ranges().0, store.brick_facts());
+        let look = LookOn::new(scene, BricksOf { manifest, ranges, facts }, tables);
+        let slabs = look.slabs(tables);
+        Ok(Self { store, scene, look, slabs })
     }
 
     /// What of the integral kernel the scene takes.
     pub(crate) fn kinds(&self) -> Option<Kinds> {
         let manifest = self.store.manifest();
-        let style = &self.scene.style;
-        KernelStyle::new(style, self.scene.step, &manifest.geometry, manifest.range, self.slabs.clone())
+        let style = &self.scene.look.style;
+        KernelStyle::new(style, self.scene.quality.step, &manifest.geometry, manifest.range, self.slabs.clone())
             .map(|s| s.kinds)
     }
 
@@ -70,14 +59,9 @@ impl<'a> BrickChoice<'a> {
     pub(crate) fn of(&self, index: BrickIndex, raycaster: &dyn Raycaster) -> Option<Chosen> {
         let manifest = self.store.manifest();
         let (linear, owned) = (manifest.grid.linear(index), manifest.grid.owned_box(index));
-        let style = &self.scene.style;
-        let (ranges, reach) = (&self.store.brick_ranges().0, style.reach(self.scene.step));
-        let (raw, facts) = within_reach(&manifest.grid, ranges, self.store.brick_facts(), index, reach);
-        let facts = facts.as_ref();
-        let tables = SceneTables::new(self.scene, &self.surfaces, &self.main, self.region.as_deref());
-        let drawn = drawn(self.scene, &tables, &manifest.geometry, &owned, raw, facts)?;
-        let ghost = style.ghost(self.scene.step);
-        let recipe = Recipe::of(self.scene, drawn.flattened, facts.is_some_and(|f| f.has_regions));
+        let brick = self.look.of(index);
+        let (drawn, ghost) = (brick.drawn?, self.scene.ghost());
+        let recipe = Recipe::of(self.scene, drawn.flattened, brick.has_regions());
         let brick = u32::try_from(linear).unwrap_or(u32::MAX);
         let key = BrickKey { store: self.store.hash(), brick, ghost, recipe };
         let bytes = match drawn.only_region {

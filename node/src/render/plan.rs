@@ -81,7 +81,7 @@ impl FramePlan {
     pub(super) fn new(order: &RenderOrder, store: &Store, workshop: Workshop<'_>) -> Result<Self, NodeError> {
         let manifest = store.manifest();
         let scene = &order.scene;
-        let view = View::new(&manifest.geometry, &scene.camera, scene.size, scene.step)?;
+        let view = scene.view_of(&manifest.geometry)?;
         let choice = BrickChoice::new(store, scene, workshop.tables)?;
         let tree = MergeTree::of(manifest.grid);
         let mut plan = Self {
@@ -89,21 +89,21 @@ impl FramePlan {
             from: view.viewpoint(),
             scene: KernelScene {
                 view,
-                table: choice.main.clone(),
-                region_table: choice.region.clone(),
-                region_view: scene.region_view,
-                skip_empty: scene.acceleration.skip_empty,
-                early_termination: scene.early_termination,
-                filter: scene.filter,
+                table: choice.look.main().clone(),
+                region_table: choice.look.region().cloned(),
+                region_view: scene.look.region_view,
+                skip_empty: scene.quality.acceleration.skip_empty,
+                early_termination: scene.quality.early_termination,
+                filter: scene.quality.filter,
                 style: KernelStyle::new(
-                    &scene.style.clone().above_noise(manifest.noise),
-                    scene.step,
+                    &scene.look.style.clone().above_noise(manifest.noise),
+                    scene.quality.step,
                     &manifest.geometry,
                     manifest.range,
                     choice.slabs.clone(),
                 ),
             },
-            mode: scene.style.mode,
+            mode: scene.look.style.mode,
             bricks: Vec::new(),
             pieces: Vec::new(),
             units: Vec::new(),
@@ -126,7 +126,7 @@ impl FramePlan {
         workshop: Workshop<'_>,
     ) -> Result<(), NodeError> {
         let budget = workshop.residency.budget();
-        let window = layer.tiles.pixels(order.scene.size);
+        let window = layer.tiles.pixels(order.scene.view.size);
         // Bricks by chunk, front to back within each.
         let mut by_chunk: HashMap<TreeNode, Vec<usize>> = HashMap::new();
         for chunk in chunks {
@@ -145,7 +145,7 @@ impl FramePlan {
             },
             &mut |(), ()| (),
         );
-        if order.scene.exact {
+        if order.scene.quality.exact {
             for leaf in &leaves {
                 let bytes = self.bytes(&by_chunk[leaf]);
                 if bytes > budget {
@@ -157,9 +157,9 @@ impl FramePlan {
         let all: Vec<usize> = self.front_to_back(by_chunk.values().flatten().copied().collect());
         let pixels = self.band_pixels(&all, &window, workshop);
         for tiles in layer.tiles.bands(pixels) {
-            let band = tiles.pixels(order.scene.size);
+            let band = tiles.pixels(order.scene.view.size);
             let before = self.units.len();
-            let join = if order.scene.exact {
+            let join = if order.scene.quality.exact {
                 for leaf in &leaves {
                     self.add_unit(Some(*leaf), &by_chunk[leaf], &band);
                 }

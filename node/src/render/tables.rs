@@ -6,6 +6,7 @@
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
+use brickcast_volume::look_on::Tables;
 use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::transfer_function::{TransferFunction, TransferTable};
 
@@ -37,11 +38,9 @@ pub struct TableCache {
     slabs: Kept<Preintegrated>,
 }
 
-impl TableCache {
-    /// The table of `entries` entries of `function` over `range` for steps of `delta_over_unit` opacity units. Computes: call it where
-    /// that is allowed.
-    #[must_use]
-    pub fn get(
+/// Whoever asks first computes, on rayon's global threads: call it where that is allowed.
+impl Tables for TableCache {
+    fn table(
         &self,
         function: &TransferFunction,
         range: (f64, f64),
@@ -53,9 +52,7 @@ impl TableCache {
         known_or_new(&self.tables, key, KEPT, build)
     }
 
-    /// The pre-integrated table of `function`, `lit` for interpolated light. Computes, on rayon's global threads.
-    #[must_use]
-    pub fn slabs(
+    fn slabs(
         &self,
         function: &TransferFunction,
         range: (f64, f64),

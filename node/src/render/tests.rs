@@ -4,8 +4,9 @@ use std::cell::Cell;
 use std::collections::HashMap;
 
 use brickcast_proto::{ChunkCost, Part, Receipt, RenderOrder, Throttle, TileRect, decode_tile};
+use brickcast_volume::scene::SceneParts;
 use brickcast_volume::store::{ChunkCache, Store};
-use brickcast_volume::{MergeTree, Orbit, Premul, SessionId, StoreHash, TreeNode, View, over};
+use brickcast_volume::{MergeTree, Orbit, Premul, SessionId, StoreHash, TreeNode, over};
 
 use super::*;
 use crate::brick::residency::Residency;
@@ -52,7 +53,7 @@ impl Bench {
     fn order(&self, width: u32, height: u32, exact: bool) -> RenderOrder {
         let orbit = Orbit { azimuth: 30.0, elevation: 20.0, zoom: 1.3, ..Orbit::default() };
         let mut order = whole_order(&self.tree(), self.store.store.hash(), scene(width, height, orbit));
-        order.scene.exact = exact;
+        order.scene = order.scene.with(|s| s.quality.exact = exact).unwrap();
         order
     }
 
@@ -85,7 +86,7 @@ struct Frame {
 
 impl Frame {
     fn add(&mut self, order: &RenderOrder, part: Part) {
-        let size = order.scene.size;
+        let size = order.scene.view.size;
         match part {
             Part::Tile(tile) => {
                 *self.answers.entry((tile.node, tile.tile)).or_default() += 1;
@@ -111,13 +112,13 @@ impl Frame {
     fn merged(&self, bench: &Bench, order: &RenderOrder) -> Vec<Premul> {
         let scene = &order.scene;
         let geometry = bench.store.store.manifest().geometry;
-        let from = View::new(&geometry, &scene.camera, scene.size, scene.step).unwrap().viewpoint();
+        let from = scene.view_of(&geometry).unwrap().viewpoint();
         bench
             .tree()
             .fold(TreeNode(1), from, &mut |n| self.pictures.get(&n).cloned(), &mut |f, b| {
                 f.into_iter().zip(b).map(|(f, b)| over(f, b)).collect()
             })
-            .unwrap_or_else(|| vec![Premul::CLEAR; scene.size.pixel_count()])
+            .unwrap_or_else(|| vec![Premul::CLEAR; scene.view.size.pixel_count()])
     }
 }
 
@@ -155,7 +156,7 @@ fn every_layer_ordered_answers_exactly_once_empty_included() {
             for (i, mut order) in [vec![whole.clone()], split(&bench, &whole, 3)].concat().into_iter().enumerate() {
                 // Tile rectangles of every shape, beside the volume too.
                 for (l, layer) in order.layers.iter_mut().enumerate() {
-                    let all = TileRect::of_picture(order.scene.size);
+                    let all = TileRect::of_picture(order.scene.view.size);
                     let corner = |a: usize| (l as u32 * 7 + i as u32) % all.hi[a];
                     layer.tiles.lo = [corner(0), corner(1)];
                 }
@@ -177,9 +178,9 @@ fn nothing_to_show_answers_every_tile_as_empty() {
     let bench = Bench::new();
     let mut order = bench.order(211, 97, true);
     let opacities = vec![brickcast_volume::transfer_function::OpacityPoint { x: 0.0, opacity: 0.0 }];
-    let colors = order.scene.transfer_function.colors().to_vec();
-    order.scene.transfer_function =
-        brickcast_volume::transfer_function::TransferFunction::new(colors, opacities).unwrap();
+    let colors = order.scene.look.transfer_function.colors().to_vec();
+    let nothing = brickcast_volume::transfer_function::TransferFunction::new(colors, opacities).unwrap();
+    order.scene = order.scene.with(|s| s.look.transfer_function = nothing).unwrap();
     let raycaster = FakeRaycaster::new();
     let frame = bench.render(&order, &raycaster, 1 << 20).unwrap();
     assert!(frame.pictures.is_empty());
@@ -231,7 +232,7 @@ fn exact_pictures_have_the_same_bits_for_every_assignment_and_budget() {
         assert_eq!(difference(&frame.merged(&bench, &order), &want), 0.0, "{nodes} nodes, {budget} bytes");
     }
     let mut fast = order;
-    fast.scene.exact = false;
+    fast.scene = fast.scene.with(|s| s.quality.exact = false).unwrap();
     let default = bench.render(&fast, &raycaster, 1 << 30).unwrap().merged(&bench, &fast);
     assert!(difference(&default, &want) <= 1.0 / 255.0);
 }
@@ -244,8 +245,8 @@ fn costs_are_told_by_chunk_and_are_the_same_for_every_assignment() {
     let raycaster = CpuRaycaster::new();
     let mut order = bench.order(97, 61, true);
     // Or hidden bricks would be started in the whole that are not in the parts.
-    order.scene.early_termination = 1.0;
-    order.scene.acceleration.skip_empty = true;
+    let whole = |s: &mut SceneParts| (s.quality.early_termination, s.quality.acceleration.skip_empty) = (1.0, true);
+    order.scene = order.scene.with(whole).unwrap();
     let costs = |order: &RenderOrder| {
         let receipt = bench.render(order, &raycaster, 1 << 30).unwrap().receipt;
         let sum = |of: fn(&ChunkCost) -> u64| receipt.costs.iter().map(of).sum::<u64>();
@@ -281,7 +282,7 @@ fn orders_that_do_not_fit_the_store_are_refused() {
     assert!(refused(|o| o.layers[0].node = TreeNode(u64::MAX)).contains("merge tree"));
     assert!(refused(|o| o.layers[0].chunks.push(100_000)).contains("100000"));
     assert!(refused(|o| o.layers[0].node = TreeNode(2)).contains("does not lie under"));
-    assert!(refused(|o| o.scene.opacity_unit = 1e-300).contains("opacity units"));
+    assert!(refused(|o| o.scene = o.scene.with(|s| s.look.opacity_unit = 1e-300).unwrap()).contains("opacity units"));
 }
 
 #[test]
@@ -328,7 +329,7 @@ fn a_long_frame_lets_others_have_their_turn_and_is_the_same_picture() {
         let calls = |raycaster: &FakeRaycaster| raycaster.calls.load(std::sync::atomic::Ordering::SeqCst);
         assert_eq!(calls(&raycaster), 1, "so little is one slice");
         // The fake does not look at the step: only what is expected of the frame is long.
-        order.scene.step = 0.01;
+        order.scene = order.scene.with(|s| s.quality.step = 0.01).unwrap();
         let (raycaster, residency) = (FakeRaycaster::new(), Residency::new(1 << 30));
         let turns = Wanted { residency: &residency, store: order.store, given: Cell::new(0) };
         let mut frame = Frame::default();
@@ -352,7 +353,7 @@ fn slices_of_any_size_have_the_bits_of_the_whole() {
     let bench = Bench::new();
     let raycaster = CpuRaycaster::new();
     let mut order = bench.order(97, 61, false);
-    order.scene.step = 0.02;
+    order.scene = order.scene.with(|s| s.quality.step = 0.02).unwrap();
     let residency = Residency::new(1 << 30);
     let workshop = bench.workshop(&raycaster, &residency);
     let plan = plan::FramePlan::new(&order, &bench.store.store, workshop).unwrap();

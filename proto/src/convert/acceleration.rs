@@ -24,8 +24,7 @@ impl TryFrom<wire::Acceleration> for Acceleration {
     type Error = WireError;
 
     fn try_from(acceleration: wire::Acceleration) -> Result<Self, WireError> {
-        let edges = [MacrocellEdge::Four, MacrocellEdge::Eight];
-        let macrocell = edges.into_iter().find(|edge| edge.voxels() == acceleration.macrocell);
+        let macrocell = MacrocellEdge::of_voxels(acceleration.macrocell);
         Ok(Self {
             skip_empty: acceleration.skip_empty,
             leap: match acceleration.leap {

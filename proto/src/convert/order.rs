@@ -94,13 +94,13 @@ impl TryFrom<wire::RenderOrder> for RenderOrder {
         let scene: brickcast_volume::scene::Scene = order.scene.ok_or(WireError::Missing("scene"))?.try_into()?;
         let transport = format_from_wire(order.transport)?;
         match transport {
-            Transport::F16 if scene.exact => return Err(WireError::ExactTransport("f16")),
-            Transport::U8 if scene.exact => return Err(WireError::ExactTransport("u8")),
+            Transport::F16 if scene.quality.exact => return Err(WireError::ExactTransport("f16")),
+            Transport::U8 if scene.quality.exact => return Err(WireError::ExactTransport("u8")),
             _ => {}
         }
         let layers: Vec<LayerOrder> = order.layers.into_iter().map(TryInto::try_into).collect::<Result<_, _>>()?;
-        let picture = TileRect::of_picture(scene.size);
-        if let Some(layer) = layers.iter().find(|l| l.tiles.is_empty() || !l.tiles.fits(scene.size)) {
+        let picture = TileRect::of_picture(scene.view.size);
+        if let Some(layer) = layers.iter().find(|l| l.tiles.is_empty() || !l.tiles.fits(scene.view.size)) {
             return Err(WireError::Tiles { node: layer.node, tiles: layer.tiles, picture });
         }
         let owed: u64 = layers.iter().map(|l| u64::from(l.tiles.count())).sum();

@@ -1,6 +1,6 @@
 //! The scene: camera, transfer function, filter, transport.
 
-use brickcast_volume::scene::{Filter, Scene, Transport};
+use brickcast_volume::scene::{Filter, Look, Quality, Scene, SceneParts, Transport, ViewSpec};
 use brickcast_volume::transfer_function::{ColorPoint, MAX_POINTS, OpacityPoint, TransferFunction};
 use brickcast_volume::{Camera, PictureSize, Projection};
 use glam::DVec3;
@@ -109,20 +109,21 @@ pub(super) fn format_from_wire(format: i32) -> Result<Transport, WireError> {
 
 impl From<&Scene> for wire::Scene {
     fn from(scene: &Scene) -> Self {
+        let SceneParts { look, view, quality } = &**scene;
         Self {
-            camera: Some(scene.camera.into()),
-            width: scene.size.width(),
-            height: scene.size.height(),
-            step: scene.step,
-            transfer_function: Some((&scene.transfer_function).into()),
-            opacity_unit: scene.opacity_unit,
-            early_termination: scene.early_termination,
-            filter: filter_to_wire(scene.filter),
-            exact: scene.exact,
-            acceleration: Some(scene.acceleration.into()),
-            region_view: view_to_wire(scene.region_view),
-            region_transfer_function: scene.region_transfer_function.as_ref().map(Into::into),
-            style: Some((&scene.style).into()),
+            camera: Some(view.camera.into()),
+            width: view.size.width(),
+            height: view.size.height(),
+            step: quality.step,
+            transfer_function: Some((&look.transfer_function).into()),
+            opacity_unit: look.opacity_unit,
+            early_termination: quality.early_termination,
+            filter: filter_to_wire(quality.filter),
+            exact: quality.exact,
+            acceleration: Some(quality.acceleration.into()),
+            region_view: view_to_wire(look.region_view),
+            region_transfer_function: look.region_transfer_function.as_ref().map(Into::into),
+            style: Some((&look.style).into()),
         }
     }
 }
@@ -131,20 +132,24 @@ impl TryFrom<wire::Scene> for Scene {
     type Error = WireError;
 
     fn try_from(scene: wire::Scene) -> Result<Self, WireError> {
-        let valid = Self {
+        let view = ViewSpec {
             camera: scene.camera.ok_or(WireError::Missing("scene camera"))?.try_into()?,
             size: PictureSize::new(scene.width, scene.height)?,
-            step: scene.step,
+        };
+        let look = Look {
             transfer_function: scene.transfer_function.ok_or(WireError::Missing("transfer function"))?.try_into()?,
+            region_transfer_function: scene.region_transfer_function.map(TryInto::try_into).transpose()?,
             opacity_unit: scene.opacity_unit,
+            region_view: view_from_wire(scene.region_view)?,
+            style: scene.style.map(TryInto::try_into).transpose()?.unwrap_or_default(),
+        };
+        let quality = Quality {
+            step: scene.step,
             early_termination: scene.early_termination,
             filter: filter_from_wire(scene.filter)?,
             exact: scene.exact,
             acceleration: scene.acceleration.map(TryInto::try_into).transpose()?.unwrap_or_default(),
-            region_view: view_from_wire(scene.region_view)?,
-            region_transfer_function: scene.region_transfer_function.map(TryInto::try_into).transpose()?,
-            style: scene.style.map(TryInto::try_into).transpose()?.unwrap_or_default(),
         };
-        Ok(valid.validate()?)
+        Ok(Self::new(look, view, quality)?)
     }
 }

@@ -8,7 +8,6 @@ use super::scene::vec3;
 use super::{WireError, at_most};
 use crate::wire;
 
-const SIZES: [TableSize; 2] = [TableSize::N256, TableSize::N1024];
 const MODES: [(Mode, wire::Mode); 4] = [
     (Mode::Composite, wire::Mode::Composite),
     (Mode::Maximum, wire::Mode::Maximum),
@@ -85,9 +84,7 @@ impl TryFrom<wire::Style> for Style {
         let unknown = |what, value: String| WireError::Unknown { what, value };
         let integration = match style.table_size {
             0 => Integration::Sampled,
-            n => SIZES
-                .into_iter()
-                .find(|size| size.entries() as u32 == n)
+            n => TableSize::of_entries(n)
                 .map(Integration::Preintegrated)
                 .ok_or_else(|| unknown("pre-integration table size", n.to_string()))?,
         };

@@ -10,7 +10,9 @@ use brickcast_proto::{
     RenderOrder, StoreDescription, StoreName, StoreQuery, Throttle, TileError, TilePart, TileRect, WireError,
     decode_tile, encode_tile, wire,
 };
-use brickcast_volume::scene::{Acceleration, Filter, Leap, MacrocellEdge, RegionView, Scene, Transport};
+use brickcast_volume::scene::{
+    Acceleration, Filter, Leap, Look, MacrocellEdge, Quality, RegionView, Scene, Transport, ViewSpec,
+};
 use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Lighting, Mode, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use brickcast_volume::{Camera, Epoch, FrameId, Geometry, Orbit, PictureSize, Premul, SessionId, StoreHash, TreeNode};
@@ -69,13 +71,16 @@ fn scene(random: &mut Random) -> Scene {
     let opacities = (0..points).map(|i| OpacityPoint { x: i as f64 * 0.5, opacity: random.unit() }).collect();
     let function = TransferFunction::new(colors, opacities).unwrap();
     let leaps = [Leap::Off, Leap::Regions, Leap::Macrocells(random.unit() as f32)];
-    let mut scene = Scene {
-        camera,
-        size: PictureSize::new(1 + random.below(1000) as u32, 1 + random.below(1000) as u32).unwrap(),
-        step: 0.25 + random.unit(),
+    let size = PictureSize::new(1 + random.below(1000) as u32, 1 + random.below(1000) as u32).unwrap();
+    let mut look = Look {
         region_transfer_function: (random.below(2) == 0).then(|| function.clone()),
         transfer_function: function,
         opacity_unit: 0.1 + random.unit(),
+        region_view: [RegionView::All, RegionView::Regions, RegionView::Residual][random.below(3)],
+        style: style(random),
+    };
+    let mut quality = Quality {
+        step: 0.25 + random.unit(),
         early_termination: 0.999,
         filter: [Filter::Hardware, Filter::Exact][random.below(2)],
         exact: random.below(2) == 0,
@@ -85,14 +90,12 @@ fn scene(random: &mut Random) -> Scene {
             macrocell: [MacrocellEdge::Four, MacrocellEdge::Eight][random.below(2)],
             leap_tolerance: (random.below(2) == 0).then(|| random.unit() as f32),
         },
-        region_view: [RegionView::All, RegionView::Regions, RegionView::Residual][random.below(3)],
-        style: style(random),
     };
     if random.below(4) == 0 {
-        scene.filter = Filter::Nearest;
-        scene.style = Style { clip: scene.style.clip, ..Style::default() };
+        quality.filter = Filter::Nearest;
+        look.style = Style { clip: look.style.clip, ..Style::default() };
     }
-    scene.validate().unwrap()
+    Scene::new(look, ViewSpec { camera, size }, quality).unwrap()
 }
 
 /// Anything but projections, which do not go with region views.
@@ -128,13 +131,13 @@ fn style(random: &mut Random) -> Style {
 
 fn order(random: &mut Random) -> RenderOrder {
     let scene = scene(random);
-    let tiles = TileRect::of_picture(scene.size);
+    let tiles = TileRect::of_picture(scene.view.size);
     let layer = |i: u32| LayerOrder {
         node: TreeNode(8 + u64::from(i)),
         chunks: (0..3).map(|c| i * 3 + c).collect(),
         tiles: TileRect { lo: [0, 0], hi: [tiles.hi[0], 1 + i % tiles.hi[1]] },
     };
-    let transport = if scene.exact { Transport::F32 } else { [Transport::F16, Transport::U8][random.below(2)] };
+    let transport = if scene.quality.exact { Transport::F32 } else { [Transport::F16, Transport::U8][random.below(2)] };
     RenderOrder {
         session: SessionId(random.below(1000) as u64),
         frame: FrameId(random.below(1000) as u64),
@@ -275,10 +278,10 @@ fn check_order(message: wire::RenderOrder, bytes: usize) -> bool {
     assert!(order.layers.iter().map(|l| l.chunks.len()).sum::<usize>() <= bytes);
     for layer in &order.layers {
         assert!(layer.node.0 > 0 && !layer.chunks.is_empty());
-        assert!(!layer.tiles.is_empty() && layer.tiles.fits(order.scene.size));
+        assert!(!layer.tiles.is_empty() && layer.tiles.fits(order.scene.view.size));
     }
-    assert!(order.scene.clone().validate().is_ok());
-    assert!(!order.scene.exact || order.transport == Transport::F32);
+    assert!(order.scene.with(|_| {}).is_ok());
+    assert!(!order.scene.quality.exact || order.transport == Transport::F32);
     assert_eq!(RenderOrder::try_from(wire::RenderOrder::from(&order)).as_ref(), Ok(&order));
     true
 }

@@ -8,7 +8,7 @@ fn every_broken_invariant_of_an_order_is_refused_in_words() {
     let mut random = Random(5);
     let good = loop {
         let o = order(&mut random);
-        if o.layers.len() >= 3 && !o.scene.exact {
+        if o.layers.len() >= 3 && !o.scene.quality.exact {
             break wire::RenderOrder::from(&o);
         }
     };

@@ -14,7 +14,7 @@ use brickcast_volume::PictureSize;
 use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::format::{self, RawHints};
 use brickcast_volume::phantom::{PhantomOptions, write_phantom};
-use brickcast_volume::scene::{Acceleration, Filter, Leap, RegionView, Scene};
+use brickcast_volume::scene::{Acceleration, Leap, Look, Quality, Scene, ViewSpec};
 use brickcast_volume::store::{PrepareOptions, RegionOptions, Segmentation, Store, prepare};
 use brickcast_volume::style::{Integration, Style, TableSize};
 use brickcast_volume::transfer_function::TransferFunction;
@@ -45,20 +45,12 @@ fn default_scene(store: &Store, integration: Integration) -> Scene {
         None => Acceleration::default(),
         Some(_) => Acceleration { skip_empty: true, leap: Leap::Regions, ..Acceleration::default() },
     };
-    Scene {
-        camera: Camera::orbit(&manifest.geometry, Orbit::default()).unwrap(),
-        size: PictureSize::new(16, 16).unwrap(),
-        step: 0.5,
-        transfer_function: TransferFunction::default_for(manifest.otsu, manifest.quantile_999),
-        opacity_unit: manifest.geometry.min_spacing(),
-        early_termination: 0.999,
-        filter: Filter::Hardware,
-        exact: false,
-        acceleration,
-        region_view: RegionView::All,
-        region_transfer_function: None,
-        style: Style { integration, ..Style::default() },
-    }
+    let function = TransferFunction::default_for(manifest.otsu, manifest.quantile_999);
+    let look = Look::new(function, manifest.geometry.min_spacing());
+    let look = Look { style: Style { integration, ..Style::default() }, ..look };
+    let camera = Camera::orbit(&manifest.geometry, Orbit::default()).unwrap();
+    let view = ViewSpec { camera, size: PictureSize::new(16, 16).unwrap() };
+    Scene::new(look, view, Quality { acceleration, ..Quality::default() }).unwrap()
 }
 
 /// A ball of noise in air, in bricks whose surroundings mostly show nothing.

@@ -273,8 +273,8 @@ fn a_deadline_that_passes_is_marked_everywhere() {
 
 /// Keeps a node occupied with large frames in steps of `step`; it answers pings all the while.
 async fn occupy(rig: &Rig, node: usize, orders: usize, step: f64) -> tokio::task::JoinSet<()> {
-    let mut scene = scene(&rig.store, 0.0);
-    (scene.size, scene.step) = (PictureSize::new(2048, 2048).unwrap(), step);
+    let large = PictureSize::new(2048, 2048).unwrap();
+    let scene = scene(&rig.store, 0.0).with(|s| (s.view.size, s.quality.step) = (large, step)).unwrap();
     let mut occupied = tokio::task::JoinSet::new();
     for order in 0..orders {
         // As many clients as may have so many frames open.

@@ -12,6 +12,7 @@ mod deaf;
 mod decoding;
 mod faults;
 mod processes;
+mod shared;
 mod simulated;
 mod simulated_network;
 mod soak;

@@ -22,7 +22,7 @@ use brickcast_node::{DataRoot, Node, NodeConfig, serve_incoming};
 use brickcast_proto::credentials::Badge;
 use brickcast_proto::transport::CONNECT_TIMEOUT;
 use brickcast_volume::format::{self, RawHints};
-use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
+use brickcast_volume::scene::{Filter, Look, Quality, Scene, Transport, ViewSpec};
 use brickcast_volume::store::{PrepareOptions, Store, prepare};
 use brickcast_volume::transfer_function::{Colormap, TransferFunction};
 use brickcast_volume::{Camera, Orbit, PictureSize, StoreHash};
@@ -66,20 +66,12 @@ fn scene(store: &Store, azimuth: f64) -> Scene {
     let manifest = store.manifest();
     let (lo, hi) = manifest.range;
     let orbit = Orbit { azimuth, elevation: 20.0, ..Orbit::default() };
-    Scene {
-        camera: Camera::orbit(&manifest.geometry, orbit).unwrap(),
-        size: PictureSize::new(SIZE.0, SIZE.1).unwrap(),
-        step: 1.0,
-        transfer_function: TransferFunction::window(lo - (hi - lo), hi, 0.05, Colormap::Viridis).unwrap(),
-        opacity_unit: manifest.geometry.min_spacing(),
-        early_termination: 1.0,
-        filter: Filter::Exact,
-        exact: true,
-        acceleration: Acceleration::default(),
-        region_view: RegionView::All,
-        region_transfer_function: None,
-        style: brickcast_volume::style::Style::default(),
-    }
+    let function = TransferFunction::window(lo - (hi - lo), hi, 0.05, Colormap::Viridis).unwrap();
+    let camera = Camera::orbit(&manifest.geometry, orbit).unwrap();
+    let view = ViewSpec { camera, size: PictureSize::new(SIZE.0, SIZE.1).unwrap() };
+    let whole = Quality { step: 1.0, early_termination: 1.0, exact: true, ..Quality::default() };
+    let quality = Quality { filter: Filter::Exact, ..whole };
+    Scene::new(Look::new(function, manifest.geometry.min_spacing()), view, quality).unwrap()
 }
 
 fn bits(frame: &Frame) -> Vec<[u32; 4]> {

@@ -7,7 +7,7 @@ use brickcast::cluster::{Access, NodeClient};
 use brickcast_proto::{LayerOrder, NodeDescription, Part, PrepareRequest, Receipt, RenderOrder, Throttle, TileRect};
 use brickcast_tests::process::{NodeProcess, brickcast_ok};
 use brickcast_tests::turn;
-use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
+use brickcast_volume::scene::{Filter, Look, Quality, Scene, Transport, ViewSpec};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use brickcast_volume::{Camera, Epoch, FrameId, MergeTree, Orbit, PictureSize, SessionId, TreeNode};
 use futures_util::StreamExt as _;
@@ -35,22 +35,13 @@ impl Rig {
         let geometry = store.manifest.geometry;
         let color = vec![ColorPoint { x: 0.0, rgb: [1.0; 3] }];
         let opacity = vec![OpacityPoint { x: 0.0, opacity: 0.001 }];
-        let scene = Scene {
-            camera: Camera::orbit(&geometry, Orbit::default()).unwrap(),
-            size: PictureSize::new(side, side).unwrap(),
-            step: 0.25,
-            transfer_function: TransferFunction::new(color, opacity).unwrap(),
-            opacity_unit: geometry.min_spacing(),
-            early_termination: 1.0,
-            filter: Filter::Exact,
-            exact: false,
-            acceleration: Acceleration::default(),
-            region_view: RegionView::All,
-            region_transfer_function: None,
-            style: brickcast_volume::style::Style::default(),
-        };
+        let look = Look::new(TransferFunction::new(color, opacity).unwrap(), geometry.min_spacing());
+        let camera = Camera::orbit(&geometry, Orbit::default()).unwrap();
+        let view = ViewSpec { camera, size: PictureSize::new(side, side).unwrap() };
+        let plain = Quality { step: 0.25, early_termination: 1.0, ..Quality::default() };
+        let scene = Scene::new(look, view, Quality { filter: Filter::Exact, ..plain }).unwrap();
         let chunks = (0..MergeTree::of(store.manifest.grid).chunk_count() as u32).collect();
-        let layers = vec![LayerOrder { node: TreeNode(1), chunks, tiles: TileRect::of_picture(scene.size) }];
+        let layers = vec![LayerOrder { node: TreeNode(1), chunks, tiles: TileRect::of_picture(scene.view.size) }];
         let (frame, epoch, transport) = (FrameId(1), Epoch(1), Transport::F16);
         let order = RenderOrder { session: SessionId(1), frame, epoch, store: store.hash, scene, transport, layers };
         let mut rig = Self { node, client, order };
@@ -134,8 +125,8 @@ async fn a_resting_node_ends_cancelled_frames_and_itself_soon() {
     rig.prepare(Vec::new()).await;
     assert!(cancelled.elapsed() < Duration::from_secs(30), "{:?}", cancelled.elapsed());
     // On SIGTERM the frame under way is finished, without the rest: that would take longer than the node has.
-    rig.order.scene.size = PictureSize::new(300, 300).unwrap();
-    rig.order.layers[0].tiles = TileRect::of_picture(rig.order.scene.size);
+    rig.order.scene = rig.order.scene.with(|s| s.view.size = PictureSize::new(300, 300).unwrap()).unwrap();
+    rig.order.layers[0].tiles = TileRect::of_picture(rig.order.scene.view.size);
     let parts = rig.client.render(rig.order.clone()).await.unwrap();
     let parts = tokio::spawn(async move { parts.collect::<Vec<_>>().await });
     tokio::time::sleep(Duration::from_millis(500)).await;

@@ -16,7 +16,7 @@ use brickcast_tests::process::NodeProcess;
 use brickcast_tests::{rig, turn};
 use brickcast_volume::scene::Transport;
 use brickcast_volume::store::Store;
-use brickcast_volume::{Epoch, FrameId, SessionId, View};
+use brickcast_volume::{Epoch, FrameId, SessionId};
 use bytes::Bytes;
 use tokio::io::AsyncReadExt as _;
 use tokio::net::TcpStream;
@@ -84,7 +84,7 @@ const VICTIM: u8 = 2;
 /// An order for the whole of the store.
 fn order(session: &Session, store: &Store) -> wire::RenderOrder {
     let scene = rig::scene(store, 0.0);
-    let view = View::new(&store.manifest().geometry, &scene.camera, scene.size, scene.step).unwrap();
+    let view = scene.view_of(&store.manifest().geometry).unwrap();
     let shown = Shown::in_scene(session.store(), &scene);
     let layers = Assignment::contiguous(&shown, 1).orders(&shown, &view).remove(0).concat();
     let order = RenderOrder {

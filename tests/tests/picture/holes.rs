@@ -6,7 +6,7 @@ use crate::rig::{self, Rig, bits, kernels, runtime, worst};
 use brickcast_tests::process::{brickcast, brickcast_ok, cached_stores};
 use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::format::{self, RawHints};
-use brickcast_volume::scene::{Acceleration, Filter, Leap, MacrocellEdge, RegionView, Scene};
+use brickcast_volume::scene::{Acceleration, Filter, Leap, MacrocellEdge, RegionView, Scene, SceneParts};
 use brickcast_volume::store::{PrepareOptions, RegionOptions, Segmentation, Store, prepare};
 use brickcast_volume::style::{Integration, Isosurface, Mode, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
@@ -70,9 +70,8 @@ fn scene(store: &Store, style: Style) -> Scene {
     let opacities = opacities.map(|(x, opacity)| OpacityPoint { x, opacity }).to_vec();
     let function = TransferFunction::new(colors, opacities).unwrap();
     let camera = Camera::orbit(&store.manifest().geometry, orbit).unwrap();
-    let mut scene = rig::scene(store, camera, function);
-    (scene.style, scene.filter) = (style, Filter::Exact);
-    scene
+    let scene = rig::scene(store, camera, function);
+    scene.with(|s| (s.look.style, s.quality.filter) = (style, Filter::Exact)).unwrap()
 }
 
 fn styles() -> Vec<(&'static str, Style)> {
@@ -107,21 +106,21 @@ fn what_shortens_rays_changes_nothing_beside_holes() {
                 for (i, (name, style)) in styles().into_iter().enumerate() {
                     let what = format!("{name}, bricks of {brick_size}");
                     let mut scene = scene(&store, style);
-                    scene.acceleration = with(false, Leap::Off);
+                    scene = scene.with(|s| s.quality.acceleration = with(false, Leap::Off)).unwrap();
                     let plain = rig.render(&scene).await.picture;
                     assert!(plain.pixels().iter().any(|p| p.a > 0.02), "{what}: nothing to see");
                     let first = any[i].get_or_insert_with(|| plain.clone());
                     assert!(worst(first, &plain) <= 1.0 / 255.0, "{what}: {}", worst(first, &plain));
-                    scene.acceleration = with(true, Leap::Off);
+                    scene = scene.with(|s| s.quality.acceleration = with(true, Leap::Off)).unwrap();
                     let skipped = rig.render(&scene).await.picture;
                     assert!(worst(&plain, &skipped) <= 1.0 / 255.0, "{what}, skipping: {}", worst(&plain, &skipped));
-                    scene.acceleration = with(true, Leap::Regions);
+                    scene = scene.with(|s| s.quality.acceleration = with(true, Leap::Regions)).unwrap();
                     let leapt = rig.render(&scene).await;
                     let d = worst(&plain, &leapt.picture);
                     // Bricks in which data is missing show V' voxel by voxel. Of the range, 3 % may go astray, in opacities of at most 0.06 a step; what is lit has other gradients in V'.
-                    let is_lit = scene.style.shading.is_some();
+                    let is_lit = scene.look.style.shading.is_some();
                     assert!(is_lit || d <= 6.0 / 255.0, "{what}, leaping: {d}");
-                    scene.acceleration = with(true, Leap::Macrocells(0.03));
+                    scene = scene.with(|s| s.quality.acceleration = with(true, Leap::Macrocells(0.03))).unwrap();
                     let d = worst(&plain, &rig.render(&scene).await.picture);
                     assert!(d <= 6.0 / 255.0, "{what}, leaping through macrocells: {d}");
                 }
@@ -149,18 +148,20 @@ fn no_view_of_regions_shows_a_hole() {
                 let (eye, at) = ([52.0, -300.0, 22.0].into(), [52.0, 10.0, 22.0].into());
                 let lens = brickcast_volume::Projection::Perspective { view_angle: 0.2 };
                 let up = glam::DVec3::Z;
-                scene.camera = Camera::new(g.world_from_voxel(eye), g.world_from_voxel(at), up, lens).unwrap();
+                scene = scene.seen_by(Camera::new(g.world_from_voxel(eye), g.world_from_voxel(at), up, lens).unwrap());
                 let white = vec![ColorPoint { x: 0.0, rgb: [1.0; 3] }];
-                scene.transfer_function =
-                    TransferFunction::new(white, vec![OpacityPoint { x: 0.0, opacity: 0.1 }]).unwrap();
-                (scene.region_view, scene.filter) = (view, filter);
-                scene.acceleration = with(true, Leap::Regions);
+                let function = TransferFunction::new(white, vec![OpacityPoint { x: 0.0, opacity: 0.1 }]).unwrap();
+                let corner = |s: &mut SceneParts| {
+                    (s.look.transfer_function, s.look.region_view, s.quality.filter) = (function, view, filter);
+                    s.quality.acceleration = with(true, Leap::Regions);
+                };
+                scene = scene.with(corner).unwrap();
                 // Half of the corner's depth: what is behind the holes.
                 let (lo, hi) = (g.world_from_voxel([0.0; 3].into()), g.world_from_voxel([60.0, 21.0, 44.0].into()));
-                scene.style.clip.bounds = Some((lo, hi));
+                scene = scene.with(|s| s.look.style.clip.bounds = Some((lo, hi))).unwrap();
                 let picture = rig.render(&scene).await.picture;
                 assert!(picture.pixels().iter().all(|p| p.to_array() == [0.0; 4]), "{view:?} {filter:?}");
-                scene.style.clip.bounds = None;
+                scene = scene.with(|s| s.look.style.clip.bounds = None).unwrap();
                 let picture = rig.render(&scene).await.picture;
                 shown.push(picture.pixels().iter().map(|p| p.a).fold(0.0, f32::max));
             }
@@ -183,8 +184,10 @@ fn holes_have_the_same_bits_from_any_number_of_nodes() {
                 rigs.push((count, Rig::start(&kernel, &store, count).await));
             }
             for (name, style) in styles() {
-                let mut scene = scene(&store, style);
-                (scene.exact, scene.acceleration) = (true, with(true, Leap::Regions));
+                let exact = |s: &mut SceneParts| {
+                    (s.quality.exact, s.quality.acceleration) = (true, with(true, Leap::Regions));
+                };
+                let scene = scene(&store, style).with(exact).unwrap();
                 let mut one = None;
                 for (count, rig) in &mut rigs {
                     let got = bits(&rig.render(&scene).await.picture);

@@ -6,7 +6,7 @@ use brickcast::session::audit;
 use brickcast_volume::MergeTree;
 use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::regions::code::{code_of_density, density_of_code};
-use brickcast_volume::scene::{Acceleration, Filter, Leap, MacrocellEdge, Transport};
+use brickcast_volume::scene::{Acceleration, Filter, Leap, MacrocellEdge, Scene, SceneParts, Transport};
 use brickcast_volume::store::{ChunkCache, Store};
 use brickcast_volume::transfer_function::{Colormap, TransferFunction};
 
@@ -68,12 +68,18 @@ fn the_accelerated_picture_is_the_plain_raycast_of_the_flattened_volume() {
                 let mut rig = Rig::start(&kernel, &store, 2).await;
                 for view in views() {
                     let (lo, hi) = store.manifest().range;
-                    let mut wanted = scene(&flat, orbit(&flat, view), function(0.0, 65535.0));
-                    let mut got = scene(&store, orbit(&store, view), function(lo, hi));
-                    wanted.opacity_unit = wanted.step * flat.manifest().geometry.min_spacing();
-                    got.opacity_unit = got.step * store.manifest().geometry.min_spacing();
-                    (wanted.filter, got.filter) = (Filter::Exact, Filter::Exact);
-                    got.acceleration = ALL;
+                    let wanted = scene(&flat, orbit(&flat, view), function(0.0, 65535.0));
+                    let got = scene(&store, orbit(&store, view), function(lo, hi));
+                    let exact = |scene: Scene, store: &Store, acceleration| {
+                        let unit = scene.delta(&store.manifest().geometry);
+                        let change = |s: &mut SceneParts| {
+                            (s.look.opacity_unit, s.quality.filter) = (unit, Filter::Exact);
+                            s.quality.acceleration = acceleration;
+                        };
+                        scene.with(change).unwrap()
+                    };
+                    let wanted = exact(wanted, &flat, Acceleration::default());
+                    let got = exact(got, &store, ALL);
                     let plain = plain_rig.render(&wanted).await;
                     let leapt = rig.render(&got).await;
                     assert!(leapt.stats.leapt_positions > 0, "nothing was leapt");
@@ -98,8 +104,8 @@ fn leaping_depends_on_no_partition() {
                 let view = Orbit { azimuth: 33.0, elevation: 24.0, ..Orbit::default() };
                 let (lo, hi) = store.manifest().range;
                 let function = TransferFunction::window(lo + 0.3 * (hi - lo), hi, 0.03, Colormap::Turbo).unwrap();
-                let mut exact = scene(&store, orbit(&store, view), function);
-                (exact.exact, exact.acceleration) = (true, ALL);
+                let leaping = |s: &mut SceneParts| (s.quality.exact, s.quality.acceleration) = (true, ALL);
+                let exact = scene(&store, orbit(&store, view), function).with(leaping).unwrap();
                 let mut bits = None;
                 for count in [1, 2, 4] {
                     let mut rig = Rig::start(&kernel, &store, count).await;
@@ -141,14 +147,10 @@ fn no_defect_is_lost() {
                 let function =
                     TransferFunction::window(lo + 0.3 * (hi - lo), lo + 0.7 * (hi - lo), 0.01, Colormap::Grayscale);
                 let mut plain = scene(&bad, orbit(&bad, view), function.unwrap());
-                plain.size = brickcast_volume::PictureSize::new(176, 176).unwrap();
-                let mut fast = plain.clone();
-                fast.acceleration = ALL;
-                let bounds = {
-                    let view =
-                        brickcast_volume::View::new(&bad.manifest().geometry, &fast.camera, fast.size, fast.step);
-                    audit::bounds(bad_rig.session.store(), &fast, &view.unwrap())
-                };
+                plain = plain.with(|s| s.view.size = brickcast_volume::PictureSize::new(176, 176).unwrap()).unwrap();
+                let fast = plain.with(|s| s.quality.acceleration = ALL).unwrap();
+                let seen = fast.view_of(&bad.manifest().geometry).unwrap();
+                let bounds = audit::bounds(bad_rig.session.store(), &fast, &seen);
                 let (p1, p0) = (bad_rig.render(&plain).await, good_rig.render(&plain).await);
                 let (f1, f0) = (bad_rig.render(&fast).await, good_rig.render(&fast).await);
                 assert!(f1.stats.leapt_positions * 4 > f1.stats.positions, "hardly anything was leapt: {:?}", f1.stats);
@@ -178,10 +180,10 @@ fn views_and_region_transfer_functions_split_the_picture() {
             let camera: Camera = orbit(&store, Orbit { azimuth: 20.0, elevation: 30.0, ..Orbit::default() });
             for acceleration in [Acceleration::default(), ALL] {
                 let mut one = scene(&store, camera, function(0.05));
-                one.acceleration = acceleration;
+                one = one.with(|s| s.quality.acceleration = acceleration).unwrap();
                 let mut pictures = Vec::new();
                 for view in [All, Regions, Residual] {
-                    one.region_view = view;
+                    one = one.with(|s| s.look.region_view = view).unwrap();
                     pictures.push(rig.render(&one).await.picture);
                 }
                 let alpha = |p: &brickcast::picture::Picture| p.pixels().iter().map(|p| f64::from(p.a)).sum::<f64>();
@@ -191,12 +193,15 @@ fn views_and_region_transfer_functions_split_the_picture() {
                     "{all} {regions} {residual}"
                 );
                 // A region function that is clear is the residual view; one that is the main function is the whole view.
-                one.region_view = All;
-                one.region_transfer_function = Some(function(0.0));
-                let clear = rig.render(&one).await.picture;
+                let split = |opacity| {
+                    let two = |s: &mut SceneParts| {
+                        (s.look.region_view, s.look.region_transfer_function) = (All, Some(function(opacity)));
+                    };
+                    one.with(two).unwrap()
+                };
+                let clear = rig.render(&split(0.0)).await.picture;
                 assert!(worst(&clear, &pictures[2]) <= 1.0 / 255.0, "{acceleration:?}");
-                one.region_transfer_function = Some(function(0.05));
-                let same = rig.render(&one).await.picture;
+                let same = rig.render(&split(0.05)).await.picture;
                 assert!(worst(&same, &pictures[0]) <= 1.0 / 255.0, "{acceleration:?}");
             }
         }
@@ -218,14 +223,13 @@ fn skipping_changes_no_picture_and_macrocells_keep_their_bound() {
                 let plain = scene(&store, orbit(&store, view), function.clone());
                 let reference = rig.render(&plain).await;
                 for edge in [MacrocellEdge::Four, MacrocellEdge::Eight] {
-                    let mut skipping = plain.clone();
-                    skipping.acceleration =
-                        Acceleration { skip_empty: true, macrocell: edge, ..Acceleration::default() };
+                    let skips = Acceleration { skip_empty: true, macrocell: edge, ..Acceleration::default() };
+                    let skipping = plain.with(|s| s.quality.acceleration = skips).unwrap();
                     let frame = rig.render(&skipping).await;
                     assert!(worst(&reference.picture, &frame.picture) <= 1.0 / 255.0, "{view:?}");
                     assert!(frame.stats.samples < reference.stats.samples * 3 / 4, "{:?}", frame.stats);
-                    let mut rival = skipping.clone();
-                    rival.acceleration.leap = Leap::Macrocells(0.02);
+                    let leap = Leap::Macrocells(0.02);
+                    let rival = skipping.with(|s| s.quality.acceleration.leap = leap).unwrap();
                     let frame = rig.render(&rival).await;
                     // 2 % of the range on a ramp of opacity 0.1 over half of it, 0.5 voxels a step, some 200 samples.
                     assert!(worst(&reference.picture, &frame.picture) <= 0.1, "{view:?}");

@@ -10,7 +10,7 @@ use brickcast_volume::PictureSize;
 use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::format::{self, RawHints};
 use brickcast_volume::phantom::{PhantomOptions, write_phantom};
-use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
+use brickcast_volume::scene::{Look, Quality, Scene, Transport, ViewSpec};
 use brickcast_volume::store::{PrepareOptions, RegionOptions, Segmentation, Store, prepare};
 use brickcast_volume::transfer_function::TransferFunction;
 
@@ -61,20 +61,9 @@ pub(crate) fn orbit(store: &Store, orbit: Orbit) -> Camera {
 
 /// The plain loop at step 0.5.
 pub(crate) fn scene(store: &Store, camera: Camera, transfer_function: TransferFunction) -> Scene {
-    Scene {
-        camera,
-        size: PictureSize::new(96, 80).unwrap(),
-        step: 0.5,
-        transfer_function,
-        opacity_unit: store.manifest().geometry.min_spacing(),
-        early_termination: 1.0,
-        filter: Filter::Hardware,
-        exact: false,
-        acceleration: Acceleration::default(),
-        region_view: RegionView::All,
-        region_transfer_function: None,
-        style: brickcast_volume::style::Style::default(),
-    }
+    let look = Look::new(transfer_function, store.manifest().geometry.min_spacing());
+    let view = ViewSpec { camera, size: PictureSize::new(96, 80).unwrap() };
+    Scene::new(look, view, Quality { early_termination: 1.0, ..Quality::default() }).unwrap()
 }
 
 /// Nodes inside this process and a session with them.

@@ -12,6 +12,7 @@ mod field;
 mod interrupts;
 #[cfg(unix)]
 mod project;
+mod scene_file;
 mod store_care;
 mod store_interop;
 mod transfer_function;

@@ -31,6 +31,14 @@ pub enum TableSize {
 }
 
 impl TableSize {
+    pub const ALL: [Self; 2] = [Self::N256, Self::N1024];
+
+    /// The size with so many entries of each side, if there is one.
+    #[must_use]
+    pub fn of_entries(entries: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|size| size.entries() as u32 == entries)
+    }
+
     /// Entries of each side.
     #[must_use]
     pub const fn entries(self) -> usize {

@@ -41,7 +41,7 @@ impl<'a> SceneTables<'a> {
     /// The tables of `scene`; `surfaces` are its [`crate::style::Style::surface_codes`].
     #[must_use]
     pub fn new(scene: &Scene, surfaces: &'a [u16], main: &'a TransferTable, region: Option<&'a TransferTable>) -> Self {
-        Self { main, region, view: scene.region_view, surfaces, mode: scene.style.mode }
+        Self { main, region, view: scene.look.region_view, surfaces, mode: scene.look.style.mode }
     }
 
     /// The table that samples in regions are classified by.
@@ -102,14 +102,14 @@ pub fn drawn(
         return None;
     }
     // A region's mean is no label.
-    let leaps = scene.acceleration.leap == Leap::Regions && scene.filter != Filter::Nearest;
+    let leaps = scene.quality.acceleration.leap == Leap::Regions && scene.quality.filter != Filter::Nearest;
     let candidate = facts.filter(|f| f.has_regions && leaps);
     // A region that is flattened loses the isosurface in it (docs/definition.md, Regions 3).
     let cuts = |f: &BrickFacts| surface_in(tables, [raw[0].min(f.min), raw[1].max(f.max)]);
     let candidate = candidate.filter(|f| !cuts(f));
-    let over_tolerance = match (candidate.filter(|f| f.has_leaps), scene.acceleration.leap_tolerance) {
+    let over_tolerance = match (candidate.filter(|f| f.has_leaps), scene.quality.acceleration.leap_tolerance) {
         (Some(facts), Some(tolerance)) => {
-            let samples = longest_chord(geometry, owned, scene.step * geometry.min_spacing());
+            let samples = longest_chord(geometry, owned, scene.quality.step * geometry.min_spacing());
             brick_change(tables, raw, facts).over(samples) > tolerance
         }
         _ => false,
@@ -128,33 +128,25 @@ mod tests {
     use glam::UVec3;
 
     use super::*;
-    use crate::scene::Acceleration;
+    use crate::scene::{Acceleration, Look, Quality, ViewSpec};
     use crate::style::Isosurface;
     use crate::transfer_function::{Colormap, TransferFunction};
     use crate::{Camera, Orbit, PictureSize};
 
     fn scene(leap: Leap, leap_tolerance: Option<f32>, view: RegionView) -> (Scene, Geometry) {
         let geometry = Geometry::new([64; 3], [1.0; 3], [0.0; 3]).unwrap();
-        let scene = Scene {
-            camera: Camera::orbit(&geometry, Orbit::default()).unwrap(),
-            size: PictureSize::new(8, 8).unwrap(),
-            step: 0.5,
-            transfer_function: TransferFunction::window(30_000.0, 60_000.0, 0.5, Colormap::Viridis).unwrap(),
-            opacity_unit: 1.0,
-            early_termination: 0.999,
-            filter: Filter::Exact,
-            exact: false,
-            acceleration: Acceleration { leap, leap_tolerance, ..Acceleration::default() },
-            region_view: view,
-            region_transfer_function: None,
-            style: crate::style::Style::default(),
-        };
-        (scene, geometry)
+        let function = TransferFunction::window(30_000.0, 60_000.0, 0.5, Colormap::Viridis).unwrap();
+        let look = Look { region_view: view, ..Look::new(function, 1.0) };
+        let camera = Camera::orbit(&geometry, Orbit::default()).unwrap();
+        let acceleration = Acceleration { leap, leap_tolerance, ..Acceleration::default() };
+        let quality = Quality { filter: Filter::Exact, acceleration, ..Quality::default() };
+        let view = ViewSpec { camera, size: PictureSize::new(8, 8).unwrap() };
+        (Scene::new(look, view, quality).unwrap(), geometry)
     }
 
     fn decide(leap: Leap, tolerance: Option<f32>, view: RegionView, raw: [u16; 2], facts: BrickFacts) -> Option<Drawn> {
         let (scene, geometry) = scene(leap, tolerance, view);
-        let main = TransferTable::build(&scene.transfer_function, (0.0, 65535.0), 0.5);
+        let main = TransferTable::build(&scene.look.transfer_function, (0.0, 65535.0), 0.5);
         let tables = SceneTables { main: &main, region: None, view, surfaces: &[], mode: Mode::Composite };
         let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(32) };
         drawn(&scene, &tables, &geometry, &owned, raw, Some(&facts))
@@ -197,12 +189,13 @@ mod tests {
     /// A region that is flattened loses the surface in it, and a brick below or above all surfaces need not know of them.
     #[test]
     fn isosurfaces_send_the_bricks_that_they_may_cross_to_the_volume_itself() {
-        let (mut scene, geometry) = scene(Leap::Regions, None, RegionView::All);
+        let (scene, geometry) = scene(Leap::Regions, None, RegionView::All);
         let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(32) };
         let dark = TransferTable::build(&TransferFunction::nothing(), (0.0, 65535.0), 0.5);
-        let mut decide = |value: f64, raw, facts| {
-            scene.style.surfaces = vec![Isosurface { value, color: [1.0; 3], opacity: 1.0 }];
-            let surfaces = scene.style.surface_codes((0.0, 65535.0));
+        let decide = |value: f64, raw, facts| {
+            let surface = Isosurface { value, color: [1.0; 3], opacity: 1.0 };
+            let scene = scene.with(|s| s.look.style.surfaces = vec![surface]).unwrap();
+            let surfaces = scene.look.style.surface_codes((0.0, 65535.0));
             let tables = SceneTables::new(&scene, &surfaces, &dark, None);
             drawn(&scene, &tables, &geometry, &owned, raw, Some(&facts))
         };

@@ -17,6 +17,7 @@ use glam::DVec3;
 use crate::Premul;
 use crate::filter::Filter;
 pub use crate::preintegration::TableSize;
+use crate::scene::words;
 
 /// How a transfer function is integrated between samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -27,6 +28,35 @@ pub enum Integration {
     /// Every slab between two samples by a table over both values (Lum, Wilson & Ma 2004).
     Preintegrated(TableSize),
 }
+
+/// An [`Integration`] without its table.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum IntegrationKind {
+    Sampled,
+    Preintegrated,
+}
+
+words!(
+    IntegrationKind,
+    "integration",
+    [
+        (Sampled, "sampled", "One value per step"),
+        (Preintegrated, "preintegrated", "The transfer function's integral between two samples"),
+    ]
+);
+
+/// Whether there is light.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ShadingKind {
+    None,
+    Phong,
+}
+
+words!(
+    ShadingKind,
+    "shading",
+    [(None, "none", "Colours as they are"), (Phong, "phong", "Phong's model, by the gradient"),]
+);
 
 /// Where a slab takes its light.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -40,6 +70,16 @@ pub enum Lighting {
     /// however it changes along the ray; one gradient a slab.
     Centroid,
 }
+
+words!(
+    Lighting,
+    "lighting",
+    [
+        (Interpolated, "interpolated", "At both ends of a slab, interpolated within the integral"),
+        (Center, "center", "In the middle of a slab"),
+        (Centroid, "centroid", "Where what a slab emits comes from on average"),
+    ]
+);
 
 impl Lighting {
     /// True where the pre-integration table is weighted by either end.
@@ -94,6 +134,17 @@ pub enum Mode {
     /// The mean of all samples.
     Average,
 }
+
+words!(
+    Mode,
+    "mode",
+    [
+        (Composite, "composite", "Emission and absorption"),
+        (Maximum, "mip", "The largest value on each ray"),
+        (Minimum, "minip", "The smallest value on each ray"),
+        (Average, "average", "The mean value on each ray"),
+    ]
+);
 
 impl Mode {
     /// The code of samples that change no pixel, whatever else lies on the ray; a macrocell that holds nothing else is skipped.

@@ -3,14 +3,11 @@
 use std::path::PathBuf;
 
 use anyhow::anyhow;
-use brickcast_volume::scene::{Acceleration, Leap, MacrocellEdge, RegionView};
-use brickcast_volume::store::Manifest;
+use brickcast_volume::scene::{MacrocellEdge, RegionView};
 use clap::{Args, ValueEnum};
 
+use super::values::word;
 use crate::cli::failure::Failure;
-
-/// Macrocells may span this share of the range where the store was not segmented.
-const DEFAULT_MACRO_RANGE: f32 = 0.03;
 
 /// A way to shorten rays; several go together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, ValueEnum)]
@@ -27,17 +24,6 @@ pub enum AccelArg {
     Macro,
     /// ert, ess and leap
     All,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub enum ViewArg {
-    /// Everything
-    #[default]
-    All,
-    /// Only voxels of a region
-    Regions,
-    /// Only voxels of no region: the defect view
-    Residual,
 }
 
 #[derive(Debug, Clone, Args)]
@@ -58,8 +44,8 @@ pub struct AccelArgs {
     #[arg(long, value_name = "N", default_value_t = 4)]
     pub macrocell: u32,
     /// Which voxels show
-    #[arg(long, value_enum, default_value_t)]
-    pub view: ViewArg,
+    #[arg(long, value_parser = word::<RegionView>(), default_value_t)]
+    pub view: RegionView,
     /// A transfer function of its own for voxels inside regions (ParaView colour-map preset, JSON)
     #[arg(long, value_name = "FILE")]
     pub region_transfer_function: Option<PathBuf>,
@@ -107,54 +93,27 @@ impl AccelArgs {
         self.has(&[AccelArg::Leap, AccelArg::All])
     }
 
-    fn macrocell_edge(&self) -> Result<MacrocellEdge, Failure> {
-        let edges = [MacrocellEdge::Four, MacrocellEdge::Eight];
-        let edge = edges.into_iter().find(|edge| edge.voxels() == self.macrocell);
-        edge.ok_or_else(|| Failure::usage(anyhow!("--macrocell {}: 4 or 8", self.macrocell)))
+    pub(crate) fn macrocell_edge(&self) -> Result<MacrocellEdge, Failure> {
+        MacrocellEdge::of_voxels(self.macrocell)
+            .ok_or_else(|| Failure::usage(anyhow!("--macrocell {}: 4 or 8", self.macrocell)))
     }
 
-    /// The acceleration on a store.
-    ///
-    /// # Errors
-    /// Usage, as [`AccelArgs::check`].
-    pub fn acceleration(&self, store: &Manifest) -> Result<Acceleration, Failure> {
-        let segmented = store.regions.as_ref().and_then(|r| r.segmentation_range).map(|share| share as f32);
-        let leap = if self.has(&[AccelArg::Macro]) {
-            Leap::Macrocells(self.macro_range.or(segmented).unwrap_or(DEFAULT_MACRO_RANGE))
-        } else if self.leaps_through_regions() {
-            Leap::Regions
-        } else {
-            Leap::Off
-        };
-        Ok(Acceleration {
-            skip_empty: self.has(&[AccelArg::Ess, AccelArg::Macro, AccelArg::All]),
-            leap,
-            macrocell: self.macrocell_edge()?,
-            leap_tolerance: self.leap_tolerance,
-        })
+    /// True where empty macrocells are skipped.
+    #[must_use]
+    pub fn skips_empty(&self) -> bool {
+        self.has(&[AccelArg::Ess, AccelArg::Macro, AccelArg::All])
+    }
+
+    /// True where rays leap through homogeneous macrocells.
+    #[must_use]
+    pub fn leaps_through_macrocells(&self) -> bool {
+        self.has(&[AccelArg::Macro])
     }
 
     /// `asked`, or 1 (off) where early termination is not among the accelerations.
     #[must_use]
     pub fn early_termination(&self, asked: f32) -> f32 {
         if self.has(&[AccelArg::Ert, AccelArg::Macro, AccelArg::All]) { asked } else { 1.0 }
-    }
-
-    #[must_use]
-    pub fn region_view(&self) -> RegionView {
-        match self.view {
-            ViewArg::All => RegionView::All,
-            ViewArg::Regions => RegionView::Regions,
-            ViewArg::Residual => RegionView::Residual,
-        }
-    }
-
-    /// What to tell where something was asked of regions and the store has none.
-    #[must_use]
-    pub fn missing_regions(&self, store: &Manifest) -> Option<String> {
-        let asks = self.leaps_through_regions() || self.view != ViewArg::All || self.region_transfer_function.is_some();
-        (asks && store.regions.is_none())
-            .then(|| "the store has no regions: prepare it with --segmentation-range (e.g. 0.03) to leap".to_owned())
     }
 }
 
@@ -168,7 +127,7 @@ mod tests {
             leap_tolerance: None,
             macro_range: None,
             macrocell: 4,
-            view: ViewArg::All,
+            view: RegionView::All,
             region_transfer_function: None,
             region_preset: None,
         }

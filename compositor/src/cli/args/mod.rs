@@ -26,7 +26,7 @@ use clap::{ArgAction, Args, Parser, Subcommand};
 use self::values::{pair, picture_size, triple};
 use super::failure::EXIT_CODES;
 
-pub use self::accel::{AccelArg, AccelArgs, ViewArg};
+pub use self::accel::{AccelArg, AccelArgs};
 pub use self::access::AccessArgs;
 pub use self::balance::BalanceArgs;
 pub use self::balance_choice::{BalanceArg, BalanceChoice, LoadByArg};
@@ -38,8 +38,8 @@ pub use self::on_the_way::OnTheWayArgs;
 pub use self::raw::RawArgs;
 pub use self::region::{RegionArgs, SegmentationArg};
 pub use self::render::RenderArgs;
-pub use self::scene::{FilterArg, SceneArgs, TransportArg};
-pub use self::style::{IntegrationArg, LightingArg, ModeArg, ShadingArg, StyleArgs};
+pub use self::scene::SceneArgs;
+pub use self::style::StyleArgs;
 pub use self::tls::{TlsArgs, TlsCommand, TlsInitArgs};
 pub use self::transfer_function::{ConvertArgs, ShowArgs, SuggestArgs, TransferFunctionArgs, TransferFunctionCommand};
 

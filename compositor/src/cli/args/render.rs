@@ -11,13 +11,75 @@ use super::on_the_way::OnTheWayArgs;
 use super::scene::SceneArgs;
 use super::values::triple;
 
+/// What the manifest of `--scene` says: camera, look and quality.
+const SAID_BY_A_MANIFEST: [&str; 46] = [
+    "size",
+    "transfer_function",
+    "preset",
+    "transfer_function_range",
+    "window",
+    "opacity",
+    "colormap",
+    "opacity_unit",
+    "camera",
+    "azimuth",
+    "elevation",
+    "zoom",
+    "view_angle",
+    "position",
+    "focal_point",
+    "view_up",
+    "parallel_scale",
+    "step",
+    "early_termination",
+    "exact",
+    "filter",
+    "transport",
+    "integration",
+    "table_size",
+    "shading",
+    "lighting",
+    "light",
+    "ambient",
+    "diffuse",
+    "specular",
+    "shininess",
+    "light_from",
+    "isosurface",
+    "mode",
+    "clip",
+    "clip_plane",
+    "accel",
+    "leap_tolerance",
+    "macro_range",
+    "macrocell",
+    "view",
+    "region_transfer_function",
+    "region_preset",
+    "frames",
+    "camera_path",
+    "orbit",
+];
+
 #[derive(Debug, Args)]
 pub struct RenderArgs {
     /// A store, an input volume, or the name of a store that the nodes know
-    pub path: PathBuf,
+    #[arg(required_unless_present = "scene")]
+    pub path: Option<PathBuf>,
     /// The picture: .png, .apng (animates --frames) or .exr (premultiplied float)
-    #[arg(short, long, required_unless_present = "dry_run")]
+    #[arg(short, long, required_unless_present_any = ["dry_run", "check"])]
     pub output: Option<PathBuf>,
+    /// Draw a picture again, from its manifest: camera, look and quality are those in it, and PATH may be left out
+    #[arg(
+        id = "scene",
+        long = "scene",
+        value_name = "PICTURE.json",
+        conflicts_with_all = SAID_BY_A_MANIFEST,
+    )]
+    pub picture: Option<PathBuf>,
+    /// Compare with the picture beside --scene: the same bits, or by how much it differs
+    #[arg(long, requires = "scene")]
+    pub check: bool,
     #[command(flatten)]
     pub scene: SceneArgs,
     /// Opaque background (0..1 each); without it the picture keeps its alpha
@@ -53,4 +115,60 @@ pub struct RenderArgs {
     pub balance: BalanceChoice,
     #[command(flatten)]
     pub prepare: OnTheWayArgs,
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::{CommandFactory as _, Parser};
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Words {
+        #[command(flatten)]
+        render: RenderArgs,
+    }
+
+    #[derive(Debug, Parser)]
+    struct Scenes {
+        #[command(flatten)]
+        _scene: SceneArgs,
+    }
+
+    /// A flag that the manifest's scene would silently overrule must not be accepted beside it.
+    #[test]
+    fn every_flag_of_a_scene_contradicts_a_scene_that_is_given() {
+        let render = Words::command();
+        let scene = render.get_arguments().find(|arg| arg.get_id() == "scene").unwrap();
+        let refused = render.get_arg_conflicts_with(scene);
+        let flags = Scenes::command();
+        assert!(flags.get_arguments().count() > 30);
+        for flag in flags.get_arguments() {
+            assert!(refused.iter().any(|arg| arg.get_id() == flag.get_id()), "{flag}");
+        }
+    }
+
+    #[test]
+    fn what_says_where_a_picture_goes_and_who_draws_it_is_allowed_beside_a_scene() {
+        for words in [
+            "--scene a.json -o a.png",
+            "--scene a.json --check",
+            "part --scene a.json --check -o b.png --nodes a:1 --deadline 1s --stats s.json --no-manifest",
+            "part --scene a.json -o b.apng --fps 10 --background 1,1,1 --local 2 --backend cpu --memory-budget 1GiB",
+            "--scene a.json -o b.png --audit --balance off --cache-dir x --brick 32",
+            "part -o a.png --frames 3 --camera-path dive",
+        ] {
+            let parsed = Words::try_parse_from(std::iter::once("x").chain(words.split_whitespace()));
+            assert!(parsed.is_ok(), "{words}: {}", parsed.unwrap_err());
+        }
+        for words in [
+            "-o a.png",
+            "--scene a.json",
+            "part -o a.png --check",
+            "--scene a.json -o a.png --frames 3",
+            "--scene a.json -o a.png --camera-path dive",
+        ] {
+            assert!(Words::try_parse_from(std::iter::once("x").chain(words.split_whitespace())).is_err(), "{words}");
+        }
+    }
 }

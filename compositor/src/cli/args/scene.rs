@@ -2,30 +2,12 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use brickcast_volume::scene::{Filter, Transport};
+use clap::Args;
 
 use super::accel::AccelArgs;
 use super::style::StyleArgs;
-use super::values::{pair, picture_size, triple};
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub enum FilterArg {
-    /// The adapter's trilinear filter
-    #[default]
-    Hardware,
-    /// Eight loads with full-precision weights
-    Exact,
-    /// The value of the nearest voxel, never one between: for labels. Takes samples, without light and isosurfaces
-    Nearest,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub enum TransportArg {
-    #[default]
-    F16,
-    F32,
-    U8,
-}
+use super::values::{pair, picture_size, triple, word};
 
 /// Camera, transfer function and quality.
 #[derive(Debug, Clone, Args)]
@@ -97,11 +79,11 @@ pub struct SceneArgs {
     #[arg(long, help_heading = "Quality")]
     pub exact: bool,
     /// How values between voxel centres are read
-    #[arg(long, value_enum, default_value_t, help_heading = "Quality")]
-    pub filter: FilterArg,
+    #[arg(long, value_parser = word::<Filter>(), default_value_t, help_heading = "Quality")]
+    pub filter: Filter,
     /// How pixels travel [default: f16; f32 with --exact]
-    #[arg(long, value_enum, help_heading = "Quality")]
-    pub transport: Option<TransportArg>,
+    #[arg(long, value_parser = word::<Transport>(), help_heading = "Quality")]
+    pub transport: Option<Transport>,
     #[command(flatten)]
     pub style: StyleArgs,
     #[command(flatten)]

@@ -2,68 +2,30 @@
 
 use anyhow::anyhow;
 use brickcast_volume::scene::Filter;
-use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Lighting, Mode, Phong, Style, TableSize};
-use clap::{Args, ValueEnum};
+use brickcast_volume::style::{
+    Clip, ClipPlane, Integration, IntegrationKind, Isosurface, Lighting, Mode, Phong, ShadingKind, Style, TableSize,
+};
+use clap::Args;
 use glam::DVec3;
 
-use super::values::numbers;
+use super::values::{numbers, word};
 use crate::cli::failure::Failure;
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum IntegrationArg {
-    /// One value per step
-    Sampled,
-    /// The transfer function's integral between two samples
-    Preintegrated,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ShadingArg {
-    /// Colours as they are
-    None,
-    /// Phong's model, by the gradient
-    Phong,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub enum LightingArg {
-    /// At both ends of a slab, interpolated within the integral
-    #[default]
-    Interpolated,
-    /// In the middle of a slab
-    Center,
-    /// Where what a slab emits comes from on average
-    Centroid,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub enum ModeArg {
-    /// Emission and absorption
-    #[default]
-    Composite,
-    /// The largest value on each ray
-    Mip,
-    /// The smallest value on each ray
-    Minip,
-    /// The mean value on each ray
-    Average,
-}
 
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Style")]
 pub struct StyleArgs {
     /// How the transfer function is integrated along a ray [default: preintegrated; sampled with --filter nearest]
-    #[arg(long, value_enum)]
-    pub integration: Option<IntegrationArg>,
+    #[arg(long, value_parser = word::<IntegrationKind>())]
+    pub integration: Option<IntegrationKind>,
     /// Entries of the pre-integration table: 256 (while a transfer function is dragged) or 1024
     #[arg(long, value_name = "N", default_value_t = 1024)]
     pub table_size: u32,
     /// Light on volume and isosurfaces [default: phong with --isosurface, else none]
-    #[arg(long, value_enum)]
-    pub shading: Option<ShadingArg>,
+    #[arg(long, value_parser = word::<ShadingKind>())]
+    pub shading: Option<ShadingKind>,
     /// Where a slab takes its light
-    #[arg(long, value_enum, default_value_t)]
-    pub lighting: LightingArg,
+    #[arg(long, value_parser = word::<Lighting>(), default_value_t)]
+    pub lighting: Lighting,
     /// World direction towards the light [default: a headlight]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub light: Option<String>,
@@ -88,8 +50,8 @@ pub struct StyleArgs {
     #[arg(long, value_name = "VALUE[:R,G,B[,A]]", allow_hyphen_values = true)]
     pub isosurface: Vec<String>,
     /// What a pixel shows of its ray
-    #[arg(long, value_enum, default_value_t)]
-    pub mode: ModeArg,
+    #[arg(long, value_parser = word::<Mode>(), default_value_t)]
+    pub mode: Mode,
     /// Only what lies in this box, world units
     #[arg(long, value_name = "XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX", allow_hyphen_values = true)]
     pub clip: Option<String>,
@@ -114,47 +76,35 @@ impl StyleArgs {
     fn parse(&self, filter: Filter) -> Result<Style, String> {
         let surfaces = self.isosurface.iter().map(|text| surface(text)).collect::<Result<Vec<_>, _>>()?;
         let lit = match self.shading {
-            Some(shading) => shading == ShadingArg::Phong,
+            Some(shading) => shading == ShadingKind::Phong,
             None => !surfaces.is_empty(),
         };
         let light = match &self.light {
             Some(text) => Some(DVec3::from(numbers::<3>("--light", text)?)),
             None => None,
         };
-        let size = match self.table_size {
-            256 => TableSize::N256,
-            1024 => TableSize::N1024,
-            other => return Err(format!("--table-size {other}: 256 or 1024")),
-        };
-        let lighting = match self.lighting {
-            LightingArg::Interpolated => Lighting::Interpolated,
-            LightingArg::Center => Lighting::Center,
-            LightingArg::Centroid => Lighting::Centroid,
-        };
+        let size = TableSize::of_entries(self.table_size)
+            .ok_or_else(|| format!("--table-size {}: 256 or 1024", self.table_size))?;
+        let lighting = self.lighting;
         let (ambient, diffuse) = (self.ambient, self.diffuse);
         let (specular, shininess) = (self.specular, self.shininess);
         let light_from = self.light_from;
         let phong = Phong { lighting, light, ambient, diffuse, specular, shininess, light_from };
         Ok(Style {
             integration: match (self.integration, filter) {
-                (Some(IntegrationArg::Sampled), _) | (None, Filter::Nearest) => Integration::Sampled,
-                (Some(IntegrationArg::Preintegrated), Filter::Nearest) => {
+                (Some(IntegrationKind::Sampled), _) | (None, Filter::Nearest) => Integration::Sampled,
+                (Some(IntegrationKind::Preintegrated), Filter::Nearest) => {
                     return Err(
                         "--integration preintegrated: a slab from one label to another would run through labels \
                                 that are not there; leave it out, or --filter nearest"
                             .to_owned(),
                     );
                 }
-                (Some(IntegrationArg::Preintegrated), _) | (None, _) => Integration::Preintegrated(size),
+                (Some(IntegrationKind::Preintegrated), _) | (None, _) => Integration::Preintegrated(size),
             },
             shading: lit.then_some(phong),
             surfaces,
-            mode: match self.mode {
-                ModeArg::Composite => Mode::Composite,
-                ModeArg::Mip => Mode::Maximum,
-                ModeArg::Minip => Mode::Minimum,
-                ModeArg::Average => Mode::Average,
-            },
+            mode: self.mode,
             clip: self.clip_of()?,
         })
     }

@@ -1,6 +1,54 @@
 //! The values of flags: sizes, triples, ranges and times, as text.
 
+use std::ffi::OsStr;
+use std::marker::PhantomData;
 use std::time::Duration;
+
+use brickcast_volume::scene::Words;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::error::ErrorKind;
+
+/// One of an option's words; `--help`, completions and errors list them.
+#[derive(Debug)]
+pub(crate) struct WordParser<T>(PhantomData<fn() -> T>);
+
+/// Parses the words of `T`.
+pub(crate) fn word<T: Words>() -> WordParser<T> {
+    WordParser(PhantomData)
+}
+
+impl<T> Clone for WordParser<T> {
+    fn clone(&self) -> Self {
+        Self(PhantomData)
+    }
+}
+
+impl<T: Words> WordParser<T> {
+    fn words() -> impl Iterator<Item = PossibleValue> {
+        T::WORDS.iter().map(|known| match known.help {
+            "" => PossibleValue::new(known.word),
+            help => PossibleValue::new(known.word).help(help),
+        })
+    }
+}
+
+impl<T: Words> TypedValueParser for WordParser<T> {
+    type Value = T;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        arg: Option<&clap::Arg>,
+        value: &OsStr,
+    ) -> Result<Self::Value, clap::Error> {
+        let word = PossibleValuesParser::new(Self::words()).parse_ref(command, arg, value)?;
+        T::of_word(&word).map_err(|error| clap::Error::raw(ErrorKind::InvalidValue, error).with_cmd(command))
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        Some(Box::new(Self::words()))
+    }
+}
 
 /// `WxH`.
 pub(crate) fn picture_size(text: &str) -> Result<(u32, u32), String> {

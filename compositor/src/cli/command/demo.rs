@@ -9,13 +9,14 @@ use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::format::RawHints;
 use brickcast_volume::leftovers::Listed;
 use brickcast_volume::phantom::{PhantomOptions, write_phantom};
-use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
+use brickcast_volume::scene::{Look, Quality, Scene, Transport, ViewSpec};
 use brickcast_volume::store::{PrepareOptions, STORE_VERSION, Store};
 use brickcast_volume::style::{Integration, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 
 use crate::cache::{Key, Wanted};
 use crate::cli::args::DemoArgs;
+use crate::cli::command::render::{Origin, manifest};
 use crate::cli::failure::Failure;
 use crate::cli::progress::Bar;
 use crate::cli::say::say;
@@ -31,7 +32,7 @@ const BUDGET: u64 = 1 << 30;
 /// As the commands that it stands for.
 pub async fn run(args: DemoArgs, quiet: bool) -> Result<(), Failure> {
     let size = PictureSize::new(args.size.0, args.size.1).map_err(Failure::usage)?;
-    OutputFormat::from_path(&args.output).map_err(Failure::usage)?;
+    let format = OutputFormat::from_path(&args.output).map_err(Failure::usage)?;
     let opened = phantom_store(&args, quiet)?;
     let store = opened.path().to_path_buf();
     let kernel = Kernel::open(args.backend.choice())?;
@@ -46,10 +47,14 @@ pub async fn run(args: DemoArgs, quiet: bool) -> Result<(), Failure> {
     let load = session.load(&choice.scene).await?;
     let frame = session.render(&choice.scene, choice.transport, std::time::Duration::from_secs(300)).await?;
     let options = FrameOptions { background: Some([1.0; 3]), ..FrameOptions::default() };
-    let mut writer = FrameWriter::open(OutputFormat::from_path(&args.output)?, &args.output, size, options)?;
+    let mut writer = FrameWriter::open(format, &args.output, size, options)?;
     writer.push(&hatched(&frame.picture, &frame.missing_tiles))?;
     writer.finish()?;
-    write_manifest(&args.output, &super::render::manifest(&session, &choice, &frame))?;
+    let path = store.display().to_string();
+    let background = options.background.filter(|_| format.uses_background());
+    let origin = Origin { path: Some(&path), background };
+    let manifest = manifest(&session, (&choice.scene, choice.transport), &frame, origin);
+    write_manifest(&args.output, &serde_json::json!(manifest))?;
     let share: Vec<String> =
         frame.stats.nodes.iter().map(|n| format!("{} bricks in {:.0} ms", n.bricks, n.render_ms)).collect();
     say(
@@ -129,25 +134,14 @@ fn scene(store: &Store, size: PictureSize) -> Result<Scene, Failure> {
         opacities.iter().map(|&(t, opacity)| OpacityPoint { x: at(t), opacity }).collect(),
     )?;
     let orbit = Orbit { azimuth: 35.0, elevation: 28.0, zoom: 1.25, view_angle: 30.0 };
-    Ok(Scene {
-        camera: Camera::orbit(&m.geometry, orbit)?,
-        size,
-        step: 0.5,
-        transfer_function: function,
-        opacity_unit: m.geometry.min_spacing(),
-        early_termination: 0.999,
-        filter: Filter::Hardware,
-        exact: false,
-        acceleration: Acceleration::default(),
-        region_view: RegionView::All,
-        region_transfer_function: None,
-        style: Style {
-            integration: Integration::Preintegrated(TableSize::default()),
-            shading: Some(Phong::default()),
-            ..Style::default()
-        },
-    }
-    .validate()?)
+    let style = Style {
+        integration: Integration::Preintegrated(TableSize::default()),
+        shading: Some(Phong::default()),
+        ..Style::default()
+    };
+    let look = Look { style, ..Look::new(function, m.geometry.min_spacing()) };
+    let view = ViewSpec { camera: Camera::orbit(&m.geometry, orbit)?, size };
+    Ok(Scene::new(look, view, Quality::default())?)
 }
 
 fn next(store: &Path) -> String {

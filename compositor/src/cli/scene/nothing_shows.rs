@@ -4,7 +4,7 @@ use brickcast_volume::scene::{RegionView, Scene};
 use brickcast_volume::store::Manifest;
 use brickcast_volume::style::{Clip, Mode};
 use brickcast_volume::transfer_function::TransferFunction;
-use brickcast_volume::{Geometry, OwnedBox, Premul, View};
+use brickcast_volume::{Geometry, OwnedBox, Premul};
 use glam::{DMat3, DVec3, DVec4, UVec3};
 
 use super::preset_fit::values_of;
@@ -40,7 +40,7 @@ impl Outlook {
 
 /// What can be told of a scene on a store without its voxels.
 pub(crate) fn outlook(scene: &Scene, store: &Manifest) -> Option<Outlook> {
-    let nothing = clipped(&scene.style.clip, &store.geometry)
+    let nothing = clipped(&scene.look.style.clip, &store.geometry)
         .or_else(|| out_of_view(scene, &store.geometry))
         .or_else(|| no_region(scene, store))
         .or_else(|| no_opacity(scene, store));
@@ -104,22 +104,22 @@ fn leaves_something(planes: &[DVec4], lo: DVec3, hi: DVec3) -> bool {
 }
 
 fn out_of_view(scene: &Scene, geometry: &Geometry) -> Option<String> {
-    let view = View::new(geometry, &scene.camera, scene.size, scene.step).ok()?;
+    let view = scene.view_of(geometry).ok()?;
     if !view.project(&OwnedBox { lo: UVec3::ZERO, hi: geometry.dims() }).is_empty() {
         return None;
     }
-    let (eye, forward) = (scene.camera.position(), scene.camera.basis().2);
+    let (eye, forward) = (scene.view.camera.position(), scene.view.camera.basis().2);
     let center = geometry.center_world();
     let (from, to) = world_box(geometry);
     let is_behind = (center - eye).dot(forward) < 0.0;
     let where_it_is = if is_behind { "the volume lies behind the camera" } else { "the volume lies outside the frame" };
-    let camera = format!("the eye is at {} and looks at {}", at(eye), at(scene.camera.focal_point()));
+    let camera = format!("the eye is at {} and looks at {}", at(eye), at(scene.view.camera.focal_point()));
     Some(format!("{where_it_is}: {camera}, the volume's box is {} to {} in world units", at(from), at(to)))
 }
 
 fn no_region(scene: &Scene, store: &Manifest) -> Option<String> {
     let regions = store.regions.as_ref();
-    match scene.region_view {
+    match scene.look.region_view {
         RegionView::Regions if regions.is_none_or(|r| r.voxels == 0) => {
             Some("--view regions shows regions, and the store has none".to_owned())
         }
@@ -132,11 +132,12 @@ fn no_region(scene: &Scene, store: &Manifest) -> Option<String> {
 
 fn no_opacity(scene: &Scene, store: &Manifest) -> Option<String> {
     let [lo, hi] = values_of(store);
-    let functions = || [Some(&scene.transfer_function), scene.region_transfer_function.as_ref()].into_iter().flatten();
+    let functions =
+        || [Some(&scene.look.transfer_function), scene.look.region_transfer_function.as_ref()].into_iter().flatten();
     if functions().any(|function| is_opaque_within(function, lo, hi)) {
         return None;
     }
-    let surfaces = &scene.style.surfaces;
+    let surfaces = &scene.look.style.surfaces;
     // One below all values is met where rays enter the volume.
     if surfaces.iter().any(|s| s.value <= hi && s.opacity > 0.0) {
         return None;
@@ -180,12 +181,12 @@ fn opaque_range(function: &TransferFunction) -> Option<String> {
 /// The smallest value of a ray, and often the mean, is the air's.
 fn clear_projection(scene: &Scene, store: &Manifest) -> Option<String> {
     let [lo, hi] = values_of(store);
-    let (what, shown) = match scene.style.mode {
+    let (what, shown) = match scene.look.style.mode {
         Mode::Minimum => ("--mode minip shows the smallest value of each ray", lo),
         Mode::Average => ("--mode average shows the mean value of each ray", store.mean),
         Mode::Composite | Mode::Maximum => return None,
     };
-    (scene.transfer_function.opacity(shown) == 0.0).then(|| {
+    (scene.look.transfer_function.opacity(shown) == 0.0).then(|| {
         format!(
             "{what}, and the transfer function is clear at {shown}; choose a window from the volume's smallest value on: \
              --window {lo},{hi}"

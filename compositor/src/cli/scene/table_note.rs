@@ -8,12 +8,12 @@ use brickcast_volume::style::{Integration, TableSize};
 /// the store.
 #[must_use]
 pub(crate) fn table_note(scene: &Scene, range: (f64, f64), spacing: f64) -> Option<String> {
-    let Integration::Preintegrated(size) = scene.style.integration else { return None };
-    if !scene.style.integrates_slabs() {
+    let Integration::Preintegrated(size) = scene.look.style.integration else { return None };
+    if !scene.look.style.integrates_slabs() {
         return None;
     }
-    let ratio = scene.step * spacing / scene.opacity_unit;
-    let functions = std::iter::once(&scene.transfer_function).chain(&scene.region_transfer_function);
+    let ratio = scene.quality.step * spacing / scene.look.opacity_unit;
+    let functions = std::iter::once(&scene.look.transfer_function).chain(&scene.look.region_transfer_function);
     let worst = functions
         .filter_map(|function| coarse(function, range, ratio, size))
         .max_by(|a, b| a.error.total_cmp(&b.error))?;
@@ -29,7 +29,7 @@ pub(crate) fn table_note(scene: &Scene, range: (f64, f64), spacing: f64) -> Opti
 
 #[cfg(test)]
 mod tests {
-    use brickcast_volume::scene::{Acceleration, Filter, RegionView};
+    use brickcast_volume::scene::{Look, Quality, ViewSpec};
     use brickcast_volume::style::Style;
     use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
     use brickcast_volume::{Camera, Geometry, Orbit, PictureSize};
@@ -43,20 +43,11 @@ mod tests {
             [(at - 5.0, 0.0), (at, 1.0), (at + 5.0, 0.0)]
         };
         let opacities = (0..peaks).flat_map(peak).map(|(x, opacity)| OpacityPoint { x, opacity }).collect();
-        Scene {
-            camera: Camera::orbit(&geometry, Orbit::default()).unwrap(),
-            size: PictureSize::new(2, 1).unwrap(),
-            step: 0.5,
-            transfer_function: TransferFunction::new(vec![ColorPoint { x: 0.0, rgb: [1.0; 3] }], opacities).unwrap(),
-            opacity_unit: 1.0,
-            early_termination: 1.0,
-            filter: Filter::Exact,
-            exact: false,
-            acceleration: Acceleration::default(),
-            region_view: RegionView::All,
-            region_transfer_function: None,
-            style: Style { integration, ..Style::default() },
-        }
+        let function = TransferFunction::new(vec![ColorPoint { x: 0.0, rgb: [1.0; 3] }], opacities).unwrap();
+        let look = Look { style: Style { integration, ..Style::default() }, ..Look::new(function, 1.0) };
+        let camera = Camera::orbit(&geometry, Orbit::default()).unwrap();
+        let view = ViewSpec { camera, size: PictureSize::new(2, 1).unwrap() };
+        Scene::new(look, view, Quality::default()).unwrap()
     }
 
     #[test]

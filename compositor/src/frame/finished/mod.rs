@@ -28,7 +28,7 @@ pub(crate) struct Finished<'a> {
 impl<'a> Finished<'a> {
     /// Nothing where the sink does not listen.
     pub(crate) fn told_to(sink: &'a mut dyn FrameSink, store: &StoreFacts, scene: &Scene, view: &View) -> Option<Self> {
-        let all = TileRect::of_picture(scene.size);
+        let all = TileRect::of_picture(scene.view.size);
         let count = all.count() as usize;
         sink.listens().then(|| Self {
             sink,

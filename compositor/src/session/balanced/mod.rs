@@ -12,7 +12,7 @@ use brickcast_volume::scene::Scene;
 use serde::Serialize;
 use tokio::task::JoinSet;
 
-use super::look::Look;
+use super::look::ShownLook;
 use crate::balance::{
     Balancer, ChunkFacts, Demand, Load, LoadOutcome, Mode, NodeFacts, Observed, Part, Report, Seat, Settings,
 };
@@ -42,7 +42,7 @@ pub(crate) struct Balanced {
     settings: Settings,
     balancer: Balancer,
     /// Those that the balancer was told of.
-    looks: Vec<Weak<Look>>,
+    looks: Vec<Weak<ShownLook>>,
     /// The nodes that it was told of, as of the last frame that began.
     roster: Option<Roster>,
     seats: BTreeSet<Seat>,
@@ -56,7 +56,7 @@ pub(crate) struct Balanced {
 pub(crate) struct Divided {
     generation: u64,
     demand: Demand,
-    look: Arc<Look>,
+    look: Arc<ShownLook>,
     pub(crate) roster: Roster,
     pub(crate) table: Assignment,
     moved: Vec<u32>,
@@ -71,7 +71,7 @@ impl Divided {
 
 impl Balanced {
     /// `generation`: which of the balancers of the cluster it is.
-    pub(crate) fn new(generation: u64, settings: Settings, look: &Arc<Look>) -> Self {
+    pub(crate) fn new(generation: u64, settings: Settings, look: &Arc<ShownLook>) -> Self {
         Self {
             generation,
             balancer: Balancer::new(settings.clone(), chunks(std::slice::from_ref(look))),
@@ -94,9 +94,9 @@ impl Balanced {
     }
 
     /// Tells the balancer which looks are shown: this one, and those known that still are.
-    pub(super) fn enter(&mut self, look: &Arc<Look>) {
+    pub(super) fn enter(&mut self, look: &Arc<ShownLook>) {
         let before = self.looks.len();
-        let mut shown: Vec<Arc<Look>> = self.looks.iter().filter_map(Weak::upgrade).collect();
+        let mut shown: Vec<Arc<ShownLook>> = self.looks.iter().filter_map(Weak::upgrade).collect();
         let is_new = !shown.iter().any(|known| Arc::ptr_eq(known, look));
         if is_new {
             shown.push(look.clone());
@@ -109,7 +109,13 @@ impl Balanced {
     }
 
     /// The table of a frame that begins. `first` is the table that the members of the start have loaded.
-    pub(crate) fn divide(&mut self, look: &Arc<Look>, demand: Demand, roster: Roster, first: &Assignment) -> Divided {
+    pub(crate) fn divide(
+        &mut self,
+        look: &Arc<ShownLook>,
+        demand: Demand,
+        roster: Roster,
+        first: &Assignment,
+    ) -> Divided {
         self.follow(&roster, first);
         let division = self.balancer.divide(&demand);
         let positions = positions(&roster);
@@ -226,11 +232,11 @@ impl Balanced {
     fn requests(
         &self,
         load: &Load,
-        first: &Arc<Look>,
-        request: impl Fn(Vec<u32>, &Arc<Look>) -> PrepareRequest,
+        first: &Arc<ShownLook>,
+        request: impl Fn(Vec<u32>, &Arc<ShownLook>) -> PrepareRequest,
     ) -> Vec<PrepareRequest> {
         let others = self.looks.iter().filter_map(Weak::upgrade).filter(|look| !Arc::ptr_eq(look, first));
-        let looks: Vec<Arc<Look>> = std::iter::once(first.clone()).chain(others).collect();
+        let looks: Vec<Arc<ShownLook>> = std::iter::once(first.clone()).chain(others).collect();
         let release: BTreeSet<u32> = looks.iter().flat_map(|look| look.shown.bricks_in(&load.drops)).collect();
         let mut requests = Vec::new();
         for look in &looks {
@@ -263,7 +269,7 @@ async fn loaded(mut client: NodeClient, requests: Vec<PrepareRequest>) -> LoadOu
 }
 
 /// The facts of all chunks over several looks: of each the most that one of them shows, since most bricks are the same ones.
-fn chunks(looks: &[Arc<Look>]) -> Vec<ChunkFacts> {
+fn chunks(looks: &[Arc<ShownLook>]) -> Vec<ChunkFacts> {
     let count = looks.first().map_or(0, |look| look.bytes.len());
     let most = |chunk: usize| looks.iter().map(|look| look.bytes[chunk]).max().unwrap_or(0);
     let facts = |bytes| ChunkFacts { bytes, prior: if bytes == 0 { 0.0 } else { 1.0 } };

@@ -3,10 +3,10 @@
 use std::time::Duration;
 
 use brickcast_volume::format::{self, RawHints};
-use brickcast_volume::scene::{Acceleration, Filter, RegionView};
+use brickcast_volume::scene::{Filter, Look, Quality, ViewSpec};
 use brickcast_volume::store::{PrepareOptions, Store, prepare};
 use brickcast_volume::transfer_function::{Colormap, TransferFunction};
-use brickcast_volume::{Camera, Epoch, FrameId, Orbit, PictureSize, View};
+use brickcast_volume::{Camera, Epoch, FrameId, Orbit, PictureSize};
 
 use super::*;
 use crate::balance::{LoadBy, LookId};
@@ -14,6 +14,7 @@ use crate::cluster::{Members, NodeList, StoreChoice};
 use crate::embedded::{BackendChoice, EmbeddedNodes, Kernel};
 use crate::frame::ledger::{Ledger, Ticket};
 use crate::plan::{InView, StoreFacts};
+use crate::session::look::ShownLook;
 
 const NODES: usize = 3;
 /// Frames to look at of those that share chunks, and within how many they come: copies are loaded meanwhile.
@@ -35,20 +36,12 @@ fn store(folder: &std::path::Path) -> Store {
 fn scene(store: &Store) -> Scene {
     let manifest = store.manifest();
     let (lo, hi) = manifest.range;
-    Scene {
-        camera: Camera::orbit(&manifest.geometry, Orbit { azimuth: 30.0, ..Orbit::default() }).unwrap(),
-        size: PictureSize::new(1000, 800).unwrap(),
-        step: 1.0,
-        transfer_function: TransferFunction::window(lo - (hi - lo), hi, 0.05, Colormap::Viridis).unwrap(),
-        opacity_unit: manifest.geometry.min_spacing(),
-        early_termination: 1.0,
-        filter: Filter::Exact,
-        exact: true,
-        acceleration: Acceleration::default(),
-        region_view: RegionView::All,
-        region_transfer_function: None,
-        style: brickcast_volume::style::Style::default(),
-    }
+    let function = TransferFunction::window(lo - (hi - lo), hi, 0.05, Colormap::Viridis).unwrap();
+    let camera = Camera::orbit(&manifest.geometry, Orbit { azimuth: 30.0, ..Orbit::default() }).unwrap();
+    let view = ViewSpec { camera, size: PictureSize::new(1000, 800).unwrap() };
+    let plain = Quality { step: 1.0, early_termination: 1.0, exact: true, ..Quality::default() };
+    let quality = Quality { filter: Filter::Exact, ..plain };
+    Scene::new(Look::new(function, manifest.geometry.min_spacing()), view, quality).unwrap()
 }
 
 /// A strip that is left out would be dealt to whoever is there once the frame has begun, and show only in the time that it takes.
@@ -67,9 +60,9 @@ async fn what_is_shared_out_is_ordered_whole_from_the_first_moment() {
         ranges: store.brick_ranges().clone(),
         facts: None,
     };
-    let look = Arc::new(Look::new(LookId(1), &facts, &scene));
+    let look = Arc::new(ShownLook::new(LookId(1), &facts, &scene));
     let shown = look.shown.clone();
-    let view = View::new(&facts.manifest.geometry, &scene.camera, scene.size, scene.step).unwrap();
+    let view = scene.view_of(&facts.manifest.geometry).unwrap();
     let in_view = InView::new(&shown, &view);
     let first = Assignment::contiguous(&shown, NODES);
     let settings = Settings { load_by: LoadBy::Samples, ..Settings::default() };

@@ -183,7 +183,7 @@ async fn links_that_come_after_a_store_was_opened_are_refused() {
 fn everything_shown() -> Scene {
     let color = vec![ColorPoint { x: 0.0, rgb: [1.0; 3] }];
     let transfer_function = TransferFunction::new(color, vec![OpacityPoint { x: 0.0, opacity: 0.5 }]).unwrap();
-    Scene { transfer_function, ..scene(64, 64, Orbit::default()) }
+    scene(64, 64, Orbit::default()).with(|s| s.look.transfer_function = transfer_function).unwrap()
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -35,14 +35,15 @@ async fn planned_memory_is_what_nodes_hold() {
     for brick_size in [16, 64] {
         let store = store(folder.path(), &input, brick_size);
         let plain = scene(&store, cameras(&store)[0].1, (16, 16), false);
-        let accelerated = |leap, macrocell| Acceleration { skip_empty: true, leap, macrocell, ..plain.acceleration };
+        let accelerated =
+            |leap, macrocell| Acceleration { skip_empty: true, leap, macrocell, ..plain.quality.acceleration };
         let variants = [
-            Scene { acceleration: Acceleration { skip_empty: false, ..plain.acceleration }, ..plain.clone() },
-            Scene { acceleration: accelerated(Leap::Off, MacrocellEdge::Four), ..plain.clone() },
-            Scene { acceleration: accelerated(Leap::Macrocells(0.05), MacrocellEdge::Eight), ..plain.clone() },
-            Scene { style: Style { shading: Some(Phong::default()), ..Style::default() }, ..plain.clone() },
+            plain.with(|s| s.quality.acceleration.skip_empty = false),
+            plain.with(|s| s.quality.acceleration = accelerated(Leap::Off, MacrocellEdge::Four)),
+            plain.with(|s| s.quality.acceleration = accelerated(Leap::Macrocells(0.05), MacrocellEdge::Eight)),
+            plain.with(|s| s.look.style.shading = Some(Phong::default())),
         ];
-        for scene in variants {
+        for scene in variants.map(Result::unwrap) {
             let nodes = EmbeddedNodes::start(&kernel, 2, &store.path(), 1 << 30).await.unwrap();
             let addresses = nodes.addresses();
             let open = || Session::open_through(nodes.dial(), &addresses, StoreChoice::Hash(store.hash()));
@@ -50,7 +51,7 @@ async fn planned_memory_is_what_nodes_hold() {
             session.load(&scene).await.unwrap();
             let held: u64 = open().await.unwrap().members().map(|(_, node)| node.memory_used).sum();
             let planned: u64 = planned_bytes(session.store(), &scene, 2).iter().sum();
-            assert!(held.abs_diff(planned) * 100 < held, "{:?}: {held}, {planned}", scene.acceleration);
+            assert!(held.abs_diff(planned) * 100 < held, "{:?}: {held}, {planned}", scene.quality.acceleration);
         }
     }
 }

@@ -10,7 +10,7 @@ use brickcast::plan::{Assignment, Share};
 use brickcast::session::{Frame, Session, StoreChoice};
 use brickcast_volume::camera::{Camera, Orbit, Projection};
 use brickcast_volume::format::{self, RawHints};
-use brickcast_volume::scene::{Acceleration, Filter, Leap, RegionView, Scene, Transport};
+use brickcast_volume::scene::{Acceleration, Filter, Leap, Look, Quality, Scene, SceneParts, Transport, ViewSpec};
 use brickcast_volume::store::{PrepareOptions, Store, prepare};
 use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Mode, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
@@ -52,28 +52,17 @@ fn store(folder: &Path, input: &Path, brick_size: u32) -> Store {
 fn scene(store: &Store, camera: Camera, size: (u32, u32), exact: bool) -> Scene {
     let (lo, hi) = store.manifest().range;
     let at = |t: f64| lo + (hi - lo) * t;
-    Scene {
-        camera,
-        size: PictureSize::new(size.0, size.1).unwrap(),
-        step: 0.5,
-        transfer_function: TransferFunction::new(
-            vec![
-                ColorPoint { x: at(0.0), rgb: [0.9, 0.2, 0.1] },
-                ColorPoint { x: at(0.5), rgb: [0.2, 0.9, 0.3] },
-                ColorPoint { x: at(1.0), rgb: [0.1, 0.3, 1.0] },
-            ],
-            vec![OpacityPoint { x: at(0.0), opacity: 0.004 }, OpacityPoint { x: at(1.0), opacity: 0.03 }],
-        )
-        .unwrap(),
-        opacity_unit: store.manifest().geometry.min_spacing(),
-        early_termination: 0.999,
-        filter: Filter::Hardware,
-        exact,
-        acceleration: Acceleration::default(),
-        region_view: RegionView::All,
-        region_transfer_function: None,
-        style: brickcast_volume::style::Style::default(),
-    }
+    let function = TransferFunction::new(
+        vec![
+            ColorPoint { x: at(0.0), rgb: [0.9, 0.2, 0.1] },
+            ColorPoint { x: at(0.5), rgb: [0.2, 0.9, 0.3] },
+            ColorPoint { x: at(1.0), rgb: [0.1, 0.3, 1.0] },
+        ],
+        vec![OpacityPoint { x: at(0.0), opacity: 0.004 }, OpacityPoint { x: at(1.0), opacity: 0.03 }],
+    );
+    let look = Look::new(function.unwrap(), store.manifest().geometry.min_spacing());
+    let view = ViewSpec { camera, size: PictureSize::new(size.0, size.1).unwrap() };
+    Scene::new(look, view, Quality { exact, ..Quality::default() }).unwrap()
 }
 
 /// Outside, eye on a brick face with a ray plane inside it, eye inside, parallel along an axis, close to a corner.
@@ -210,7 +199,8 @@ fn a_mirrored_and_rotated_volume_has_the_same_bits_from_any_number_of_nodes() {
                 let mut seen = 0;
                 for (camera_name, camera) in cameras(&store) {
                     for (name, style) in styles(&store).into_iter().take(2).chain([("plain", Style::default())]) {
-                        let scene = Scene { style, step: 1.0, ..scene(&store, camera, (67, 53), true) };
+                        let coarse = |s: &mut SceneParts| (s.look.style, s.quality.step) = (style, 1.0);
+                        let scene = scene(&store, camera, (67, 53), true).with(coarse).unwrap();
                         let frame = render(&mut session, &scene, Transport::F32).await;
                         assert!(frame.picture.pixels().iter().any(|p| p.a > 0.01), "{camera_name}, {name}: nothing");
                         match expected.get(seen) {
@@ -269,8 +259,12 @@ fn styles_have_the_same_bits_from_any_number_of_nodes() {
                 for (camera_name, camera) in cameras(&store).into_iter().take(4) {
                     for (name, style) in styles(&store) {
                         let plain = scene(&store, camera, (67, 53), true);
-                        let filter = if name == LABELS { Filter::Nearest } else { plain.filter };
-                        let scene = Scene { style, filter, acceleration: skips, step: 1.0, ..plain };
+                        let filter = if name == LABELS { Filter::Nearest } else { plain.quality.filter };
+                        let styled = |s: &mut SceneParts| {
+                            (s.look.style, s.quality.filter) = (style, filter);
+                            (s.quality.acceleration, s.quality.step) = (skips, 1.0);
+                        };
+                        let scene = plain.with(styled).unwrap();
                         let frame = render(&mut session, &scene, Transport::F32).await;
                         assert!(frame.picture.pixels().iter().any(|p| p.a > 0.01), "{camera_name}, {name}: nothing");
                         match expected.get(seen) {
@@ -306,8 +300,8 @@ fn samples_on_faces_are_counted_once_in_any_bricks() {
                     let at = |z| store.manifest().geometry.world_from_voxel(DVec3::new(64.3, 57.1, z));
                     let parallel = Projection::Parallel { parallel_scale: 60.0 };
                     let camera = Camera::new(at(eye_z), at(50.0), DVec3::Y, parallel).unwrap();
-                    let mut scene = scene(&store, camera, (41, 37), true);
-                    (scene.step, scene.early_termination) = (0.1, 1.0);
+                    let fine = |s: &mut SceneParts| (s.quality.step, s.quality.early_termination) = (0.1, 1.0);
+                    let scene = scene(&store, camera, (41, 37), true).with(fine).unwrap();
                     let nodes = EmbeddedNodes::start(&kernel, 2, &store.path(), 1 << 30).await.unwrap();
                     let mut session =
                         Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash()))

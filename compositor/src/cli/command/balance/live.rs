@@ -10,10 +10,8 @@ use serde::Serialize;
 
 use crate::balance::max_over_mean;
 use crate::cli::args::{BalanceArg, BalanceArgs};
-use crate::cli::command::render::open_session;
 use crate::cli::failure::Failure;
 use crate::cli::say::{print, say, tell};
-use crate::embedded::parse_size;
 use crate::output::{MAX_FRAMES, write_json};
 use crate::session::{BalanceStats, Frame};
 use crate::words::bytes;
@@ -54,30 +52,30 @@ struct NodeLine {
 /// # Errors
 /// Usage; what a render can fail with; [`Failure::Incomplete`] where a frame was not complete.
 pub(super) async fn run(args: &BalanceArgs, path: &Path, quiet: bool) -> Result<(), Failure> {
-    args.scene.check()?;
+    let plan = args.scene.plan()?;
     if !(1..=MAX_FRAMES).contains(&args.frames) {
         return Err(Failure::usage(anyhow!("--frames {}: must lie between 1 and {MAX_FRAMES}", args.frames)));
     }
     if !args.orbit.is_finite() {
         return Err(Failure::usage(anyhow!("--orbit: must be a finite number of degrees")));
     }
-    let memory_budget = parse_size(&args.nodes.memory_budget).map_err(|e| Failure::usage(anyhow!(e)))?;
-    let source = args.prepare.open(path, !args.nodes.nodes.is_empty())?;
-    let (mut session, _embedded) = open_session(&args.nodes, path, &source, memory_budget, quiet).await?;
-    let choice = args.scene.scene(&session.store().manifest)?;
+    let nodes = args.nodes.plan()?;
+    let source = args.prepare.open(path, nodes.are_elsewhere())?;
+    let (mut session, _embedded) = nodes.open_session(path, &source, quiet).await?;
+    let choice = plan.on(&session.store().manifest)?;
     for note in &choice.notes {
         say(quiet, note)?;
     }
     let settings = args.balance.settings(BalanceArg::Dynamic);
     session.balance(settings.clone());
     session.load(&choice.scene).await?;
-    let cameras = args.camera_path.cameras(&choice.scene.camera, args.frames, args.orbit).map_err(Failure::usage)?;
+    let cameras =
+        args.camera_path.cameras(&choice.scene.view.camera, args.frames, args.orbit).map_err(Failure::usage)?;
     let mut screen = Screen { live: !quiet && std::io::stdout().is_terminal(), drawn: 0 };
     let (mut lines, mut problems) = (Vec::new(), Vec::new());
     for (i, camera) in cameras.into_iter().enumerate() {
-        let mut scene = choice.scene.clone();
-        scene.camera = camera;
-        let frame = session.render(&scene, choice.transport, args.nodes.deadline).await?;
+        let scene = choice.scene.seen_by(camera);
+        let frame = session.render(&scene, choice.transport, nodes.deadline).await?;
         problems.extend(frame.problems.iter().map(|p| format!("frame {i}: {p}")));
         let line = Line::of(i, frame);
         if !quiet {

@@ -5,11 +5,12 @@ use std::time::Duration;
 use anyhow::anyhow;
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::store::Store;
+use brickcast_volume::style::{IntegrationKind, Lighting, ShadingKind};
 use comfy_table::Table;
 use serde::Serialize;
 use serde_json::json;
 
-use crate::cli::args::{BenchArgs, IntegrationArg, LightingArg, ShadingArg};
+use crate::cli::args::BenchArgs;
 use crate::cli::failure::Failure;
 use crate::cli::say::tell;
 use crate::cli::source::Source;
@@ -87,27 +88,27 @@ fn scene(
     let mut scene_args = args.scene.clone();
     scene_args.step = step;
     change(&mut scene_args.style);
-    Ok(scene_args.scene(store.manifest())?.scene)
+    Ok(scene_args.plan()?.on(store.manifest())?.scene)
 }
 
 async fn measure(args: &BenchArgs, kernel: &Kernel, store: &Store, budget: u64) -> Result<Vec<Row>, Failure> {
     let nodes = EmbeddedNodes::start(kernel, 1, &store.path(), budget).await?;
     let mut session = Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash())).await?;
     let limit = Duration::from_secs(3600);
-    let is_lit = args.scene.style.shading == Some(ShadingArg::Phong);
-    let kinds: Vec<(&'static str, IntegrationArg, LightingArg)> = if is_lit {
+    let is_lit = args.scene.style.shading == Some(ShadingKind::Phong);
+    let kinds: Vec<(&'static str, IntegrationKind, Lighting)> = if is_lit {
         vec![
-            ("center", IntegrationArg::Preintegrated, LightingArg::Center),
-            ("interpolated", IntegrationArg::Preintegrated, LightingArg::Interpolated),
-            ("centroid", IntegrationArg::Preintegrated, LightingArg::Centroid),
+            ("center", IntegrationKind::Preintegrated, Lighting::Center),
+            ("interpolated", IntegrationKind::Preintegrated, Lighting::Interpolated),
+            ("centroid", IntegrationKind::Preintegrated, Lighting::Centroid),
         ]
     } else {
         vec![
-            ("sampled", IntegrationArg::Sampled, LightingArg::default()),
-            ("preintegrated", IntegrationArg::Preintegrated, LightingArg::default()),
+            ("sampled", IntegrationKind::Sampled, Lighting::default()),
+            ("preintegrated", IntegrationKind::Preintegrated, Lighting::default()),
         ]
     };
-    let of_kind = |(_, integration, lighting): (&str, IntegrationArg, LightingArg), step: f64| {
+    let of_kind = |(_, integration, lighting): (&str, IntegrationKind, Lighting), step: f64| {
         scene(args, store, step, |style| (style.integration, style.lighting) = (Some(integration), lighting))
     };
     let converged = of_kind(kinds[1], REFERENCE_STEP)?;
@@ -150,7 +151,7 @@ async fn measure(args: &BenchArgs, kernel: &Kernel, store: &Store, budget: u64) 
         let frame_ms = median(one);
         Row {
             kind: one.kind,
-            step: one.scene.step,
+            step: one.scene.quality.step,
             frame_ms,
             samples: one.samples,
             rms_error,

@@ -32,7 +32,7 @@ struct Row {
 /// # Errors
 /// As a render.
 pub async fn run(args: BenchArgs, quiet: bool) -> Result<(), Failure> {
-    args.scene.check()?;
+    let plan = args.scene.plan()?;
     if !(1..=1000).contains(&args.repeat) {
         return Err(Failure::usage(anyhow!("--repeat {}: must lie between 1 and 1000", args.repeat)));
     }
@@ -46,7 +46,7 @@ pub async fn run(args: BenchArgs, quiet: bool) -> Result<(), Failure> {
     let Source::Store(store) = args.prepare.open(&args.path, false)? else {
         return Err(anyhow!("{}: no such store", args.path.display()).into());
     };
-    let choice = args.scene.scene(store.manifest())?;
+    let choice = plan.on(store.manifest())?;
     for note in &choice.notes {
         say(quiet, note)?;
     }

@@ -132,7 +132,7 @@ async fn measure(
     for (_, accel) in modes {
         let mut scene_args = args.scene.clone();
         scene_args.accel.accel = accel.to_vec();
-        let choice = scene_args.scene(store.manifest())?;
+        let choice = scene_args.plan()?.on(store.manifest())?;
         transport = choice.transport;
         let load = session.load(&choice.scene).await?;
         // The first frame pays for caches and lazy pages: it is not timed.

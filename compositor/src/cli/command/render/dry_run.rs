@@ -1,13 +1,12 @@
 //! `brickcast render --dry-run`: what each node would hold and render.
 
-use brickcast_volume::View;
 use brickcast_volume::store::Store;
 use comfy_table::Table;
 
-use crate::cli::args::RenderArgs;
+use super::frames::Frames;
+use super::plan::RenderPlan;
 use crate::cli::failure::Failure;
 use crate::cli::say;
-use crate::cli::scene::nothing_shows;
 use crate::cli::source::{Source, tell};
 use crate::cluster::{ClusterError, NodeList};
 use crate::embedded::planned_bytes;
@@ -20,33 +19,35 @@ const TEXEL_BYTES: u64 = 2;
 
 /// # Errors
 /// As a render up to the plan.
-pub(super) async fn run(args: &RenderArgs, source: Source, memory_budget: u64) -> Result<(), Failure> {
+pub(super) async fn run(plan: &RenderPlan, source: Source) -> Result<(), Failure> {
+    let nodes = &plan.nodes;
     let (store, names, budgets): (_, Vec<String>, _) = match source {
         Source::Store(store) => {
-            let names = match args.nodes.nodes.is_empty() {
-                true => (0..args.nodes.local.unwrap_or(1)).map(|i| format!("local {i}")).collect(),
-                false => found(&args.nodes.nodes).await?,
+            let names = match nodes.are_elsewhere() {
+                false => (0..nodes.count).map(|i| format!("local {i}")).collect(),
+                true => found(&nodes.elsewhere).await?,
             };
-            let budgets = vec![memory_budget; names.len()];
+            let budgets = vec![nodes.memory_budget; names.len()];
             (local_facts(&store), names, budgets)
         }
-        Source::Name(_) => {
-            let session = Session::open_through(args.nodes.access.dial()?, &args.nodes.nodes, source.choice()).await?;
-            tell(&args.path, &session.store().manifest);
+        Source::Name(_) | Source::Hash(_) => {
+            let session = Session::open_through(nodes.dial()?, &nodes.elsewhere, source.choice()).await?;
+            tell(plan.source.shown(), &session.store().manifest);
+            plan.source.agree(&plan.scenes, session.store().hash)?;
             let (names, budgets) = session.members().map(|(address, d)| (address.to_owned(), d.memory_budget)).unzip();
             (session.store().clone(), names, budgets)
         }
     };
     let count = names.len();
-    let choice = args.scene.scene(&store.manifest)?;
-    let scene = &choice.scene;
-    if let Some(outlook) = nothing_shows::outlook(scene, &store.manifest) {
+    let frames = Frames::on(&plan.scenes, &store.manifest)?;
+    let scene = frames.first();
+    if let Some(outlook) = &frames.outlook {
         tracing::warn!("{}", outlook.in_words());
     }
     let geometry = &store.manifest.geometry;
     let shown = Shown::in_scene(&store, scene);
     let assignment = Assignment::contiguous(&shown, count);
-    let view = View::new(geometry, &scene.camera, scene.size, scene.step)?;
+    let view = scene.view_of(geometry)?;
     let orders = assignment.orders(&shown, &view).into_iter().map(|orders| orders.concat()).collect::<Vec<_>>();
     let (tree, planned) = (store.tree(), planned_bytes(&store, scene, TEXEL_BYTES));
     let grid = tree.grid();

@@ -53,7 +53,7 @@ impl RenderPaths<'_> {
 }
 
 /// The file that a path leads to, whether it is there or not yet.
-fn real(path: &Path) -> PathBuf {
+pub(super) fn real(path: &Path) -> PathBuf {
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
     if let Ok(real) = absolute.canonicalize() {
         return real;

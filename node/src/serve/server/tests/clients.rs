@@ -104,7 +104,7 @@ async fn a_client_loads_and_asks_so_much_at_once_and_no_more() {
 /// More parts than fit between the renderer and a client that takes none.
 fn large(served: &Served) -> RenderOrder {
     let mut order = served.order(4096, 4096);
-    order.scene.camera = scene(1, 1, Orbit { zoom: 4.0, ..Orbit::default() }).camera;
+    order.scene = order.scene.seen_by(scene(1, 1, Orbit { zoom: 4.0, ..Orbit::default() }).view.camera);
     order
 }
 
@@ -169,7 +169,7 @@ async fn loading_and_tables_do_not_hold_up_the_runtime() {
     for width in 0..3 {
         let client = served.connect().await;
         let mut scene = everything_shown();
-        scene.step = 0.5 + f64::from(width) * 0.01;
+        scene = scene.with(|s| s.quality.step = 0.5 + f64::from(width) * 0.01).unwrap();
         let bricks = (0..175).collect();
         let request =
             PrepareRequest { session: SessionId(2), store, bricks, scene, background: false, release: vec![] };

@@ -1,11 +1,23 @@
-//! What every layer of a frame has in common: the scene.
+//! How exactly and how fast a picture is drawn.
 
-use crate::camera::Camera;
-use crate::style::{Mode, Style, StyleError};
-use crate::transfer_function::TransferFunction;
-use crate::visibility::PictureSize;
+use super::SceneError;
+use super::words::words;
 
 pub use crate::filter::Filter;
+
+words!(
+    Filter,
+    "filter",
+    [
+        (Hardware, "hardware", "The adapter's trilinear filter"),
+        (Exact, "exact", "Eight loads with full-precision weights"),
+        (
+            Nearest,
+            "nearest",
+            "The value of the nearest voxel, never one between: for labels. Takes samples, without light and isosurfaces"
+        ),
+    ]
+);
 
 /// How pixels travel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -15,6 +27,8 @@ pub enum Transport {
     F32,
     U8,
 }
+
+words!(Transport, "transport", [(F16, "f16", ""), (F32, "f32", ""), (U8, "u8", "")]);
 
 /// What rays leap through, several sample positions at once.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -28,6 +42,35 @@ pub enum Leap {
     Macrocells(f32),
 }
 
+/// A [`Leap`] without its number.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LeapKind {
+    Off,
+    Regions,
+    Macrocells,
+}
+
+words!(
+    LeapKind,
+    "leap",
+    [
+        (Off, "off", "Every sample for itself"),
+        (Regions, "regions", "Through the store's regions"),
+        (Macrocells, "macrocells", "Through homogeneous macrocells"),
+    ]
+);
+
+impl Leap {
+    #[must_use]
+    pub const fn kind(self) -> LeapKind {
+        match self {
+            Self::Off => LeapKind::Off,
+            Self::Regions => LeapKind::Regions,
+            Self::Macrocells(_) => LeapKind::Macrocells,
+        }
+    }
+}
+
 /// Voxels per edge of a macrocell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum MacrocellEdge {
@@ -38,12 +81,20 @@ pub enum MacrocellEdge {
 }
 
 impl MacrocellEdge {
+    pub const ALL: [Self; 2] = [Self::Four, Self::Eight];
+
     #[must_use]
     pub const fn voxels(self) -> u32 {
         match self {
             Self::Four => 4,
             Self::Eight => 8,
         }
+    }
+
+    /// The edge of so many voxels, if there is one.
+    #[must_use]
+    pub fn of_voxels(voxels: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|edge| edge.voxels() == voxels)
     }
 }
 
@@ -58,74 +109,40 @@ pub struct Acceleration {
     pub leap_tolerance: Option<f32>,
 }
 
-/// Which voxels a picture shows; a sample belongs to its nearest voxel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum RegionView {
-    #[default]
-    All,
-    /// Only voxels of a region.
-    Regions,
-    /// Only voxels of no region: the defect view (Frey & Ertl 2009, Figure 6).
-    Residual,
-}
-
-/// Camera, picture, transfer function and quality; valid by construction (see [`Scene::new`]).
-#[derive(Debug, Clone, PartialEq)]
-pub struct Scene {
-    pub camera: Camera,
-    pub size: PictureSize,
+/// How exactly and how fast a picture is drawn. The default is the command line's, without acceleration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quality {
     /// Sample distance in voxels of the smallest spacing.
     pub step: f64,
-    pub transfer_function: TransferFunction,
-    /// World length to which opacities refer: `a' = 1 - (1 - a)^(Delta / unit)`.
-    pub opacity_unit: f64,
     /// Rays stop at this accumulated opacity, in (0, 1]; 1 switches early termination off.
     pub early_termination: f32,
     pub filter: Filter,
     /// One accumulator per chunk, joined at the merge tree's nodes in f32: the same bits for every assignment.
     pub exact: bool,
     pub acceleration: Acceleration,
-    pub region_view: RegionView,
-    /// For samples whose nearest voxel is in a region; none: `transfer_function` serves all.
-    pub region_transfer_function: Option<TransferFunction>,
-    pub style: Style,
 }
 
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum SceneError {
-    #[error("early termination {0}: must lie in (0, 1]; 1 switches it off")]
-    EarlyTermination(f32),
-    #[error("opacity unit {0}: must be finite and positive (world units)")]
-    OpacityUnit(f64),
-    #[error("step {0}: must lie between 0.01 and 16 voxels")]
-    Step(f64),
-    #[error("a macrocell range of {0}: must lie in [0, 1], a share of the store's range")]
-    MacrocellRange(f32),
-    #[error("leap tolerance {0}: must lie in [0, 1]")]
-    LeapTolerance(f32),
-    #[error(transparent)]
-    Style(#[from] StyleError),
+impl Default for Quality {
+    fn default() -> Self {
+        Self {
+            step: 0.5,
+            early_termination: 0.999,
+            filter: Filter::default(),
+            exact: false,
+            acceleration: Acceleration::default(),
+        }
+    }
 }
 
-impl Scene {
+impl Quality {
     /// # Errors
-    /// Early termination outside (0, 1], an opacity unit that is not positive, a step outside 0.01..=16, shares outside
-    /// 0..=1, a style that is not valid.
-    pub fn validate(self) -> Result<Self, SceneError> {
+    /// Early termination outside (0, 1], a step outside 0.01..=16, shares outside 0..=1.
+    pub fn check(&self) -> Result<(), SceneError> {
         if !(self.early_termination > 0.0 && self.early_termination <= 1.0) {
             return Err(SceneError::EarlyTermination(self.early_termination));
         }
-        if !(self.opacity_unit.is_finite() && self.opacity_unit > 0.0) {
-            return Err(SceneError::OpacityUnit(self.opacity_unit));
-        }
         if !(0.01..=16.0).contains(&self.step) {
             return Err(SceneError::Step(self.step));
-        }
-        self.style.validate()?;
-        self.style.validate_with(self.filter)?;
-        let tells_apart = self.region_view != RegionView::All || self.region_transfer_function.is_some();
-        if self.style.mode != Mode::Composite && tells_apart {
-            return Err(StyleError::Projection.into());
         }
         if let Leap::Macrocells(range) = self.acceleration.leap
             && !(0.0..=1.0).contains(&range)
@@ -134,7 +151,7 @@ impl Scene {
         }
         match self.acceleration.leap_tolerance {
             Some(tolerance) if !(0.0..=1.0).contains(&tolerance) => Err(SceneError::LeapTolerance(tolerance)),
-            _ => Ok(self),
+            _ => Ok(()),
         }
     }
 }

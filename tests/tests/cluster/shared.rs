@@ -1,8 +1,6 @@
 //! Several sessions on one cluster at once: each has the picture that it has alone, what one finds out counts for all, a sink hears of
 //! a frame's tiles, and a frame that nobody waits for any more ends on the nodes.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
-
 use std::path::Path;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -14,8 +12,9 @@ use brickcast::frame::{FinishedTile, FrameSink};
 use brickcast::picture::Picture;
 use brickcast::session::{Cluster, Frame, Session, StoreChoice};
 use brickcast_proto::TileRect;
+use brickcast_tests::turn;
 use brickcast_volume::format::{self, RawHints};
-use brickcast_volume::scene::{Acceleration, Filter, RegionView, Scene, Transport};
+use brickcast_volume::scene::{Acceleration, Filter, Look, Quality, Scene, SceneParts, Transport, ViewSpec};
 use brickcast_volume::store::{PrepareOptions, Store, prepare};
 use brickcast_volume::style::{Mode, Style};
 use brickcast_volume::transfer_function::{Colormap, TransferFunction};
@@ -54,26 +53,24 @@ fn store(folder: &Path) -> Store {
 fn scene(store: &Store, from: f64, azimuth: f64) -> Scene {
     let manifest = store.manifest();
     let orbit = Orbit { azimuth, elevation: 15.0, ..Orbit::default() };
-    Scene {
-        camera: Camera::orbit(&manifest.geometry, orbit).unwrap(),
-        size: PictureSize::new(300, 200).unwrap(),
-        step: 0.5,
-        transfer_function: TransferFunction::window(from, 255.0, 0.05, Colormap::Viridis).unwrap(),
-        opacity_unit: manifest.geometry.min_spacing(),
-        early_termination: 1.0,
-        filter: Filter::Exact,
-        exact: true,
-        acceleration: Acceleration { skip_empty: true, ..Acceleration::default() },
-        region_view: RegionView::All,
-        region_transfer_function: None,
-        style: Style::default(),
-    }
+    let function = TransferFunction::window(from, 255.0, 0.05, Colormap::Viridis).unwrap();
+    let camera = Camera::orbit(&manifest.geometry, orbit).unwrap();
+    let view = ViewSpec { camera, size: PictureSize::new(300, 200).unwrap() };
+    let acceleration = Acceleration { skip_empty: true, ..Acceleration::default() };
+    let whole = Quality { early_termination: 1.0, exact: true, ..Quality::default() };
+    let quality = Quality { step: 0.5, filter: Filter::Exact, acceleration, ..whole };
+    Scene::new(Look::new(function, manifest.geometry.min_spacing()), view, quality).unwrap()
 }
 
 /// A frame that would take a minute and more.
 fn endless(store: &Store) -> Scene {
     let size = PictureSize::new(3000, 2000).unwrap();
-    Scene { size, step: 0.02, acceleration: Acceleration::default(), ..scene(store, 50.0, 30.0) }
+    let acceleration = Acceleration::default();
+    let long = |s: &mut SceneParts| {
+        s.view.size = size;
+        (s.quality.step, s.quality.acceleration) = (0.02, acceleration);
+    };
+    scene(store, 50.0, 30.0).with(long).unwrap()
 }
 
 fn bits(picture: &Picture) -> Vec<[u32; 4]> {
@@ -114,6 +111,7 @@ impl Stage {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn sessions_with_other_looks_and_cameras_at_once_get_the_bits_that_each_gets_alone() {
+    let _turn = turn(module_path!());
     const FRAMES: usize = 6;
     let stage = Stage::new(2).await;
     let scenes = [50.0, 120.0]
@@ -159,6 +157,7 @@ fn unevenness(frame: &Frame) -> f64 {
 /// The half that is full of material is one node's at first; whoever renders, it becomes both's.
 #[tokio::test(flavor = "multi_thread")]
 async fn what_frames_of_one_session_cost_moves_chunks_for_the_other() {
+    let _turn = turn(module_path!());
     const FRAMES: u64 = 25;
     let stage = Stage::new(2).await;
     let cluster = stage.cluster().await;
@@ -171,7 +170,8 @@ async fn what_frames_of_one_session_cost_moves_chunks_for_the_other() {
     assert!(unevenness(&before) > 1.4, "{}", unevenness(&before));
     for i in 0..FRAMES {
         let mut scene = mine.clone();
-        scene.camera = self::scene(&stage.store, 50.0, 30.0 + i as f64).camera;
+        let camera = self::scene(&stage.store, 50.0, 30.0 + i as f64).view.camera;
+        scene = scene.seen_by(camera);
         render(&mut one, &scene).await;
     }
     let after = render(&mut other, &theirs).await;
@@ -212,14 +212,15 @@ impl FrameSink for Heard {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_sink_hears_every_tile_once_and_together_they_are_the_picture() {
+    let _turn = turn(module_path!());
     let stage = Stage::new(3).await;
     let mut session = stage.cluster().await.session();
     let exact = scene(&stage.store, 50.0, 30.0);
     let maximum = Style { mode: Mode::Maximum, ..Style::default() };
     let scenes = [
         (exact.clone(), Transport::F32),
-        (Scene { exact: false, filter: Filter::Hardware, ..exact.clone() }, Transport::F16),
-        (Scene { style: maximum, ..exact.clone() }, Transport::F32),
+        (exact.with(|s| (s.quality.exact, s.quality.filter) = (false, Filter::Hardware)).unwrap(), Transport::F16),
+        (exact.with(|s| s.look.style = maximum).unwrap(), Transport::F32),
     ];
     for (scene, transport) in scenes {
         let mut heard = Heard { began: Some(Instant::now()), ..Heard::default() };
@@ -227,16 +228,16 @@ async fn a_sink_hears_every_tile_once_and_together_they_are_the_picture() {
         let (first, whole) = (heard.first.unwrap(), heard.began.unwrap().elapsed());
         eprintln!("the first tile that shows something came after {first:?}, the picture after {whole:?}");
         assert!(frame.complete && frame.stats.faults.reissued == 0, "{:?}", frame.problems);
-        let all = TileRect::of_picture(scene.size);
+        let all = TileRect::of_picture(scene.view.size);
         let mut tiles: Vec<[u32; 2]> = heard.tiles.iter().map(|t| t.tile).collect();
         tiles.sort_unstable_by_key(|[x, y]| [*y, *x]);
         assert_eq!(tiles, all.tiles().collect::<Vec<_>>(), "each once");
         assert_eq!(heard.progress, (1..=all.count()).map(|i| (i, all.count())).collect::<Vec<_>>());
         // Over something else, so that clear tiles are seen to be drawn.
-        let grey = vec![Premul::from_array([0.5; 4]); scene.size.pixel_count()];
-        let mut picture = Picture::new(scene.size, grey).unwrap();
+        let grey = vec![Premul::from_array([0.5; 4]); scene.view.size.pixel_count()];
+        let mut picture = Picture::new(scene.view.size, grey).unwrap();
         heard.tiles.iter().for_each(|tile| tile.draw(&mut picture));
-        assert!(bits(&picture) == bits(&frame.picture), "{:?}, {transport:?}", scene.style.mode);
+        assert!(bits(&picture) == bits(&frame.picture), "{:?}, {transport:?}", scene.look.style.mode);
         assert!(heard.tiles.iter().any(|t| t.pixels.is_some()) && heard.tiles.iter().any(|t| t.pixels.is_none()));
     }
 }
@@ -259,6 +260,7 @@ async fn with_mortal_node(stage: &Stage) -> (Runtime, EmbeddedNodes, Arc<Cluster
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_node_that_dies_in_one_sessions_frame_is_gone_for_the_other() {
+    let _turn = turn(module_path!());
     let stage = Stage::new(1).await;
     let (runtime, mortal, cluster) = with_mortal_node(&stage).await;
     let (mut one, mut other) = (cluster.session(), cluster.session());
@@ -266,7 +268,8 @@ async fn a_node_that_dies_in_one_sessions_frame_is_gone_for_the_other() {
     let want = stage.alone(&theirs).await;
     let before = render(&mut other, &theirs).await;
     assert_eq!(before.stats.nodes.len(), 2);
-    let large = Scene { size: PictureSize::new(1200, 900).unwrap(), step: 0.1, ..scene(&stage.store, 50.0, 30.0) };
+    let size = PictureSize::new(1200, 900).unwrap();
+    let large = scene(&stage.store, 50.0, 30.0).with(|s| (s.view.size, s.quality.step) = (size, 0.1)).unwrap();
     let began = Instant::now();
     let want_large = stage.alone(&large).await;
     // Both nodes have the same cores: a frame takes as long on two.
@@ -282,7 +285,7 @@ async fn a_node_that_dies_in_one_sessions_frame_is_gone_for_the_other() {
     assert!(frame.complete && faults.lost.len() == 1 && faults.reissued > 0, "{faults:?}");
     assert_eq!(faults.lost[0].address, mortal.addresses()[0]);
     // Tiles came again where they were void; what was said last is the picture.
-    let mut picture = Picture::new(large.size, vec![Premul::CLEAR; large.size.pixel_count()]).unwrap();
+    let mut picture = Picture::new(large.view.size, vec![Premul::CLEAR; large.view.size.pixel_count()]).unwrap();
     heard.tiles.iter().for_each(|tile| tile.draw(&mut picture));
     assert!(bits(&picture) == bits(&frame.picture) && bits(&picture) == want_large);
     assert_eq!(cluster.members().len(), 1);
@@ -296,11 +299,12 @@ async fn a_node_that_dies_in_one_sessions_frame_is_gone_for_the_other() {
 /// Law 3 of the protocol, of several sessions: the table is another for the frames that begin after the change, and for no other.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_frame_ends_with_the_epoch_that_it_began_with() {
+    let _turn = turn(module_path!());
     let stage = Stage::new(2).await;
     let cluster = stage.cluster().await;
     let (mut one, mut other) = (cluster.session(), cluster.session());
     let (small, large) = (scene(&stage.store, 120.0, 200.0), scene(&stage.store, 50.0, 30.0));
-    let large = Scene { size: PictureSize::new(900, 600).unwrap(), ..large };
+    let large = large.with(|s| s.view.size = PictureSize::new(900, 600).unwrap()).unwrap();
     let (want_small, want_large) = (stage.alone(&small).await, stage.alone(&large).await);
     let first = render(&mut one, &small).await.stats.faults.epoch;
     let mut heard = Heard::default();
@@ -325,6 +329,7 @@ async fn a_frame_ends_with_the_epoch_that_it_began_with() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_dropped_frame_ends_on_the_nodes_and_the_next_one_is_right() {
+    let _turn = turn(module_path!());
     let stage = Stage::new(2).await;
     let cluster = stage.cluster().await;
     let mut session = cluster.session();

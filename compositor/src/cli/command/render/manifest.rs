@@ -1,0 +1,57 @@
+//! What a picture's manifest says: enough to draw it again.
+
+use brickcast_volume::scene::{Scene, Transport};
+
+use crate::output::PictureManifest;
+use crate::output::picture_manifest::{AboutPicture, LostNote, NodeNote};
+use crate::session::{Frame, Session};
+use crate::words::short;
+
+/// Of what the picture is, beside its scene.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Origin<'a> {
+    /// PATH as it was given.
+    pub(crate) path: Option<&'a str>,
+    /// RGB in 0..=1, of a file without alpha.
+    pub(crate) background: Option<[f32; 3]>,
+}
+
+/// The manifest of a frame that shows `scene`.
+pub(crate) fn manifest(
+    session: &Session,
+    (scene, transport): (&Scene, Transport),
+    frame: &Frame,
+    origin: Origin<'_>,
+) -> PictureManifest {
+    let (store, faults) = (session.store(), &frame.stats.faults);
+    let lost = faults.lost.iter().map(|lost| LostNote { address: lost.address.clone(), why: lost.why.clone() });
+    let nodes = frame.stats.nodes.iter().map(|n| NodeNote {
+        address: n.address.clone(),
+        node_id: n.node_id.clone(),
+        version: n.version.clone(),
+        backend: n.backend.clone(),
+        adapter: n.adapter.clone(),
+    });
+    PictureManifest {
+        scene: scene.clone(),
+        transport,
+        store: store.hash,
+        path: origin.path.map(str::to_owned),
+        background: origin.background,
+        complete: frame.complete,
+        about: AboutPicture {
+            brickcast: env!("CARGO_PKG_VERSION").to_owned(),
+            protocol: brickcast_proto::PROTOCOL_VERSION,
+            problems: frame.problems.clone(),
+            missing_tiles: frame.missing_tiles.clone(),
+            epoch: faults.epoch,
+            reissued: faults.reissued,
+            lost: lost.collect(),
+            nodes: nodes.collect(),
+            store_short: short(store.hash),
+            notes: store.manifest.notes.clone(),
+            empty: false,
+            empty_because: None,
+        },
+    }
+}

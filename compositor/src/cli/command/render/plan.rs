@@ -1,0 +1,289 @@
+//! Flags, configuration and a manifest become one plan before anything opens. Nobody sees a flag after that.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::anyhow;
+use brickcast_volume::StoreHash;
+use brickcast_volume::scene::Leap;
+use brickcast_volume::style::{Mode, Style};
+
+use super::nodes::NodePlan;
+use super::output_paths::{RenderPaths, real};
+use super::redraw::Redraw;
+use crate::balance::Settings;
+use crate::cli::args::{BalanceArg, CameraPath, OnTheWayArgs, RenderArgs};
+use crate::cli::failure::Failure;
+use crate::cli::scene::ScenePlan;
+use crate::cli::source::Source;
+use crate::output::{MAX_FRAMES, OutputFormat};
+
+/// Everything that a render is asked to do.
+#[derive(Debug)]
+pub(super) struct RenderPlan {
+    pub(super) source: SourcePlan,
+    pub(super) nodes: NodePlan,
+    pub(super) scenes: ScenesPlan,
+    pub(super) output: Option<OutputPlan>,
+    /// Of pictures without alpha, RGB in 0..=1.
+    pub(super) background: Option<[f32; 3]>,
+    pub(super) stats: Option<PathBuf>,
+    pub(super) balance: Settings,
+    pub(super) audit: bool,
+    pub(super) dry_run: bool,
+}
+
+/// The volume.
+#[derive(Debug)]
+pub(super) struct SourcePlan {
+    /// None: the nodes know it by the hash.
+    path: Option<PathBuf>,
+    /// As it was given, or as a manifest has it: for manifests.
+    pub(super) given: Option<String>,
+    prepare: OnTheWayArgs,
+    nodes_know: bool,
+}
+
+/// The scenes of the frames.
+#[derive(Debug)]
+pub(super) enum ScenesPlan {
+    /// One that was asked for, seen by a camera that moves.
+    Asked { scene: Box<ScenePlan>, frames: u32, path: CameraPath, degrees: f64 },
+    /// Those of pictures that were drawn before.
+    Drawn(Redraw),
+}
+
+/// Where the pictures go.
+#[derive(Debug)]
+pub(super) struct OutputPlan {
+    pub(super) path: PathBuf,
+    pub(super) format: OutputFormat,
+    pub(super) fps: f64,
+    pub(super) has_manifest: bool,
+}
+
+impl RenderPlan {
+    /// # Errors
+    /// Usage: values out of range, what contradicts itself, files that would replace each other. Failure: a manifest, or
+    /// the picture beside it, that cannot be read.
+    pub(super) fn of(args: RenderArgs) -> Result<Self, Failure> {
+        let scenes = match &args.picture {
+            Some(manifest) => ScenesPlan::Drawn(Redraw::read(manifest, args.check)?),
+            None => ScenesPlan::asked(&args)?,
+        };
+        let asked = background(args.background)?;
+        if !(1..=MAX_FRAMES).contains(&args.frames) {
+            return Err(Failure::usage(anyhow!("--frames {}: must lie between 1 and {MAX_FRAMES}", args.frames)));
+        }
+        if args.audit {
+            scenes.check_audit()?;
+        }
+        if args.orbit.is_some_and(|d| !d.is_finite()) {
+            return Err(Failure::usage(anyhow!("--orbit: must be a finite number of degrees")));
+        }
+        if args.orbit.is_some() && args.frames == 1 {
+            return Err(Failure::usage(anyhow!("--orbit turns over a sequence: add --frames N")));
+        }
+        let nodes = args.nodes.plan()?;
+        let output = match &args.output {
+            Some(path) => Some(OutputPlan {
+                path: path.clone(),
+                format: OutputFormat::from_path(path).map_err(Failure::usage)?,
+                fps: f64::from(args.fps),
+                has_manifest: !args.no_manifest,
+            }),
+            None => None,
+        };
+        if output.as_ref().is_some_and(|o| o.format == OutputFormat::Exr) && asked.is_some() {
+            return Err(Failure::usage(anyhow!(
+                "--background: an .exr keeps its alpha; write a .png for a background"
+            )));
+        }
+        check_paths(&args, &scenes, output.as_ref())?;
+        let background = asked.or_else(|| scenes.background());
+        if let ScenesPlan::Drawn(redraw) = &scenes {
+            redraw.check_background(background)?;
+        }
+        // One frame teaches nothing, nodes inside this process share its memory and cores, and an audit's frames are of
+        // another kind.
+        let several = scenes.count() > 1 && nodes.are_elsewhere() && !args.audit;
+        Ok(Self {
+            source: SourcePlan::of(args.path, args.prepare, &scenes, nodes.are_elsewhere())?,
+            balance: args.balance.settings(if several { BalanceArg::Dynamic } else { BalanceArg::Off }),
+            background,
+            stats: args.stats,
+            audit: args.audit,
+            dry_run: args.dry_run,
+            nodes,
+            scenes,
+            output,
+        })
+    }
+}
+
+/// The colour `--background R,G,B` names.
+fn background(rgb: Option<[f64; 3]>) -> Result<Option<[f32; 3]>, Failure> {
+    match rgb {
+        Some([r, g, b]) if [r, g, b].iter().any(|v| !(0.0..=1.0).contains(v)) => {
+            Err(Failure::usage(anyhow!("--background {r},{g},{b}: channels must lie between 0 and 1")))
+        }
+        other => Ok(other.map(|c| c.map(|v| v as f32))),
+    }
+}
+
+/// No file is written twice, over an input, or over the picture that it is compared with.
+fn check_paths(args: &RenderArgs, scenes: &ScenesPlan, output: Option<&OutputPlan>) -> Result<(), Failure> {
+    let files = scenes.files();
+    let named = files.iter().map(|(what, path)| (*what, path.as_path()));
+    let volume = args.path.as_deref().map(|path| ("the volume (PATH)", path));
+    let labels = args.prepare.regions.labels.as_deref().map(|path| ("--labels", path));
+    let paths = RenderPaths {
+        output: output.map(|o| o.path.as_path()),
+        files: if output.is_some_and(|o| o.format == OutputFormat::Apng) { 1 } else { scenes.count() },
+        has_manifest: !args.no_manifest,
+        inputs: volume.into_iter().chain(named).chain(labels).collect(),
+    };
+    if let (Some(output), Some(compared)) = (output, scenes.compared())
+        && real(&output.path) == real(compared)
+    {
+        let path = output.path.display();
+        return Err(Failure::usage(anyhow!(
+            "--output {path}: that is the picture which --check compares with; give it another name"
+        )));
+    }
+    args.stats.as_deref().map_or(Ok(()), |stats| paths.check(stats))
+}
+
+impl ScenesPlan {
+    fn asked(args: &RenderArgs) -> Result<Self, Failure> {
+        let scene = Box::new(args.scene.plan()?);
+        Ok(Self::Asked { scene, frames: args.frames, path: args.camera_path, degrees: args.orbit.unwrap_or(360.0) })
+    }
+
+    pub(super) fn count(&self) -> u32 {
+        match self {
+            Self::Asked { frames, .. } => *frames,
+            Self::Drawn(redraw) => redraw.manifests.len() as u32,
+        }
+    }
+
+    /// The files that are read for them, with the flags that name them.
+    fn files(&self) -> Vec<(&'static str, PathBuf)> {
+        match self {
+            Self::Asked { scene, .. } => scene.files(),
+            Self::Drawn(redraw) => {
+                let picture = redraw.picture.as_ref().map(|file| ("the picture beside --scene", file.path.clone()));
+                std::iter::once(("--scene", redraw.path.clone())).chain(picture).collect()
+            }
+        }
+    }
+
+    fn compared(&self) -> Option<&Path> {
+        match self {
+            Self::Asked { .. } => None,
+            Self::Drawn(redraw) => redraw.picture.as_ref().map(|file| file.path.as_path()),
+        }
+    }
+
+    fn background(&self) -> Option<[f32; 3]> {
+        match self {
+            Self::Asked { .. } => None,
+            Self::Drawn(redraw) => redraw.manifests.first()?.background,
+        }
+    }
+
+    /// The store that it must be.
+    pub(super) fn store(&self) -> Option<StoreHash> {
+        match self {
+            Self::Asked { .. } => None,
+            Self::Drawn(redraw) => redraw.manifests.first().map(|manifest| manifest.store),
+        }
+    }
+
+    fn check_audit(&self) -> Result<(), Failure> {
+        let holds = |style: &Style| style.shading.is_none() && style.mode == Mode::Composite;
+        let (leaps, has_bound) = match self {
+            Self::Asked { scene, .. } => (scene.leaps_through_regions(), holds(scene.style())),
+            Self::Drawn(redraw) => {
+                let scenes = || redraw.manifests.iter().map(|manifest| &manifest.scene);
+                let leaps = scenes().all(|scene| scene.quality.acceleration.leap == Leap::Regions);
+                (leaps, scenes().all(|scene| holds(&scene.look.style)))
+            }
+        };
+        if !leaps {
+            return Err(Failure::usage(anyhow!(
+                "--audit compares with and without leaping through regions: add leap to --accel"
+            )));
+        }
+        if !has_bound {
+            return Err(Failure::usage(anyhow!(
+                "--audit: its bound holds for colours as they are; leave out --mode, and light (--shading none where \
+                 there are isosurfaces)"
+            )));
+        }
+        Ok(())
+    }
+}
+
+impl SourcePlan {
+    fn of(
+        path: Option<PathBuf>,
+        prepare: OnTheWayArgs,
+        scenes: &ScenesPlan,
+        nodes_know: bool,
+    ) -> Result<Self, Failure> {
+        let (path, given) = match (path, scenes) {
+            (Some(path), _) => {
+                let given = path.display().to_string();
+                (Some(path), Some(given))
+            }
+            (None, ScenesPlan::Drawn(redraw)) => {
+                let told = redraw.manifests.first().and_then(|manifest| manifest.path.clone());
+                match (&told, nodes_know) {
+                    (_, true) => (None, told),
+                    (Some(path), false) => (Some(redraw.told_path(path)?), told),
+                    (None, false) => {
+                        let manifest = redraw.path.display();
+                        return Err(Failure::usage(anyhow!(
+                            "--scene {manifest}: it does not tell where its store lies: give PATH, or --nodes that \
+                             have it"
+                        )));
+                    }
+                }
+            }
+            (None, ScenesPlan::Asked { .. }) => return Err(Failure::usage(anyhow!("PATH is missing"))),
+        };
+        Ok(Self { path, given, prepare, nodes_know })
+    }
+
+    /// For people.
+    pub(super) fn shown(&self) -> &Path {
+        self.path.as_deref().unwrap_or(Path::new("the store"))
+    }
+
+    /// Opens it; an input is prepared on the way. `wanted` is the store that it must be.
+    ///
+    /// # Errors
+    /// As [`OnTheWayArgs::open`]; another store.
+    pub(super) fn open(&self, scenes: &ScenesPlan) -> Result<Source, Failure> {
+        let source = match (&self.path, scenes.store()) {
+            (Some(path), _) => self.prepare.open(path, self.nodes_know)?,
+            (None, Some(hash)) => Source::Hash(hash),
+            (None, None) => return Err(Failure::usage(anyhow!("PATH is missing"))),
+        };
+        if let Source::Store(store) = &source {
+            self.agree(scenes, store.hash())?;
+        }
+        Ok(source)
+    }
+
+    /// # Errors
+    /// The store is another one than that of the pictures that are drawn again.
+    pub(super) fn agree(&self, scenes: &ScenesPlan, got: StoreHash) -> Result<(), Failure> {
+        match scenes {
+            ScenesPlan::Drawn(redraw) if scenes.store().is_some_and(|wanted| wanted != got) => {
+                Err(redraw.another_store(self.shown(), got))
+            }
+            ScenesPlan::Drawn(_) | ScenesPlan::Asked { .. } => Ok(()),
+        }
+    }
+}

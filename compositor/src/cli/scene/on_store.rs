@@ -1,0 +1,127 @@
+//! On a store, what was asked becomes a scene.
+
+use brickcast_volume::camera::Camera;
+use brickcast_volume::scene::{Acceleration, Filter, Leap, Look, Quality, RegionView, Scene, ViewSpec};
+use brickcast_volume::store::Manifest;
+use brickcast_volume::style::Style;
+use brickcast_volume::transfer_function::{TransferFunction, default_opacities, describe_default};
+use glam::DVec3;
+
+use super::plan::{AccelerationPlan, CameraPlan, FunctionPlan, LeapPlan, PresetPlan};
+use super::preset_file::Wanted;
+use super::{SceneChoice, ScenePlan, camera_file, light_from, preset_file};
+use crate::cli::failure::Failure;
+
+/// Macrocells may span this share of the range where the store was not segmented.
+const DEFAULT_MACRO_RANGE: f32 = 0.03;
+
+impl ScenePlan {
+    /// The scene on a store.
+    ///
+    /// # Errors
+    /// Usage for a degenerate camera given by flags; failure for files that cannot be read or parsed.
+    pub(crate) fn on(&self, store: &Manifest) -> Result<SceneChoice, Failure> {
+        let mut notes = Vec::new();
+        let camera = self.camera_on(store, &mut notes)?;
+        let style = self.style.clone().above_noise(store.noise);
+        let transfer_function = self.function_on(store, &mut notes)?;
+        notes.extend(self.missing_regions(store));
+        notes.extend(light_from::told(&self.style, &style, store));
+        let region_transfer_function = match &self.region_function {
+            Some(preset) => Some(self.preset_on(preset, store, &mut notes)?),
+            None => None,
+        };
+        let look = Look {
+            transfer_function,
+            region_transfer_function,
+            opacity_unit: self.opacity_unit.unwrap_or(store.geometry.min_spacing()),
+            region_view: self.region_view,
+            style,
+        };
+        let quality = Quality {
+            step: self.step,
+            early_termination: self.early_termination,
+            filter: self.filter,
+            exact: self.exact,
+            acceleration: self.acceleration.on(store),
+        };
+        let view = ViewSpec { camera, size: self.size };
+        let scene = Scene::new(look, view, quality).map_err(Failure::usage)?;
+        scene.view_of(&store.geometry).map_err(Failure::usage)?;
+        Ok(SceneChoice { scene, transport: self.transport, notes })
+    }
+
+    fn camera_on(&self, store: &Manifest, notes: &mut Vec<String>) -> Result<Camera, Failure> {
+        let (position, focal_point, up, projection) = match &self.camera {
+            CameraPlan::File(path) => return camera_file::read(path, notes),
+            CameraPlan::Orbit { orbit, projection, up } => {
+                let around = Camera::orbit(&store.geometry, *orbit).map_err(Failure::usage)?;
+                (around.position(), around.focal_point(), up.unwrap_or(around.view_up()), *projection)
+            }
+            CameraPlan::Eye { position, focal_point, up, projection } => {
+                let looked_at = focal_point.unwrap_or(store.geometry.center_world());
+                (*position, looked_at, up.unwrap_or(DVec3::Y), *projection)
+            }
+        };
+        Camera::new(position, focal_point, up, projection).map_err(Failure::usage)
+    }
+
+    /// The function of a file, and its notes.
+    fn preset_on(
+        &self,
+        preset: &PresetPlan,
+        store: &Manifest,
+        notes: &mut Vec<String>,
+    ) -> Result<TransferFunction, Failure> {
+        let wanted = Wanted { name: preset.name.as_deref(), range: preset.range };
+        let read = preset_file::read(&preset.path, wanted, Some(store))?;
+        let labels = "its colours are for single values: --filter nearest shows no value between two of them";
+        let advice = (read.is_categorical && self.filter != Filter::Nearest).then(|| labels.to_owned());
+        let file = preset.path.display();
+        notes.extend(read.notes.into_iter().chain(advice).map(|note| format!("{file}: {note}")));
+        Ok(read.function)
+    }
+
+    fn function_on(&self, store: &Manifest, notes: &mut Vec<String>) -> Result<TransferFunction, Failure> {
+        match &self.function {
+            FunctionPlan::File(preset) => self.preset_on(preset, store, notes),
+            FunctionPlan::Default if shows_surfaces(&self.style) => Ok(TransferFunction::nothing()),
+            FunctionPlan::Default => {
+                notes.push(describe_default(store.otsu, store.quantile_999));
+                Ok(TransferFunction::default_for(store.otsu, store.quantile_999))
+            }
+            FunctionPlan::Window { values, opacity, colormap } => {
+                let ramp = default_opacities(store.otsu, store.quantile_999);
+                let [lo, hi] = values.unwrap_or([ramp[0].x, ramp[1].x]);
+                TransferFunction::window(lo, hi, *opacity, *colormap).map_err(Failure::usage)
+            }
+        }
+    }
+
+    /// What to tell where something was asked of regions and the store has none.
+    fn missing_regions(&self, store: &Manifest) -> Option<String> {
+        let asks =
+            self.leaps_through_regions() || self.region_view != RegionView::All || self.region_function.is_some();
+        (asks && store.regions.is_none())
+            .then(|| "the store has no regions: prepare it with --segmentation-range (e.g. 0.03) to leap".to_owned())
+    }
+}
+
+fn shows_surfaces(style: &Style) -> bool {
+    !style.surfaces.is_empty()
+}
+
+impl AccelerationPlan {
+    fn on(self, store: &Manifest) -> Acceleration {
+        let segmented = || store.regions.as_ref().and_then(|r| r.segmentation_range).map(|share| share as f32);
+        Acceleration {
+            skip_empty: self.skip_empty,
+            leap: match self.leap {
+                LeapPlan::Known(leap) => leap,
+                LeapPlan::Macrocells => Leap::Macrocells(segmented().unwrap_or(DEFAULT_MACRO_RANGE)),
+            },
+            macrocell: self.macrocell,
+            leap_tolerance: self.leap_tolerance,
+        }
+    }
+}
