@@ -11,6 +11,7 @@ mod jail;
 mod labels;
 mod mutations;
 mod no_data;
+mod objects;
 mod outcome;
 mod regions;
 mod round_trip;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use brickcast_volume::format::{FormatError, SourceHeader, VolumeSource, VoxelType};
 use brickcast_volume::space::Geometry;
-use brickcast_volume::store::{ContentHash, PrepareOptions, PrepareSummary, StoreError, prepare};
+use brickcast_volume::store::{ContentHash, MemoryObjects, PrepareOptions, PrepareSummary, StoreError, prepare};
 
 #[derive(Debug)]
 pub(crate) struct MemorySource {
@@ -204,6 +204,16 @@ pub(crate) fn downgrade(path: &Path, version: u64) {
         std::fs::write(path.join(table), records).unwrap();
     }
     std::fs::write(manifest, text).unwrap();
+}
+
+/// The files of the store at `path`, as they are now, in memory.
+pub(crate) fn in_memory(path: &Path) -> MemoryObjects {
+    let mut objects = MemoryObjects::new(Path::new("memory"));
+    for file in files_of(path) {
+        let key = file.strip_prefix(path).unwrap().to_str().unwrap();
+        objects.put(key, std::fs::read(&file).unwrap());
+    }
+    objects
 }
 
 pub(crate) fn files_of(root: &Path) -> Vec<PathBuf> {

@@ -2,6 +2,7 @@
 //! a time.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 use super::fill::Fill;
@@ -19,7 +20,6 @@ use crate::ids::StoreHash;
 use crate::regions::code::{MAX_DENSITY, density_of_code};
 use crate::store::brick_ranges::RangeBuilder;
 use crate::store::error::StoreError;
-use crate::store::files::folder::StoreFolder;
 use crate::store::files::workdir::{self, WorkDir, write_synced};
 use crate::store::halo::reach::{VOXEL_HALO, has_halos};
 use crate::store::halo::write::VoxelHalos;
@@ -30,6 +30,7 @@ use crate::store::manifest::halo::HaloEntry;
 use crate::store::manifest::notes::{self, bare_name, shortened};
 use crate::store::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
 use crate::store::no_data::{NoData, with_room_below};
+use crate::store::objects::folder::StoreFolder;
 use crate::store::profile::{
     ARRAY_FILE, CHUNK_EDGE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, MANIFEST_FILE, RANGES_FILE,
     REGION_HALO_INDEX_FILE, SHARDS_FILE, StoreArray,
@@ -244,9 +245,9 @@ impl Job<'_> {
         let Some(options) = &self.options.regions else { return Ok(None) };
         let map = manifest.value_map();
         let root = work.store();
-        let (folder, voxel_bytes) = (StoreFolder::free(&root), manifest.stored_type.bytes());
+        let (objects, voxel_bytes) = (Arc::new(StoreFolder::free(&root)), manifest.stored_type.bytes());
         let written = (gathered.shards.clone(), TailLayout::WRITTEN);
-        let shards = Shards::new(folder, StoreArray::Voxels, self.shards, written, voxel_bytes);
+        let shards = Shards::new(objects, StoreArray::Voxels, self.shards, written, voxel_bytes);
         let mut histogram = vec![0; usize::from(MAX_DENSITY) + 1];
         for (code, count) in map.code_of_ordinal_table().into_iter().zip(gathered.statistics.histogram.counts()) {
             histogram[usize::from(density_of_code(code))] += count;
