@@ -14,6 +14,7 @@ mod no_data;
 mod objects;
 mod outcome;
 mod regions;
+mod rescale;
 mod round_trip;
 mod support;
 mod tiles;

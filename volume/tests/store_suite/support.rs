@@ -92,15 +92,8 @@ impl Volume {
 
     pub(crate) fn source(&self) -> MemorySource {
         let geometry = Geometry::new(self.dims, [0.5, 1.0, 2.0], [-3.0, 4.0, 5.5]).unwrap();
-        let header = SourceHeader {
-            geometry,
-            placement: Default::default(),
-            voxel_type: self.voxel_type,
-            format: "memory",
-            space_unit: Some("mm".to_owned()),
-            no_data: Vec::new(),
-            notes: Vec::new(),
-        };
+        let header = SourceHeader::new("memory", geometry, self.voxel_type);
+        let header = SourceHeader { space_unit: Some("mm".to_owned()), ..header };
         let bytes = self.values.iter().flat_map(|v| cast(self.voxel_type, *v).1).collect();
         MemorySource { header, bytes, next: 0, seekable: false, largest: 0, good_planes: usize::MAX }
     }
