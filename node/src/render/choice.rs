@@ -7,7 +7,7 @@ use brickcast_volume::BrickIndex;
 use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::regions::{Drawn, SceneTables, drawn, within_reach};
 use brickcast_volume::scene::Scene;
-use brickcast_volume::store::Store;
+use brickcast_volume::store::BrickSource;
 use brickcast_volume::transfer_function::TransferTable;
 
 use super::tables::TableCache;
@@ -18,7 +18,7 @@ use crate::kernel::{KernelStyle, Raycaster, Recipe, knows_only_region};
 /// Decides for one scene on one store.
 #[derive(Debug)]
 pub(crate) struct BrickChoice<'a> {
-    store: &'a Store,
+    store: &'a dyn BrickSource,
     scene: &'a Scene,
     pub(crate) main: Arc<TransferTable>,
     pub(crate) region: Option<Arc<TransferTable>>,
@@ -37,7 +37,7 @@ pub(crate) struct Chosen {
 impl<'a> BrickChoice<'a> {
     /// # Errors
     /// Steps that are out of all proportion to the opacity unit.
-    pub(crate) fn new(store: &'a Store, scene: &'a Scene, tables: &TableCache) -> Result<Self, NodeError> {
+    pub(crate) fn new(store: &'a dyn BrickSource, scene: &'a Scene, tables: &TableCache) -> Result<Self, NodeError> {
         let manifest = store.manifest();
         let delta = scene.step * manifest.geometry.min_spacing();
         let ratio = delta / scene.opacity_unit;

@@ -45,6 +45,7 @@ pub use profile::{CHUNK_EDGE, InnerChunk, MANIFEST_FILE, MAX_SHARDS, SHARD_EDGE,
 pub use progress::{Phase, Progress};
 pub use read::cache::ChunkCache;
 pub use read::inspect::{Fault, FaultKind, Inspected, inspect};
+pub use read::source::BrickSource;
 pub use read::store::{MAX_GHOST, Store};
 pub use regions::error::RegionsError;
 pub use regions::facts_table::BrickFactsTable;
