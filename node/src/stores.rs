@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use brickcast_proto::{StoreName, StoreQuery};
 use brickcast_volume::StoreHash;
-use brickcast_volume::store::{Jail, Store, StoreError, StoreFolder};
+use brickcast_volume::store::{BrickSource, Jail, Store, StoreError, StoreFolder};
 
 use crate::config::DataRoot;
 use crate::error::NodeError;
@@ -27,7 +27,7 @@ const LISTED: usize = 20;
 #[derive(Debug)]
 pub struct OpenStore {
     pub name: String,
-    pub store: Store,
+    pub store: Arc<dyn BrickSource>,
 }
 
 /// All stores of a node.
@@ -159,7 +159,7 @@ impl Stores {
 
     fn open(&self, name: String, folder: &StoreFolder) -> Result<Arc<OpenStore>, NodeError> {
         let store = Store::open_in(folder).map_err(|error| NodeError::of_store(&name, error))?;
-        let store = Arc::new(OpenStore { name, store });
+        let store = Arc::new(OpenStore { name, store: Arc::new(store) });
         let mut index = self.lock();
         let kept = index.open.entry(store.store.hash()).or_insert(Kept { store, used: Instant::now() });
         Ok(kept.store.clone())

@@ -60,15 +60,7 @@ pub(crate) fn make_store(path: &Path, value: fn(u32, u32, u32) -> u8) -> StoreHa
 /// A store of [`DIMS`] voxels in other bricks; from 16 on they have halos.
 pub(crate) fn make_store_of(brick_size: u32, path: &Path, value: fn(u32, u32, u32) -> u8) -> StoreHash {
     let geometry = Geometry::new(DIMS, [1.0, 1.0, 1.5], [0.0; 3]).unwrap();
-    let header = SourceHeader {
-        geometry,
-        placement: Default::default(),
-        voxel_type: VoxelType::U8,
-        format: "test",
-        space_unit: None,
-        no_data: Vec::new(),
-        notes: Vec::new(),
-    };
+    let header = SourceHeader::new("test", geometry, VoxelType::U8);
     let options = PrepareOptions { brick_size, range: Some((0.0, 255.0)), ..PrepareOptions::default() };
     prepare(&mut MemoryVolume { header, value, next: 0 }, path, &options, &mut |_| {}).unwrap().hash
 }

@@ -27,15 +27,7 @@ impl Generated {
     /// Planes of `edge` by `edge` voxels.
     fn new(edge: u32, seekable: bool) -> Self {
         let geometry = Geometry::new([edge, edge, DEPTH], [1.0; 3], [0.0; 3]).unwrap();
-        let header = SourceHeader {
-            geometry,
-            placement: Default::default(),
-            voxel_type: VoxelType::U16,
-            format: "test",
-            space_unit: None,
-            no_data: Vec::new(),
-            notes: Vec::new(),
-        };
+        let header = SourceHeader::new("test", geometry, VoxelType::U16);
         Self { header, next: 0, seekable }
     }
 }

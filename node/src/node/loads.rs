@@ -91,7 +91,7 @@ impl Node {
         if let Some(&brick) = all.into_iter().find(|&&brick| u64::from(brick) >= grid.brick_count()) {
             return Err(NodeError::NoSuchBrick { brick, last: grid.brick_count().saturating_sub(1) });
         }
-        let choice = BrickChoice::new(&store.store, &request.scene, &self.tables)?;
+        let choice = BrickChoice::new(&*store.store, &request.scene, &self.tables)?;
         let mut bricks = Vec::with_capacity(request.bricks.len());
         let mut bytes = 0_u64;
         for &brick in &request.bricks {

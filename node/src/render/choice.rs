@@ -8,7 +8,7 @@ use brickcast_volume::look_on::{BricksOf, LookOn};
 use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::regions::Drawn;
 use brickcast_volume::scene::Scene;
-use brickcast_volume::store::Store;
+use brickcast_volume::store::BrickSource;
 
 use super::tables::TableCache;
 use crate::brick::residency::{BrickKey, Wanted};
@@ -18,7 +18,7 @@ use crate::kernel::{KernelStyle, Raycaster, Recipe, knows_only_region};
 /// Decides for one scene on one store.
 #[derive(Debug)]
 pub(crate) struct BrickChoice<'a> {
-    store: &'a Store,
+    store: &'a dyn BrickSource,
     scene: &'a Scene,
     pub(crate) look: LookOn<'a>,
     /// Outside and inside regions, where the scene integrates slabs.
@@ -35,7 +35,7 @@ pub(crate) struct Chosen {
 impl<'a> BrickChoice<'a> {
     /// # Errors
     /// Steps that are out of all proportion to the opacity unit.
-    pub(crate) fn new(store: &'a Store, scene: &'a Scene, tables: &TableCache) -> Result<Self, NodeError> {
+    pub(crate) fn new(store: &'a dyn BrickSource, scene: &'a Scene, tables: &TableCache) -> Result<Self, NodeError> {
         let manifest = store.manifest();
         let (delta, ratio) = (scene.delta(&manifest.geometry), scene.delta_over_unit(&manifest.geometry));
         if !(1e-9..=1e6).contains(&ratio) {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use brickcast_volume::regions::Region;
-use brickcast_volume::store::{ChunkCache, Store};
+use brickcast_volume::store::{BrickSource, ChunkCache};
 
 use super::meter::LoadMeter;
 use super::workshop::Workshop;
@@ -34,7 +34,7 @@ pub(crate) fn load_bricks<'a>(
         let grid = manifest.grid;
         let owned = |key: &BrickKey| {
             let voxels = grid.owned_box(grid.brick_at(key.brick as usize)).voxel_count();
-            voxels * bytes_read(key, &store.store)
+            voxels * bytes_read(key, &*store.store)
         };
         LoadMeter {
             time: started.elapsed(),
@@ -46,14 +46,14 @@ pub(crate) fn load_bricks<'a>(
 }
 
 /// The region that a flattened brick lies in with all that it stores, if it does: its mean is all there is to load.
-fn only_region(key: &BrickKey, store: &Store) -> Option<Region> {
+fn only_region(key: &BrickKey, store: &dyn BrickSource) -> Option<Region> {
     key.recipe.guard.filter(|_| knows_only_region(key.ghost))?;
     let facts = store.brick_facts()?.get(key.brick as usize)?;
     store.region_table()?.get(facts.only_region).copied()
 }
 
 /// Bytes that a voxel of the brick has in the arrays that are read for it.
-fn bytes_read(key: &BrickKey, store: &Store) -> u64 {
+fn bytes_read(key: &BrickKey, store: &dyn BrickSource) -> u64 {
     if only_region(key, store).is_some() {
         return 0;
     }
@@ -69,7 +69,7 @@ fn load_brick(
     cache: &ChunkCache,
 ) -> Result<Arc<dyn ResidentBrick>, NodeError> {
     let broken = |source| NodeError::of_store(&store.name, source);
-    let (grid, recipe, store) = (store.store.manifest().grid, key.recipe, &store.store);
+    let (grid, recipe, store) = (store.store.manifest().grid, key.recipe, &*store.store);
     let index = grid.brick_at(key.brick as usize);
     let owned = grid.owned_box(index);
     let table = match recipe.guard.is_some() || recipe.region_flags {

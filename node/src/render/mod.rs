@@ -47,7 +47,7 @@ pub fn render_frame(
     (cancelled, turns): (&(dyn Fn() -> bool + Sync), &dyn Turns),
     emit: &mut dyn FnMut(Part) -> Result<(), NodeError>,
 ) -> Result<(), NodeError> {
-    let plan = FramePlan::new(order, &store.store, workshop)?;
+    let plan = FramePlan::new(order, &*store.store, workshop)?;
     let watch = Watch::new(workshop.pulse, cancelled);
     let mut batches = Batches::new(&plan, store, workshop, watch, turns);
     for piece in &plan.pieces {

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use brickcast_proto::{LayerOrder, RenderOrder, TileRect};
 use brickcast_volume::merge::{Viewpoint, sort_front_to_back};
 use brickcast_volume::regions::Drawn;
-use brickcast_volume::store::Store;
+use brickcast_volume::store::BrickSource;
 use brickcast_volume::style::Mode;
 use brickcast_volume::{BrickIndex, ChunkIndex, MergeTree, OwnedBox, PixelRect, TreeNode, View};
 use glam::UVec2;
@@ -78,7 +78,7 @@ pub(super) struct Unit {
 }
 
 impl FramePlan {
-    pub(super) fn new(order: &RenderOrder, store: &Store, workshop: Workshop<'_>) -> Result<Self, NodeError> {
+    pub(super) fn new(order: &RenderOrder, store: &dyn BrickSource, workshop: Workshop<'_>) -> Result<Self, NodeError> {
         let manifest = store.manifest();
         let scene = &order.scene;
         let view = scene.view_of(&manifest.geometry)?;

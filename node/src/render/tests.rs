@@ -2,6 +2,7 @@
 
 use std::cell::Cell;
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use brickcast_proto::{ChunkCost, Part, Receipt, RenderOrder, Throttle, TileRect, decode_tile};
 use brickcast_volume::scene::SceneParts;
@@ -41,7 +42,7 @@ impl Bench {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("ramp");
         make_store(&path, ramp);
-        let store = OpenStore { name: "ramp".to_owned(), store: Store::open(&path).unwrap() };
+        let store = OpenStore { name: "ramp".to_owned(), store: Arc::new(Store::open(&path).unwrap()) };
         let (cache, tables, pace) = (ChunkCache::new(1 << 24), TableCache::default(), Pace::new(Throttle::NONE, true));
         Self { _folder: folder, store, cache, tables, pace, pulse: Pulse::default() }
     }
@@ -356,7 +357,7 @@ fn slices_of_any_size_have_the_bits_of_the_whole() {
     order.scene = order.scene.with(|s| s.quality.step = 0.02).unwrap();
     let residency = Residency::new(1 << 30);
     let workshop = bench.workshop(&raycaster, &residency);
-    let plan = plan::FramePlan::new(&order, &bench.store.store, workshop).unwrap();
+    let plan = plan::FramePlan::new(&order, &*bench.store.store, workshop).unwrap();
     assert_eq!(plan.units.len(), 1);
     let pulse = Pulse::default();
     let whole = |samples: f64| {

@@ -54,15 +54,7 @@ fn noise() -> Vec<u16> {
 
 fn make_store(path: &Path, voxel_type: VoxelType, bytes: Vec<u8>) {
     let geometry = Geometry::new(DIMS, [0.25, 0.5, 1.5], [1.0, -2.0, 3.5]).unwrap();
-    let header = SourceHeader {
-        geometry,
-        placement: Default::default(),
-        voxel_type,
-        format: "memory",
-        space_unit: Some("mm".into()),
-        no_data: Vec::new(),
-        notes: Vec::new(),
-    };
+    let header = SourceHeader { space_unit: Some("mm".into()), ..SourceHeader::new("memory", geometry, voxel_type) };
     let segmentation = Segmentation::Windows { range: 0.4 };
     let options = PrepareOptions {
         source_name: Some("a \"quoted\" name.nrrd".into()),

@@ -4,8 +4,6 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::known::supported;
-use super::nrrd::error::NrrdError;
-use super::raw::error::RawError;
 use super::voxel_type::VoxelType;
 use crate::small_file::FileKind;
 use crate::space::GeometryError;
@@ -25,10 +23,9 @@ pub enum FormatError {
         supported()
     )]
     Unknown { path: PathBuf, start: String },
+    /// What is wrong in the terms of one format; its reader has the type.
     #[error("{path}: {reason}")]
-    Nrrd { path: PathBuf, reason: NrrdError },
-    #[error("{path}: {reason}")]
-    Raw { path: PathBuf, reason: RawError },
+    Header { path: PathBuf, reason: Box<dyn std::error::Error + Send + Sync> },
     #[error("{path}: {reason}")]
     Geometry { path: PathBuf, reason: GeometryError },
     #[error(
@@ -92,5 +89,9 @@ pub enum FormatError {
 impl FormatError {
     pub(super) fn io(path: &Path, action: &'static str, reason: io::Error) -> Self {
         Self::Io { path: path.into(), action, reason }
+    }
+
+    pub(super) fn header(path: &Path, reason: impl std::error::Error + Send + Sync + 'static) -> Self {
+        Self::Header { path: path.into(), reason: Box::new(reason) }
     }
 }

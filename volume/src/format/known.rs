@@ -2,7 +2,7 @@
 
 /// A format, for people.
 pub(super) struct Known {
-    name: &'static str,
+    pub(super) name: &'static str,
     /// Lower case, without the dot.
     pub(super) extensions: &'static [&'static str],
     /// What of the format is read.
@@ -21,7 +21,7 @@ pub(super) const RAW: Known = Known {
 };
 
 /// In the order of the table.
-const ALL: [Known; 2] = [NRRD, RAW];
+pub(super) const ALL: [Known; 2] = [NRRD, RAW];
 
 /// The formats that [`super::open`] reads, for people.
 #[must_use]

@@ -6,41 +6,43 @@ mod coded;
 mod directions;
 mod error;
 mod excerpt;
+mod input;
 mod known;
 pub mod nrrd;
 mod planes;
 pub mod raw;
+mod rescale;
 mod series;
 mod source;
 mod text_voxels;
 mod voxel_type;
 
 use std::ffi::OsStr;
-use std::fs::File;
-use std::io::{Read as _, Seek as _};
 use std::path::Path;
 
 use excerpt::excerpt;
+use input::Input;
 use known::Known;
-use source::open_regular;
 
 pub use error::FormatError;
 pub use known::supported;
 pub use raw::RawHints;
+pub use rescale::Rescale;
 pub use source::{Placement, SourceHeader, VolumeSource};
 pub use voxel_type::{Endian, ParseNameError, VoxelType};
+
+/// Bytes of a file of no known format that its error shows.
+const SHOWN_BYTES: usize = 16;
 
 /// One line of the table of formats.
 struct Format {
     known: &'static Known,
-    /// Knows a file by its first [`START_BYTES`] bytes; `None` for formats that have no mark of their own.
+    /// Knows a file by its first bytes, [`Input::start`]; `None` for formats that have no mark of their own.
     recognises: Option<fn(&[u8]) -> bool>,
     open: OpenFormat,
 }
 
-type OpenFormat = fn(File, &Path, &RawHints) -> Result<Box<dyn VolumeSource>, FormatError>;
-
-const START_BYTES: u64 = 16;
+type OpenFormat = fn(Input, &RawHints) -> Result<Box<dyn VolumeSource>, FormatError>;
 
 static FORMATS: [Format; 2] = [
     Format { known: &known::NRRD, recognises: Some(nrrd::has_magic), open: nrrd::open },
@@ -52,24 +54,28 @@ static FORMATS: [Format; 2] = [
 /// # Errors
 /// No such file, not a regular file, an empty file, an unknown format, or what the format's own reader finds wrong.
 pub fn open(path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, FormatError> {
-    let mut file = open_regular(path)?;
-    let mut start = Vec::new();
-    file.by_ref()
-        .take(START_BYTES)
-        .read_to_end(&mut start)
-        .and_then(|_| file.rewind())
-        .map_err(|reason| FormatError::io(path, "read", reason))?;
-    if start.is_empty() {
-        return Err(FormatError::Empty { path: path.into() });
-    }
+    let input = Input::open(path)?;
     let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase();
     let chosen = FORMATS
         .iter()
-        .find(|f| f.recognises.is_some_and(|knows| knows(&start)))
+        .find(|f| f.recognises.is_some_and(|knows| knows(&input.start)))
         .or_else(|| FORMATS.iter().find(|f| f.known.extensions.contains(&extension.as_str())));
     match chosen {
-        Some(format) => (format.open)(file, path, hints),
-        None if hints.dims.is_some() => raw::open(file, path, hints),
-        None => Err(FormatError::Unknown { path: path.into(), start: excerpt(&String::from_utf8_lossy(&start)) }),
+        Some(format) => (format.open)(input, hints),
+        None if hints.dims.is_some() => raw::open(input, hints),
+        None => {
+            let shown = &input.start[..input.start.len().min(SHOWN_BYTES)];
+            Err(FormatError::Unknown { path: path.into(), start: excerpt(&String::from_utf8_lossy(shown)) })
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_list_the_formats_that_are_read() {
+        assert!(known::ALL.iter().map(|f| f.name).eq(FORMATS.iter().map(|f| f.known.name)));
     }
 }

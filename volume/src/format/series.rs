@@ -32,24 +32,25 @@ pub(super) struct SeriesSource {
 
 impl SeriesSource {
     /// Finds every file, and checks its length against its share of the voxels. The number of files divides the volume's planes.
+    /// `files` is the header's file alone.
     pub(super) fn new<F: FnOnce() -> Result<DataLocation, FormatError>>(
         header: SourceHeader,
-        path: &Path,
+        mut files: Vec<PathBuf>,
         parts: impl ExactSizeIterator<Item = F>,
     ) -> Result<Self, FormatError> {
-        let count = parts.len();
+        let (count, path) = (parts.len(), files[0].clone());
         let (d, g) = (header.geometry.dims(), header.geometry);
         let depth = d.z / u32::try_from(count).unwrap_or(u32::MAX).max(1);
         let geometry = Geometry::new([d.x, d.y, depth], g.spacing().to_array(), g.origin().to_array())
-            .map_err(|reason| FormatError::Geometry { path: path.into(), reason })?;
+            .map_err(|reason| FormatError::Geometry { path: path.clone(), reason })?;
         let part = SourceHeader { geometry, notes: Vec::new(), ..header.clone() };
-        let (mut files, mut starts, mut like) = (vec![path.to_path_buf()], Vec::with_capacity(count), None);
+        let (mut starts, mut like) = (Vec::with_capacity(count), None);
         for (i, locate) in parts.enumerate() {
             let checked = locate().and_then(|location| {
                 PlaneSource::new(part.clone(), location.clone(), Vec::new())?;
                 Ok(location)
             });
-            let location = checked.map_err(|reason| of_part(path, i, count, reason))?;
+            let location = checked.map_err(|reason| of_part(&path, i, count, reason))?;
             files.push(location.path.clone());
             starts.push(location.start);
             like.get_or_insert(location);
@@ -58,7 +59,7 @@ impl SeriesSource {
             Some(like) => {
                 Ok(Self { header, part, files, starts, like, open: None, next: 0, sought: false, failed: false })
             }
-            None => Err(FormatError::io(path, "read", io::Error::other("it names no data files"))),
+            None => Err(FormatError::io(&path, "read", io::Error::other("it names no data files"))),
         }
     }
 

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use super::error::FormatError;
+use super::rescale::Rescale;
 use super::voxel_type::VoxelType;
 use crate::small_file::{self, FileKind, NotOpened};
 use crate::space::Geometry;
@@ -23,14 +24,33 @@ pub struct SourceHeader {
     /// What of the geometry the file says.
     pub placement: Placement,
     pub voxel_type: VoxelType,
+    /// What the voxels' numbers mean.
+    pub rescale: Rescale,
     /// Name of the format, for people.
     pub format: &'static str,
     /// Unit of spacing and origin where the file names one, e.g. `mm`.
     pub space_unit: Option<String>,
-    /// Values that stand for no data (fill values), as the file or the user declares them; NaN always does.
+    /// Numbers that stand for no data (fill values), as voxels hold them; the file or the user declares them. NaN always does.
     pub no_data: Vec<f64>,
     /// What was guessed or left aside (a raw file's name read as dims, axes of another space), for people.
     pub notes: Vec<String>,
+}
+
+impl SourceHeader {
+    /// Of a file that says nothing else.
+    #[must_use]
+    pub fn new(format: &'static str, geometry: Geometry, voxel_type: VoxelType) -> Self {
+        Self {
+            geometry,
+            placement: Placement::default(),
+            voxel_type,
+            rescale: Rescale::IDENTITY,
+            format,
+            space_unit: None,
+            no_data: Vec::new(),
+            notes: Vec::new(),
+        }
+    }
 }
 
 /// An input volume, read in order; a second pass starts with [`VolumeSource::rewind`].

@@ -12,18 +12,20 @@ use crate::format::planes::{Coding, DataLocation, PlaneSource};
 use crate::format::series::SeriesSource;
 use crate::format::source::{SourceHeader, VolumeSource, open_regular};
 
-/// The voxels that `header`, read from `path`, speaks of.
+/// The voxels that `header`, read from `path`, speaks of; `files` are those read so far.
 pub(super) fn source(
     header: &NrrdHeader,
     path: &Path,
+    mut files: Vec<PathBuf>,
     about: SourceHeader,
 ) -> Result<Box<dyn VolumeSource>, FormatError> {
     let voxels = header.geometry.voxel_count() * header.voxel_type.bytes() as u64;
-    let (location, files) = match &header.data_files {
-        DataFiles::Attached => (locate(header, path, (path.into(), header.length as u64), voxels)?, vec![path.into()]),
+    let location = match &header.data_files {
+        DataFiles::Attached => locate(header, path, (path.into(), header.length as u64), voxels)?,
         DataFiles::One(name) => {
             let file = beside(path, name);
-            (locate(header, path, (file.clone(), 0), voxels)?, vec![path.into(), file])
+            files.push(file.clone());
+            locate(header, path, (file, 0), voxels)?
         }
         DataFiles::Several(names) => {
             let share = voxels / names.len() as u64;
@@ -31,7 +33,7 @@ pub(super) fn source(
                 let file = beside(path, name);
                 move || locate(header, path, (file, 0), share)
             });
-            return Ok(Box::new(SeriesSource::new(about, path, parts)?));
+            return Ok(Box::new(SeriesSource::new(about, files, parts)?));
         }
     };
     Ok(Box::new(PlaneSource::new(about, location, files)?))
@@ -64,7 +66,7 @@ fn locate(
         Ok(metadata) => metadata.len(),
         Err(reason) => return Err(FormatError::DataFile { header: path.into(), data_file: data_path, reason }),
     };
-    let wrong = |reason| FormatError::Nrrd { path: path.into(), reason };
+    let wrong = |reason| FormatError::header(path, reason);
 
     let after_lines = skip_lines(&data_path, attached_at, header.line_skip, path)?;
     let (start, coding) = match (header.encoding, header.byte_skip) {
@@ -98,8 +100,7 @@ fn skip_lines(data_path: &Path, start: u64, lines: u64, header_path: &Path) -> R
     while left > 0 {
         let buffer = reader.fill_buf().map_err(failed)?;
         if buffer.is_empty() {
-            let reason = NrrdError::LineSkip { line_skip: lines };
-            return Err(FormatError::Nrrd { path: header_path.into(), reason });
+            return Err(FormatError::header(header_path, NrrdError::LineSkip { line_skip: lines }));
         }
         let mut used = 0;
         while left > 0 && used < buffer.len() {

@@ -11,11 +11,10 @@ mod no_data;
 mod space;
 mod write;
 
-use std::fs::File;
 use std::io::Read as _;
-use std::path::Path;
 
 use super::error::FormatError;
+use super::input::Input;
 use super::raw::RawHints;
 use super::source::{SourceHeader, VolumeSource};
 
@@ -28,26 +27,26 @@ pub(super) fn has_magic(start: &[u8]) -> bool {
     start.starts_with(b"NRRD")
 }
 
-pub(super) fn open(file: File, path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, FormatError> {
+pub(super) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSource>, FormatError> {
+    let Input { path, file, files, .. } = input;
     let mut start = Vec::new();
     file.take(MAX_HEADER_BYTES as u64)
         .read_to_end(&mut start)
-        .map_err(|reason| FormatError::io(path, "read", reason))?;
-    let parsed = NrrdHeader::parse(&start).map_err(|reason| FormatError::Nrrd { path: path.into(), reason })?;
+        .map_err(|reason| FormatError::io(&path, "read", reason))?;
+    let parsed = NrrdHeader::parse(&start).map_err(|reason| FormatError::header(&path, reason))?;
     let mut notes = parsed.notes.clone();
     if !hints.is_empty() {
         notes.push(
             "--dims, --type, --endian, --skip, --spacing are for raw files; the NRRD header's own were used".into(),
         );
     }
+    let format = if parsed.data_files == DataFiles::Attached { "NRRD" } else { "NRRD, detached" };
     let header = SourceHeader {
-        geometry: parsed.geometry,
         placement: parsed.placement,
-        voxel_type: parsed.voxel_type,
-        format: if parsed.data_files == DataFiles::Attached { "NRRD" } else { "NRRD, detached" },
         space_unit: parsed.space_unit.clone(),
         no_data: hints.no_data.into_iter().chain(parsed.no_data.iter().copied()).collect(),
         notes,
+        ..SourceHeader::new(format, parsed.geometry, parsed.voxel_type)
     };
-    data::source(&parsed, path, header)
+    data::source(&parsed, &path, files, header)
 }

@@ -3,10 +3,8 @@
 pub(super) mod error;
 mod name;
 
-use std::fs::File;
-use std::path::Path;
-
 use super::error::FormatError;
+use super::input::Input;
 use super::planes::{Coding, DataLocation, PlaneSource};
 use super::source::{Placement, SourceHeader, VolumeSource};
 use super::voxel_type::{Endian, VoxelType};
@@ -40,9 +38,10 @@ impl RawHints {
     }
 }
 
-pub(super) fn open(file: File, path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, FormatError> {
-    let file_bytes = file.metadata().map_err(|reason| FormatError::io(path, "read", reason))?.len();
-    let name = RawName::of(path);
+pub(super) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSource>, FormatError> {
+    let Input { path, file, files, .. } = input;
+    let file_bytes = file.metadata().map_err(|reason| FormatError::io(&path, "read", reason))?.len();
+    let name = RawName::of(&path);
     let mut notes = Vec::new();
     if hints.dims.is_none()
         && let Some([x, y, z]) = name.dims
@@ -63,7 +62,7 @@ pub(super) fn open(file: File, path: &Path, hints: &RawHints) -> Result<Box<dyn 
                 _ => "type",
             };
             let length = length_help(dims, voxel_type, file_bytes.saturating_sub(hints.skip));
-            return Err(FormatError::Raw { path: path.into(), reason: RawError::Unknown { missing, length } });
+            return Err(FormatError::header(&path, RawError::Unknown { missing, length }));
         }
     };
     let endian = hints.endian.or(name.endian).unwrap_or(Endian::Little);
@@ -77,12 +76,12 @@ pub(super) fn open(file: File, path: &Path, hints: &RawHints) -> Result<Box<dyn 
         notes.push("spacing not said: 1, 1, 1 assumed (--spacing X,Y,Z overrides)".into());
     }
     let geometry = Geometry::new(dims, hints.spacing.unwrap_or([1.0; 3]), hints.origin.unwrap_or([0.0; 3]))
-        .map_err(|reason| FormatError::Geometry { path: path.into(), reason })?;
+        .map_err(|reason| FormatError::Geometry { path: path.clone(), reason })?;
     let placement = Placement { spacing: hints.spacing.is_some(), origin: hints.origin.is_some(), directions: false };
     let no_data = hints.no_data.into_iter().collect();
-    let header = SourceHeader { geometry, placement, voxel_type, format: "raw", space_unit: None, no_data, notes };
-    let location = DataLocation { path: path.into(), start: hints.skip, coding: Coding::Raw, endian };
-    Ok(Box::new(PlaneSource::new(header, location, vec![path.into()])?))
+    let header = SourceHeader { placement, no_data, notes, ..SourceHeader::new("raw", geometry, voxel_type) };
+    let location = DataLocation { path, start: hints.skip, coding: Coding::Raw, endian };
+    Ok(Box::new(PlaneSource::new(header, location, files)?))
 }
 
 /// What the file's length says where only half is known; empty where it says nothing.

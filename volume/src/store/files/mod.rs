@@ -1,7 +1,6 @@
-//! A store on the disk: where its files are opened, which there are, and how a folder becomes a store, or stays none.
+//! What a store's folder holds: which files there are, what else lies there, and how a folder becomes a store, or stays none.
 
-pub(super) mod folder;
-pub(super) mod jail;
+pub(super) mod position;
 pub(super) mod shape;
 pub(super) mod walk;
 pub(super) mod workdir;

@@ -2,14 +2,16 @@
 
 use std::path::Path;
 
+use bytes::Bytes;
 use glam::UVec3;
 
-use super::folder::StoreFolder;
 use crate::store::halo::index::ENTRY_BYTES;
 use crate::store::halo::reach::{REGION_HALO, VOXEL_HALO};
 use crate::store::hash::ContentHash;
 use crate::store::manifest::Manifest;
 use crate::store::manifest::file as manifest_file;
+use crate::store::objects::Objects;
+use crate::store::objects::folder::StoreFolder;
 use crate::store::profile::{
     ARRAY_FILE, DISTANCE_ARRAY_FILE, DISTANCE_SHARDS_FILE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, LABEL_ARRAY_FILE,
     LABEL_IMAGE_FILE, LABEL_SHARDS_FILE, LABELS_GROUP_FILE, MANIFEST_FILE, RANGES_FILE, REGION_BRICKS_FILE,
@@ -62,8 +64,8 @@ pub(crate) fn small_files(manifest: &Manifest) -> Vec<SmallFile> {
 }
 
 /// The manifest's bytes in a folder of whoever runs the program, where there is a file of that name and of a manifest's size.
-fn read_free(folder: &Path) -> Option<Vec<u8>> {
-    StoreFolder::free(folder).read_at_most(MANIFEST_FILE, Manifest::MAX_BYTES + 1).ok()
+fn read_free(folder: &Path) -> Option<Bytes> {
+    StoreFolder::free(folder).open(MANIFEST_FILE).and_then(|file| file.read_at_most(Manifest::MAX_BYTES + 1)).ok()
 }
 
 /// Where a store's files and folders may lie.

@@ -1,8 +1,10 @@
 //! The halos of an open store, and bricks put together from their own inner chunks and their halo.
 
-use std::io::{self, Read};
+use std::io;
 use std::path::PathBuf;
+use std::sync::Arc;
 
+use bytes::Bytes;
 use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3Default;
 
@@ -14,11 +16,10 @@ use crate::brick::BrickGrid;
 use crate::ids::BrickIndex;
 use crate::store::codec;
 use crate::store::error::{ChunkFault, HaloFault, StoreError};
-use crate::store::files::folder::StoreFolder;
 use crate::store::hash::ContentHash;
 use crate::store::manifest::halo::HaloHashes;
+use crate::store::objects::Objects;
 use crate::store::read::cache::ChunkCache;
-use crate::store::shard::read::read_exact_at;
 
 /// How much of a file is read at once where all of it is; more where one brick has more.
 const PART_BYTES: u64 = 8 << 20;
@@ -26,7 +27,7 @@ const PART_BYTES: u64 = 8 << 20;
 /// One file of halos.
 #[derive(Debug)]
 pub(crate) struct Halos {
-    folder: StoreFolder,
+    objects: Arc<dyn Objects>,
     file: &'static str,
     grid: BrickGrid,
     reach: HaloReach,
@@ -46,29 +47,29 @@ pub(crate) struct HaloPart<H> {
 impl Halos {
     /// Checks the index, and that the file is there in its full length.
     pub(crate) fn open(
-        folder: &StoreFolder,
+        objects: &Arc<dyn Objects>,
         grid: BrickGrid,
         reach: HaloReach,
         (file, index_file, hashes): (&'static str, &str, HaloHashes),
         bound: RecordBound,
     ) -> Result<Self, StoreError> {
-        let bytes = folder.read_exactly(index_file, grid.brick_count() * (reach.records() * ENTRY_BYTES) as u64)?;
-        folder.check_hash(index_file, &bytes, hashes.index)?;
+        let bytes = objects.read_exactly(index_file, grid.brick_count() * (reach.records() * ENTRY_BYTES) as u64)?;
+        objects.check_hash(index_file, &bytes, hashes.index)?;
         let longest = |brick, nth| match reach.shell(&grid, brick, nth).voxels() {
             // Layers beyond the volume.
             0 => 0,
             voxels => codec::compressed_bound(bound.bytes(voxels) as usize) as u64,
         };
         let index = HaloIndex::from_bytes(&bytes, &grid, reach, longest)?;
-        let got = folder.open(file)?.bytes;
-        let path = folder.path_of(file);
+        let got = objects.open(file)?.size()?;
+        let path = objects.path_of(file);
         match index.file_bytes() {
             want if got < want => {
                 let (brick, nth) = index.first_cut(got);
                 Err(StoreError::HaloCut { path, brick: grid.brick_at(brick), layer: reach.layer(nth), got, want })
             }
             want if got > want => Err(StoreError::FileLength { path, got, want }),
-            _ => Ok(Self { folder: folder.clone(), file, grid, reach, index, hash: hashes.file, bound }),
+            _ => Ok(Self { objects: objects.clone(), file, grid, reach, index, hash: hashes.file, bound }),
         }
     }
 
@@ -85,7 +86,7 @@ impl Halos {
         let records: Vec<_> = self.index.of_brick(self.grid.linear(brick)).take(count).collect();
         let start = records[0].start;
         // The index was checked: no more than a halo can have.
-        let mut bytes = vec![0; (records[count - 1].end() - start) as usize];
+        let range = start..records[count - 1].end();
         let fault = |nth: usize, fault| StoreError::Halo {
             path: self.path(),
             brick,
@@ -94,17 +95,19 @@ impl Halos {
             end: records[nth].end(),
             fault,
         };
-        if !bytes.is_empty() {
-            let opened = self.folder.open(self.file)?;
-            match read_exact_at(&opened.file, &mut bytes, start) {
-                Ok(()) => {}
-                Err(e) if e.kind() == io::ErrorKind::UnexpectedEof => {
-                    let whole = records.iter().take_while(|record| record.end() <= opened.bytes).count();
+        let bytes = if range.is_empty() {
+            Bytes::new()
+        } else {
+            let object = self.objects.open(self.file)?;
+            match object.read_one(range) {
+                Err(StoreError::Io { source, .. }) if source.kind() == io::ErrorKind::UnexpectedEof => {
+                    let size = object.size()?;
+                    let whole = records.iter().take_while(|record| record.end() <= size).count();
                     return Err(fault(whole.min(count - 1), HaloFault::Cut));
                 }
-                Err(e) => return Err(StoreError::io("read", &self.path())(e)),
+                read => read?,
             }
-        }
+        };
         let part = |(nth, record): (usize, &HaloRecord)| {
             let shell = self.reach.shell(&self.grid, brick, nth);
             if record.length == 0 {
@@ -144,17 +147,15 @@ impl Halos {
 
     /// The hash of what was read.
     fn read_through(&self, faults: &mut Vec<StoreError>) -> Result<ContentHash, StoreError> {
-        let path = self.path();
-        let mut file = self.folder.open(self.file)?.file;
-        let (mut hash, mut bytes) = (Xxh3Default::new(), Vec::new());
+        let object = self.objects.open(self.file)?;
+        let mut hash = Xxh3Default::new();
         let bricks = self.grid.brick_count() as usize;
         let mut first = 0;
         while first < bricks {
             let start = self.index.start(first);
             let more = |brick: &usize| self.index.start(*brick) - start < PART_BYTES;
             let end = (first + 1..=bricks).take_while(more).last().unwrap_or(first + 1);
-            bytes.resize((self.index.start(end) - start) as usize, 0);
-            file.read_exact(&mut bytes).map_err(StoreError::io("read", &path))?;
+            let bytes = object.read_one(start..self.index.start(end))?;
             hash.update(&bytes);
             let of_brick = |linear| {
                 let (brick, bytes) = (self.grid.brick_at(linear), &bytes);
@@ -175,7 +176,7 @@ impl Halos {
     }
 
     fn path(&self) -> PathBuf {
-        self.folder.path_of(self.file)
+        self.objects.path_of(self.file)
     }
 }
 

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::writer::{HaloWriter, WrittenHalos};
 use crate::brick::BrickGrid;
 use crate::store::error::StoreError;
-use crate::store::shard::read::read_exact_at;
+use crate::store::files::position::read_exact_at;
 use crate::store::tiles::{Tile, Tiles};
 
 /// Bytes that are copied at once.

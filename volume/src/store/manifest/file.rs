@@ -195,9 +195,6 @@ impl TryFrom<ManifestFile> for Manifest {
         if !(file.scale.is_normal() && file.scale > 0.0 && file.offset.is_finite()) {
             return Err(field("scale, offset", "must be finite, scale above 0").into());
         }
-        if source.voxel_type.is_lossless() && (file.scale, file.offset) != (1.0, 0.0) {
-            return Err(field("scale, offset", "must be 1 and 0 for 8 and 16 bit sources").into());
-        }
         check_range(file.range[0], file.range[1])?;
         let no_data = file.no_data.map(|n| n.check(stored_type, geometry.voxel_count())).transpose()?;
         let data_range = file.range.into();

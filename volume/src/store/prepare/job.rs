@@ -2,6 +2,7 @@
 //! a time.
 
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 use super::fill::Fill;
@@ -19,7 +20,6 @@ use crate::ids::StoreHash;
 use crate::regions::code::{MAX_DENSITY, density_of_code};
 use crate::store::brick_ranges::RangeBuilder;
 use crate::store::error::StoreError;
-use crate::store::files::folder::StoreFolder;
 use crate::store::files::workdir::{self, WorkDir, write_synced};
 use crate::store::halo::reach::{VOXEL_HALO, has_halos};
 use crate::store::halo::write::VoxelHalos;
@@ -30,6 +30,7 @@ use crate::store::manifest::halo::HaloEntry;
 use crate::store::manifest::notes::{self, bare_name, shortened};
 use crate::store::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
 use crate::store::no_data::{NoData, with_room_below};
+use crate::store::objects::folder::StoreFolder;
 use crate::store::profile::{
     ARRAY_FILE, CHUNK_EDGE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, MANIFEST_FILE, RANGES_FILE,
     REGION_HALO_INDEX_FILE, SHARDS_FILE, StoreArray,
@@ -83,7 +84,8 @@ pub fn prepare(
         spool = Spool::of(&mut pass, &work.scratch())?;
         pass = pass.through(&mut spool);
     }
-    let mapping = pass.mapping(options.range, &fill)?;
+    let rescale = header.rescale;
+    let mapping = pass.mapping(options.range.map(|(lo, hi)| (rescale.number(lo), rescale.number(hi))), &fill)?;
     let job = Job { header: &header, fill: &fill, options, grid, shards, tiles, mapping };
     let root = work.store();
     let gathered = match StoredType::of(header.voxel_type) {
@@ -169,8 +171,8 @@ impl Job<'_> {
         let has_halos = has_halos(self.grid.brick_size());
         let (one_tile, reach) = (self.tiles.count() == 1, if has_halos { VOXEL_HALO.last } else { 0 });
         // What halos need of a tile's neighbours is read with each tile.
-        let mut wide = zeroed_slab::<T>(self.tiles.largest_slab(reach))?;
-        let mut inner = if one_tile { Vec::new() } else { zeroed_slab::<T>(self.tiles.largest_slab(0))? };
+        let mut wide = memory::zeroed_slab::<T>(self.tiles.largest_slab(reach))?;
+        let mut inner = if one_tile { Vec::new() } else { memory::zeroed_slab::<T>(self.tiles.largest_slab(0))? };
         let mut writer = ShardWriter::new(&root, StoreArray::Voxels, self.shards);
         let no_data = self.no_data();
         let mut statistics = Statistics::new(StoredType::of(self.header.voxel_type));
@@ -244,9 +246,9 @@ impl Job<'_> {
         let Some(options) = &self.options.regions else { return Ok(None) };
         let map = manifest.value_map();
         let root = work.store();
-        let (folder, voxel_bytes) = (StoreFolder::free(&root), manifest.stored_type.bytes());
+        let (objects, voxel_bytes) = (Arc::new(StoreFolder::free(&root)), manifest.stored_type.bytes());
         let written = (gathered.shards.clone(), TailLayout::WRITTEN);
-        let shards = Shards::new(folder, StoreArray::Voxels, self.shards, written, voxel_bytes);
+        let shards = Shards::new(objects, StoreArray::Voxels, self.shards, written, voxel_bytes);
         let mut histogram = vec![0; usize::from(MAX_DENSITY) + 1];
         for (code, count) in map.code_of_ordinal_table().into_iter().zip(gathered.statistics.histogram.counts()) {
             histogram[usize::from(density_of_code(code))] += count;
@@ -313,13 +315,22 @@ impl Job<'_> {
     /// The manifest without the hashes of the files.
     fn manifest(&self, Statistics { histogram, noise }: &Statistics, no_data: u64) -> Result<Manifest, StoreError> {
         let stored_type = StoredType::of(self.header.voxel_type);
-        let (scale, offset, lossless) = self.mapping.map_or((1.0, 0.0, true), |(_, q)| (q.scale, q.offset, q.lossless));
+        let rescale = self.header.rescale;
+        let (scale, offset, lossless) = match self.mapping {
+            None => (1.0, 0.0, true),
+            // One map of stored numbers rounds differently from two of them.
+            Some((_, q)) => (q.scale, q.offset, q.lossless && rescale.is_identity()),
+        };
+        let (scale, offset) = rescale.after(scale, offset);
         // Only scale and offset count before the range is known.
         let missing = self.no_data().ordinal().filter(|_| no_data > 0).map(|o| i32::from(o) + stored_type.min());
         let unstretched = ValueMap { stored_type, scale, offset, range: (0.0, 1.0), no_data: missing };
         let value = |ordinal: u16| unstretched.value_of_ordinal(f64::from(ordinal));
         let (first, last) = histogram.bounds();
-        let (min, max) = self.mapping.map_or((value(first), value(last)), |(scan, _)| scan.bounds());
+        let (min, max) = match self.mapping {
+            None => (value(first), value(last)),
+            Some((scan, _)) => (rescale.value(scan.bounds().0), rescale.value(scan.bounds().1)),
+        };
         let data_range = self.options.range.unwrap_or_else(|| default_range(min, max));
         check_range(data_range.0, data_range.1)?;
         let range = if missing.is_some() { with_room_below(data_range) } else { data_range };
@@ -367,8 +378,8 @@ impl Job<'_> {
     fn notes(&self, m: &Manifest) -> Vec<String> {
         let mut notes = self.header.notes.clone();
         notes.extend(m.no_data.as_ref().map(|no_data| no_data.words(m.not_finite.nan)));
-        let Some((scan, q)) = self.mapping else { return notes };
-        let how = if q.lossless { "exactly".to_owned() } else { format!("within {:e} of each value", q.scale * 0.5) };
+        let Some((scan, _)) = self.mapping else { return notes };
+        let how = if m.lossless { "exactly".to_owned() } else { format!("within {:e} of each value", m.scale * 0.5) };
         notes.push(format!(
             "mapped from {} to 16 bits in two passes, {how}: value = {} * stored + {}",
             8 * self.header.voxel_type.bytes(),
@@ -384,13 +395,4 @@ impl Job<'_> {
         notes.extend(m.not_finite.words());
         notes
     }
-}
-
-/// An error rather than an abort where a header promises planes of more voxels than fit.
-fn zeroed_slab<T: Voxel>(voxels: usize) -> Result<Vec<T>, StoreError> {
-    let bytes = voxels as u64 * size_of::<T>() as u64;
-    let mut slab = Vec::new();
-    slab.try_reserve_exact(voxels).map_err(|_| StoreError::Memory { bytes })?;
-    slab.resize(voxels, T::zeroed());
-    Ok(slab)
 }

@@ -10,7 +10,7 @@ use crate::store::regions::error::RegionsError;
 use crate::store::shard::grid::ShardGrid;
 use crate::store::shard::table::table_bytes;
 use crate::store::tiles::Tiles;
-use crate::store::voxel::StoredType;
+use crate::store::voxel::{StoredType, Voxel};
 
 /// Bytes for each voxel of a slab: its code, its label, its distance in the scratch file and in the store.
 const SLAB_BYTES: u64 = 2 + 4 + 1 + 1;
@@ -90,6 +90,15 @@ fn check_regions(need: u64, limit: Option<&Limit>) -> Result<(), RegionsError> {
         }
         _ => Ok(()),
     }
+}
+
+/// An error rather than an abort where a header promises planes of more voxels than fit.
+pub(crate) fn zeroed_slab<T: Voxel>(voxels: usize) -> Result<Vec<T>, StoreError> {
+    let bytes = voxels as u64 * size_of::<T>() as u64;
+    let mut slab = Vec::new();
+    slab.try_reserve_exact(voxels).map_err(|_| StoreError::Memory { bytes })?;
+    slab.resize(voxels, T::zeroed());
+    Ok(slab)
 }
 
 #[cfg(test)]

@@ -90,43 +90,69 @@ impl ChunkCache {
         self.shared.lock().resident_bytes
     }
 
-    /// The chunk from the cache, from the thread that decodes it just now, or from `load`.
-    pub(crate) fn get(
+    /// Gives `take` each of `chunks`, in any order: from the cache, from `load`, or from the thread that decodes it just now.
+    ///
+    /// `load` gets all that nobody has, to fetch them together, and decodes each as it is asked for the next. In this thread:
+    /// others wait for it, so it must wait for none of them.
+    pub(crate) fn get<L: Iterator<Item = Result<Decoded, StoreError>>>(
         &self,
         store: StoreHash,
         array: StoreArray,
-        chunk: InnerChunk,
-        load: impl Fn() -> Result<Decoded, StoreError>,
-    ) -> Result<Arc<Decoded>, StoreError> {
-        let key = (store, array, chunk);
-        loop {
-            let mut state = self.shared.lock();
-            let flight = match state.slots.get(&key) {
-                Some(Slot::Ready { .. }) => {
-                    if let Some(chunk) = state.touch(key) {
-                        return Ok(chunk);
-                    }
-                    continue;
+        chunks: &[InnerChunk],
+        load: impl Fn(&[InnerChunk]) -> Result<L, StoreError>,
+        mut take: impl FnMut(InnerChunk, &Decoded),
+    ) -> Result<(), StoreError> {
+        let mut missing = chunks.to_vec();
+        while !missing.is_empty() {
+            let Sorted { ready, own, of_others } = self.sort(store, array, &missing);
+            ready.iter().for_each(|(chunk, decoded)| take(*chunk, decoded));
+            if !own.is_empty() {
+                let wanted: Vec<_> = own.iter().map(|landing| landing.key.2).collect();
+                for (mut landing, decoded) in own.into_iter().zip(load(&wanted)?) {
+                    let decoded = Arc::new(decoded?);
+                    self.count_decoded(decoded.as_ref().as_ref().map_or(0, Vec::len) as u64);
+                    landing.chunk = Some(decoded.clone());
+                    let chunk = landing.key.2;
+                    drop(landing);
+                    take(chunk, &decoded);
                 }
-                Some(Slot::Loading(flight)) => flight.clone(),
-                None => {
-                    let flight = Arc::new(Flight::default());
-                    state.slots.insert(key, Slot::Loading(flight.clone()));
-                    drop(state);
-                    let mut landing = Landing { cache: &self.shared, key, flight, chunk: None };
-                    let chunk = Arc::new(load()?);
-                    let bytes = chunk.as_ref().as_ref().map_or(0, Vec::len) as u64;
-                    self.decoded_bytes.fetch_add(bytes, Ordering::Relaxed);
-                    landing.chunk = Some(chunk.clone());
-                    return Ok(chunk);
+            }
+            missing.clear();
+            for (chunk, flight) in of_others {
+                match flight.wait() {
+                    Some(decoded) => take(chunk, &decoded),
+                    None => missing.push(chunk),
                 }
-            };
-            drop(state);
-            if let Some(chunk) = flight.wait() {
-                return Ok(chunk);
             }
         }
+        Ok(())
     }
+
+    /// Where each of `chunks` comes from; what nobody has is the caller's to decode.
+    fn sort(&self, store: StoreHash, array: StoreArray, chunks: &[InnerChunk]) -> Sorted<'_> {
+        let mut sorted = Sorted { ready: Vec::new(), own: Vec::new(), of_others: Vec::new() };
+        let mut state = self.shared.lock();
+        for chunk in chunks {
+            let key = (store, array, *chunk);
+            if let Some(decoded) = state.touch(key) {
+                sorted.ready.push((*chunk, decoded));
+            } else if let Some(Slot::Loading(flight)) = state.slots.get(&key) {
+                sorted.of_others.push((*chunk, flight.clone()));
+            } else {
+                let flight = Arc::new(Flight::default());
+                state.slots.insert(key, Slot::Loading(flight.clone()));
+                sorted.own.push(Landing { cache: &self.shared, key, flight, chunk: None });
+            }
+        }
+        sorted
+    }
+}
+
+/// The chunks of a read by where they come from.
+struct Sorted<'a> {
+    ready: Vec<(InnerChunk, Arc<Decoded>)>,
+    own: Vec<Landing<'a>>,
+    of_others: Vec<(InnerChunk, Arc<Flight>)>,
 }
 
 impl Shared {
@@ -136,7 +162,7 @@ impl Shared {
 }
 
 impl Flight {
-    /// Ends when the decoding thread leaves `get`, by whatever way: see [`Landing`].
+    /// Ends when the decoding thread has the chunk, or leaves `get` without, by whatever way: see [`Landing`].
     fn wait(&self) -> Option<Arc<Decoded>> {
         let mut landed = self.landed.lock().unwrap_or_else(PoisonError::into_inner);
         loop {
@@ -210,26 +236,43 @@ mod tests {
         InnerChunk([x, 0, 0])
     }
 
+    fn get(
+        cache: &ChunkCache,
+        store: StoreHash,
+        array: StoreArray,
+        x: u32,
+        load: impl Fn() -> Result<Decoded, StoreError>,
+    ) -> Result<Decoded, StoreError> {
+        let mut got = Vec::new();
+        let load = |wanted: &[InnerChunk]| {
+            assert_eq!(wanted, [at(x)]);
+            Ok(std::iter::once(load()))
+        };
+        cache.get(store, array, &[at(x)], load, |_, decoded| got.push(decoded.clone()))?;
+        assert_eq!(got.len(), 1);
+        Ok(got.remove(0))
+    }
+
     #[test]
     fn the_least_recently_used_leaves_and_memory_is_bounded() {
         let cache = ChunkCache::new(2 * (1000 + ENTRY_BYTES));
         let load = || Ok(Some(vec![0; 1000]));
         for x in [0, 1, 0, 2] {
-            cache.get(STORE, VOXELS, at(x), load).unwrap();
+            get(&cache, STORE, VOXELS, x, load).unwrap();
         }
         assert!(cache.resident_bytes() <= 2 * (1000 + ENTRY_BYTES));
         assert_eq!(cache.decoded_bytes(), 3000);
-        cache.get(STORE, VOXELS, at(0), || panic!("0 was used after 1")).unwrap();
-        cache.get(STORE, VOXELS, at(1), load).unwrap();
+        get(&cache, STORE, VOXELS, 0, || panic!("0 was used after 1")).unwrap();
+        get(&cache, STORE, VOXELS, 1, load).unwrap();
         assert_eq!(cache.decoded_bytes(), 4000);
         // The same chunk of another store is another chunk.
-        cache.get(StoreHash(2), VOXELS, at(1), load).unwrap();
+        get(&cache, StoreHash(2), VOXELS, 1, load).unwrap();
         assert_eq!(cache.decoded_bytes(), 5000);
         // So is the chunk of another array.
-        cache.get(StoreHash(2), StoreArray::Labels, at(1), load).unwrap();
+        get(&cache, StoreHash(2), StoreArray::Labels, 1, load).unwrap();
         assert_eq!(cache.decoded_bytes(), 6000);
         // Chunks without voxels are bounded as well.
-        (0..1000).for_each(|x| drop(cache.get(STORE, VOXELS, at(x), || Ok(None)).unwrap()));
+        (0..1000).for_each(|x| drop(get(&cache, STORE, VOXELS, x, || Ok(None)).unwrap()));
         assert!(cache.resident_bytes() <= 2 * (1000 + ENTRY_BYTES));
     }
 
@@ -237,9 +280,9 @@ mod tests {
     fn handles_share_chunks_and_count_for_themselves() {
         let one = ChunkCache::new(1 << 20);
         let two = one.share();
-        one.get(STORE, VOXELS, at(0), || Ok(Some(vec![0; 1000]))).unwrap();
-        two.get(STORE, VOXELS, at(0), || panic!("the other handle has it")).unwrap();
-        two.get(STORE, VOXELS, at(1), || Ok(Some(vec![0; 10]))).unwrap();
+        get(&one, STORE, VOXELS, 0, || Ok(Some(vec![0; 1000]))).unwrap();
+        get(&two, STORE, VOXELS, 0, || panic!("the other handle has it")).unwrap();
+        get(&two, STORE, VOXELS, 1, || Ok(Some(vec![0; 10]))).unwrap();
         assert_eq!((one.decoded_bytes(), two.decoded_bytes()), (1000, 10));
         assert_eq!(one.resident_bytes(), two.resident_bytes());
     }
@@ -259,13 +302,50 @@ mod tests {
                                 loading.fetch_sub(1, Ordering::SeqCst);
                                 Ok(Some(vec![9; 10]))
                             };
-                            assert_eq!(*cache.get(STORE, VOXELS, at(0), load).unwrap(), Some(vec![9; 10]));
+                            assert_eq!(get(&cache, STORE, VOXELS, 0, load).unwrap(), Some(vec![9; 10]));
                         }
                     });
                 }
             });
             assert_eq!(most.load(Ordering::SeqCst), 1);
         }
+    }
+
+    /// Reads that overlap in every way, each with all it needs in one call: every chunk comes once, and is decoded once.
+    #[test]
+    fn reads_that_share_chunks_wait_for_each_other_and_end() {
+        let cache = ChunkCache::new(1 << 20);
+        let decodings = AtomicU64::new(0);
+        std::thread::scope(|scope| {
+            for first in 0..8u32 {
+                let (cache, decodings) = (&cache, &decodings);
+                scope.spawn(move || {
+                    let mut chunks: Vec<_> = (first..first + 20).map(at).collect();
+                    // Orders that would wait for each other in a ring, and a chunk twice.
+                    chunks.rotate_left(first as usize * 5 % 20);
+                    chunks.push(at(first));
+                    let mut got = Vec::new();
+                    let load = |wanted: &[InnerChunk]| {
+                        let wanted = wanted.to_vec();
+                        Ok(wanted.into_iter().map(|chunk| {
+                            decodings.fetch_add(1, Ordering::SeqCst);
+                            std::thread::sleep(Duration::from_micros(200));
+                            Ok(Some(vec![chunk.0[0] as u8; 10]))
+                        }))
+                    };
+                    let take = |chunk: InnerChunk, decoded: &Decoded| {
+                        assert_eq!(*decoded, Some(vec![chunk.0[0] as u8; 10]));
+                        got.push(chunk.0[0]);
+                    };
+                    cache.get(STORE, VOXELS, &chunks, load, take).unwrap();
+                    got.sort_unstable();
+                    let want: Vec<_> = std::iter::once(first).chain(first..first + 20).collect();
+                    assert_eq!(got, want);
+                });
+            }
+        });
+        assert_eq!(decodings.load(Ordering::SeqCst), 27);
+        assert_eq!(cache.decoded_bytes(), 270);
     }
 
     #[test]
@@ -281,7 +361,7 @@ mod tests {
             }
         };
         let outcomes: Vec<_> = std::thread::scope(|scope| {
-            let threads: Vec<_> = (0..6).map(|_| scope.spawn(|| cache.get(STORE, VOXELS, at(0), flaky))).collect();
+            let threads: Vec<_> = (0..6).map(|_| scope.spawn(|| get(&cache, STORE, VOXELS, 0, flaky))).collect();
             threads.into_iter().map(|t| t.join()).collect()
         });
         assert_eq!(outcomes.iter().filter(|o| o.is_err()).count(), 1);

@@ -2,11 +2,11 @@
 
 use std::io;
 use std::path::Path;
+use std::sync::Arc;
 
 use super::store::Store;
 use crate::ids::StoreHash;
 use crate::store::error::StoreError;
-use crate::store::files::folder::StoreFolder;
 use crate::store::files::shape::{SmallFile, StoreShape, small_files};
 use crate::store::files::walk::Found;
 use crate::store::halo::bound::RecordBound;
@@ -14,6 +14,8 @@ use crate::store::halo::reach::{REGION_HALO, VOXEL_HALO};
 use crate::store::halo::read::Halos;
 use crate::store::halo::regions as halo_regions;
 use crate::store::manifest::Manifest;
+use crate::store::objects::Objects;
+use crate::store::objects::folder::StoreFolder;
 use crate::store::profile::{
     DISTANCE_SHARDS_FILE, HALO_INDEX_FILE, HALOS_FILE, LABEL_SHARDS_FILE, MANIFEST_FILE, REGION_HALO_INDEX_FILE,
     REGION_HALOS_FILE, SHARDS_FILE, StoreArray,
@@ -74,12 +76,12 @@ pub struct Inspected {
 /// # Errors
 /// There is no store of ours, or its folder cannot be listed.
 pub fn inspect(path: &Path, progress: &mut dyn FnMut(Progress)) -> Result<Inspected, StoreError> {
-    let folder = StoreFolder::free(path);
-    let bytes = match folder.read_at_most(MANIFEST_FILE, Manifest::MAX_BYTES + 1) {
+    let objects: Arc<dyn Objects> = Arc::new(StoreFolder::free(path));
+    let bytes = match objects.read_at_most(MANIFEST_FILE, Manifest::MAX_BYTES + 1) {
         Err(error) if is_missing(&error) => return Err(StoreError::NotAStore { path: path.to_path_buf() }),
         read => read?,
     };
-    let mut inspection = Inspection { folder, faults: Vec::new(), progress, done: 0, total: 0 };
+    let mut inspection = Inspection { objects, faults: Vec::new(), progress, done: 0, total: 0 };
     let manifest = Manifest::from_bytes(&bytes);
     let shape = manifest.as_ref().map_or_else(|_| StoreShape::any(), StoreShape::of);
     let found = Found::below(path, &shape)?;
@@ -102,7 +104,7 @@ pub fn inspect(path: &Path, progress: &mut dyn FnMut(Progress)) -> Result<Inspec
 }
 
 struct Inspection<'a> {
-    folder: StoreFolder,
+    objects: Arc<dyn Objects>,
     faults: Vec<Fault>,
     progress: &'a mut dyn FnMut(Progress),
     done: u64,
@@ -125,7 +127,7 @@ impl Inspection<'_> {
                 self.presence_of_shards(array, grid);
                 continue;
             }
-            match described_shards(&self.folder, array, grid, (table, hash, layout), voxel_bytes) {
+            match described_shards(&self.objects, array, grid, (table, hash, layout), voxel_bytes) {
                 Ok(shards) => self.shards(&shards),
                 Err(error) => self.error(table, &error),
             }
@@ -141,7 +143,7 @@ impl Inspection<'_> {
                 self.presence(file);
                 continue;
             }
-            match Halos::open(&self.folder, manifest.grid, reach, (file, index, hashes), bound) {
+            match Halos::open(&self.objects, manifest.grid, reach, (file, index, hashes), bound) {
                 Ok(halos) => {
                     self.faults.extend(halos.faults().iter().map(|error| fault(halos.file(), error)));
                     self.read(halos.bytes());
@@ -154,7 +156,7 @@ impl Inspection<'_> {
 
     /// True where it is as the manifest has it.
     fn small(&mut self, file: &SmallFile) -> bool {
-        let checked = self.folder.check_file(file.name, file.bytes + 1, file.hash);
+        let checked = self.objects.check_file(file.name, file.bytes + 1, file.hash);
         self.read(file.bytes);
         checked.map_err(|error| self.error(file.name, &error)).is_ok()
     }
@@ -176,7 +178,7 @@ impl Inspection<'_> {
     }
 
     fn presence(&mut self, file: &str) {
-        if let Err(error) = self.folder.open(file) {
+        if let Err(error) = self.objects.open(file) {
             self.error(file, &error);
         }
     }

@@ -4,6 +4,7 @@ pub(super) mod cache;
 pub(super) mod inspect;
 pub(super) mod planes;
 mod regions;
+pub(super) mod source;
 pub(super) mod store;
 mod verify;
 pub(super) mod window;

@@ -1,8 +1,11 @@
 //! An open store and its bricks.
 
 use std::io;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+
+use bytes::Bytes;
 
 use super::cache::ChunkCache;
 use super::window::{RowDecoder, ToCodes, Window};
@@ -10,12 +13,13 @@ use crate::brick::{BrickVoxels, StoredBox};
 use crate::ids::{BrickIndex, StoreHash};
 use crate::store::brick_ranges::BrickRanges;
 use crate::store::error::{HaloFault, StoreError};
-use crate::store::files::folder::StoreFolder;
 use crate::store::halo::bound::RecordBound;
 use crate::store::halo::reach::VOXEL_HALO;
 use crate::store::halo::read::Halos;
 use crate::store::manifest::Manifest;
 use crate::store::no_data::NO_DATA_CODE;
+use crate::store::objects::Objects;
+use crate::store::objects::folder::StoreFolder;
 use crate::store::profile::{
     ARRAY_FILE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, InnerChunk, MANIFEST_FILE, RANGES_FILE, SHARDS_FILE,
     StoreArray,
@@ -29,6 +33,9 @@ use crate::store::shard::tail::TailLayout;
 /// The most ghost layers that a read may ask for.
 pub const MAX_GHOST: u32 = 64;
 
+/// Inner chunks that are fetched together, at most: 2 MiB of voxels of 16 bits, which a read then holds beside the cache.
+const AT_ONCE: usize = 256;
+
 /// An open, finished store. Cheap to clone; reads from any number of threads.
 #[derive(Debug, Clone)]
 pub struct Store {
@@ -37,10 +44,10 @@ pub struct Store {
 
 #[derive(Debug)]
 struct Inner {
-    folder: StoreFolder,
+    objects: Arc<dyn Objects>,
     hash: StoreHash,
     manifest: Manifest,
-    manifest_bytes: Vec<u8>,
+    manifest_bytes: Bytes,
     ranges: BrickRanges,
     shards: Shards,
     /// Nothing where bricks are smaller than inner chunks.
@@ -57,7 +64,7 @@ impl Store {
     /// # Errors
     /// Not a finished store, unknown version, a file that is not the one that the manifest speaks of.
     pub fn open(path: &Path) -> Result<Self, StoreError> {
-        Self::open_in(&StoreFolder::free(path))
+        Self::open_objects(Arc::new(StoreFolder::free(path)))
     }
 
     /// The same of a store that may be in a [`Jail`](crate::store::Jail): its files are opened through `folder`, now and later.
@@ -65,43 +72,51 @@ impl Store {
     /// # Errors
     /// As [`Store::open`]; a file that leads out of the jail.
     pub fn open_in(folder: &StoreFolder) -> Result<Self, StoreError> {
-        let manifest_bytes = match folder.read_at_most(MANIFEST_FILE, Manifest::MAX_BYTES + 1) {
+        Self::open_objects(Arc::new(folder.clone()))
+    }
+
+    /// The same, wherever the store's objects are kept.
+    ///
+    /// # Errors
+    /// As [`Store::open`].
+    pub fn open_objects(objects: Arc<dyn Objects>) -> Result<Self, StoreError> {
+        let manifest_bytes = match objects.read_at_most(MANIFEST_FILE, Manifest::MAX_BYTES + 1) {
             Err(StoreError::Io { source, .. })
                 if matches!(source.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) =>
             {
-                return Err(StoreError::NotAStore { path: folder.path().to_path_buf() });
+                return Err(StoreError::NotAStore { path: objects.place().to_path_buf() });
             }
             read => read?,
         };
         let manifest = Manifest::from_bytes(&manifest_bytes)?;
         for (name, want) in [(GROUP_FILE, manifest.files.group), (ARRAY_FILE, manifest.files.array)] {
-            folder.check_file(name, Manifest::MAX_BYTES, want)?;
+            objects.check_file(name, Manifest::MAX_BYTES, want)?;
         }
-        let ranges = folder.read_exactly(RANGES_FILE, manifest.grid.brick_count() * 4)?;
+        let ranges = objects.read_exactly(RANGES_FILE, manifest.grid.brick_count() * 4)?;
         let ranges = BrickRanges::from_bytes(&manifest, &ranges)?;
         let grid = ShardGrid::new(manifest.geometry.dims())?;
         let voxel_bytes = manifest.stored_type.bytes();
         let layout = TailLayout::of_version(manifest.version);
         let table = (SHARDS_FILE, manifest.files.shards, layout);
-        let shards = open_shards(folder, StoreArray::Voxels, grid, table, voxel_bytes)?;
+        let shards = open_shards(&objects, StoreArray::Voxels, grid, table, voxel_bytes)?;
         let halos = manifest.halo.map(|halo| {
             let files = (HALOS_FILE, HALO_INDEX_FILE, halo.voxels);
             let bound = RecordBound { head: 0, per_voxel: voxel_bytes as u64 };
-            Halos::open(folder, manifest.grid, VOXEL_HALO, files, bound)
+            Halos::open(&objects, manifest.grid, VOXEL_HALO, files, bound)
         });
         let halos = halos.transpose()?;
-        let regions = StoreRegions::open(folder, &manifest, grid)?;
+        let regions = StoreRegions::open(&objects, &manifest, grid)?;
         let codes = manifest.value_map().code_of_bits_table();
         let hash = StoreHash::of(&manifest_bytes);
-        let folder = folder.clone();
         Ok(Self {
-            inner: Arc::new(Inner { folder, hash, manifest, manifest_bytes, ranges, shards, halos, regions, codes }),
+            inner: Arc::new(Inner { objects, hash, manifest, manifest_bytes, ranges, shards, halos, regions, codes }),
         })
     }
 
+    /// Where it is kept, for messages.
     #[must_use]
     pub fn path(&self) -> PathBuf {
-        self.inner.folder.path().to_path_buf()
+        self.inner.objects.place().to_path_buf()
     }
 
     #[must_use]
@@ -200,15 +215,28 @@ impl Store {
     ) -> Result<Vec<T>, StoreError> {
         let mut window = Window::new(stored, self.inner.manifest.grid.volume_dims());
         let (first, last) = window.chunks();
-        for z in first.z..=last.z {
-            for y in first.y..=last.y {
-                for x in first.x..=last.x {
-                    let chunk = InnerChunk([x, y, z]);
-                    let decoded = cache.get(self.inner.hash, shards.array, chunk, || shards.read_chunk(chunk))?;
-                    window.fill(chunk, (*decoded).as_deref(), decoder);
-                }
-            }
-        }
+        let [xs, ys, zs] = [0, 1, 2].map(|a| first[a]..last[a] + 1);
+        self.fill(&mut window, shards, cache, decoder, [xs, ys, zs])?;
         Ok(window.clamped_to_edge())
+    }
+
+    /// Fills a window from the inner chunks of a box of them, half-open.
+    pub(crate) fn fill<T: Copy + Default>(
+        &self,
+        window: &mut Window<T>,
+        shards: &Shards,
+        cache: &ChunkCache,
+        decoder: &impl RowDecoder<T>,
+        [xs, ys, zs]: [Range<u32>; 3],
+    ) -> Result<(), StoreError> {
+        let row = |y, z| xs.clone().map(move |x| InnerChunk([x, y, z]));
+        let chunks: Vec<_> = zs.flat_map(|z| ys.clone().flat_map(move |y| row(y, z))).collect();
+        for chunks in chunks.chunks(AT_ONCE) {
+            let read = |wanted: &[InnerChunk]| shards.read_chunks(wanted);
+            cache.get(self.inner.hash, shards.array, chunks, read, |chunk, decoded| {
+                window.fill(chunk, decoded.as_deref(), decoder);
+            })?;
+        }
+        Ok(())
     }
 }

@@ -51,10 +51,10 @@ impl Shards {
 
     fn decoded(&self, shard: ShardIndex) -> Result<Vec<StoreError>, StoreError> {
         let file = shard.path(self.array);
-        let path = self.folder.path_of(&file);
+        let path = self.objects.path_of(&file);
         let record = self.table[self.grid.linear(shard)];
         // No longer than inner chunks and end of one shard can be: the table was checked.
-        let bytes = self.open_file(shard)?.read_at_most(record.bytes).map_err(StoreError::io("read", &path))?;
+        let bytes = self.open_whole(shard)?.read_at_most(record.bytes)?;
         let (got, want) = (bytes.len() as u64, record.bytes);
         if got != want {
             return Err(StoreError::ShardLength { array: self.array, shard, path, got, want });

@@ -8,7 +8,6 @@ use crate::ids::BrickIndex;
 use crate::store::error::StoreError;
 use crate::store::halo::read::HaloPart;
 use crate::store::halo::shell::core_chunks;
-use crate::store::profile::InnerChunk;
 use crate::store::shard::read::Shards;
 
 impl Store {
@@ -24,16 +23,7 @@ impl Store {
     ) -> Result<Vec<T>, StoreError> {
         let grid = &self.manifest().grid;
         let mut window = Window::new(stored, grid.volume_dims());
-        let [xs, ys, zs] = core_chunks(grid, brick);
-        for z in zs {
-            for y in ys.clone() {
-                for x in xs.clone() {
-                    let chunk = InnerChunk([x, y, z]);
-                    let decoded = cache.get(self.hash(), shards.array, chunk, || shards.read_chunk(chunk))?;
-                    window.fill(chunk, (*decoded).as_deref(), decoder);
-                }
-            }
-        }
+        self.fill(&mut window, shards, cache, decoder, core_chunks(grid, brick))?;
         for part in halo {
             window.fill_shell(part.shell, |first, out| halo_row(part.content.as_ref(), first, out));
         }

@@ -1,40 +1,42 @@
 //! The shards of an open store.
 
+use std::sync::Arc;
+
 use super::grid::ShardGrid;
 use super::read::Shards;
 use super::table;
 use super::tail::TailLayout;
 use crate::store::codec;
 use crate::store::error::StoreError;
-use crate::store::files::folder::StoreFolder;
 use crate::store::hash::ContentHash;
+use crate::store::objects::Objects;
 use crate::store::profile::{CHUNK_VOXELS, StoreArray};
 
 /// The shards of an array, after checking their table and that each is there in its full length.
 pub(crate) fn open_shards(
-    folder: &StoreFolder,
+    objects: &Arc<dyn Objects>,
     array: StoreArray,
     grid: ShardGrid,
     table: (&str, ContentHash, TailLayout),
     voxel_bytes: usize,
 ) -> Result<Shards, StoreError> {
-    let shards = described_shards(folder, array, grid, table, voxel_bytes)?;
+    let shards = described_shards(objects, array, grid, table, voxel_bytes)?;
     for linear in 0..shards.table.len() {
-        shards.open_file(grid.at(linear))?;
+        shards.open_whole(grid.at(linear))?;
     }
     Ok(shards)
 }
 
 /// The same, whether or not the shards are there.
 pub(crate) fn described_shards(
-    folder: &StoreFolder,
+    objects: &Arc<dyn Objects>,
     array: StoreArray,
     grid: ShardGrid,
     (table_file, table_hash, layout): (&str, ContentHash, TailLayout),
     voxel_bytes: usize,
 ) -> Result<Shards, StoreError> {
-    let table = folder.read_exactly(table_file, table::table_bytes(&grid))?;
-    folder.check_hash(table_file, &table, table_hash)?;
+    let table = objects.read_exactly(table_file, table::table_bytes(&grid))?;
+    objects.check_hash(table_file, &table, table_hash)?;
     let table = table::from_bytes(array, &grid, &table, codec::encoded_bound(CHUNK_VOXELS * voxel_bytes), layout)?;
-    Ok(Shards::new(folder.clone(), array, grid, (table, layout), voxel_bytes))
+    Ok(Shards::new(objects.clone(), array, grid, (table, layout), voxel_bytes))
 }

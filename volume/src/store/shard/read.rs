@@ -1,26 +1,27 @@
-//! Reading inner chunks from shard files by position, with a bounded number of them open.
+//! Reading inner chunks from shards: those of a read together, with a bounded number of shards open.
 
 use std::collections::HashMap;
-use std::fs::File;
 use std::io;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
+
+use bytes::Bytes;
 
 use super::grid::ShardGrid;
 use super::record::ShardRecord;
 use super::tail::{ShardTail, TailLayout};
 use crate::store::codec;
 use crate::store::error::StoreError;
-use crate::store::files::folder::{StoreFile, StoreFolder};
+use crate::store::objects::{Object, Objects};
 use crate::store::profile::{CHUNK_VOXELS, InnerChunk, ShardIndex, StoreArray};
 
-/// Shards of one array that are open at once: a file and 80 KiB of its end each.
+/// Shards of one array that are open at once: an object and 80 KiB of its end each.
 const MAX_OPEN: usize = 32;
 
 /// The shards of one array of a store.
 #[derive(Debug)]
 pub(crate) struct Shards {
-    pub(crate) folder: StoreFolder,
+    pub(crate) objects: Arc<dyn Objects>,
     pub(crate) array: StoreArray,
     pub(crate) grid: ShardGrid,
     pub(crate) table: Vec<ShardRecord>,
@@ -42,19 +43,28 @@ struct OpenShard {
     array: StoreArray,
     shard: ShardIndex,
     path: PathBuf,
-    file: File,
+    object: Arc<dyn Object>,
     tail: ShardTail,
+}
+
+/// An inner chunk as it lies in its shard.
+struct Fetched {
+    open: Arc<OpenShard>,
+    chunk: InnerChunk,
+    /// Its first byte in the shard.
+    start: u64,
+    bytes: Bytes,
 }
 
 impl Shards {
     pub(crate) fn new(
-        folder: StoreFolder,
+        objects: Arc<dyn Objects>,
         array: StoreArray,
         grid: ShardGrid,
         (table, layout): (Vec<ShardRecord>, TailLayout),
         voxel_bytes: usize,
     ) -> Self {
-        Self { folder, array, grid, table, layout, voxel_bytes, open: Mutex::default() }
+        Self { objects, array, grid, table, layout, voxel_bytes, open: Mutex::default() }
     }
 
     /// Bytes of a decoded inner chunk.
@@ -62,26 +72,48 @@ impl Shards {
         CHUNK_VOXELS * self.voxel_bytes
     }
 
-    /// Opens the shard's file, as long as promised. Its content is not looked at.
-    pub(crate) fn open_file(&self, shard: ShardIndex) -> Result<StoreFile, StoreError> {
-        let (array, file) = (self.array, shard.path(self.array));
+    /// Opens a shard, as long as promised. Its content is not looked at.
+    pub(crate) fn open_whole(&self, shard: ShardIndex) -> Result<Arc<dyn Object>, StoreError> {
+        let (array, key) = (self.array, shard.path(self.array));
         let want = self.table[self.grid.linear(shard)].bytes;
-        match self.folder.open(&file) {
-            Ok(opened) if opened.bytes == want => Ok(opened),
-            Ok(opened) => {
-                Err(StoreError::ShardLength { array, shard, path: self.folder.path_of(&file), got: opened.bytes, want })
+        let object = self.objects.open(&key).map_err(|error| match error {
+            StoreError::NotAFile { path } => StoreError::ShardMissing { array, shard, path },
+            StoreError::Io { source, path, .. } if source.kind() == io::ErrorKind::NotFound => {
+                StoreError::ShardMissing { array, shard, path }
             }
-            Err(StoreError::NotAFile { path }) => Err(StoreError::ShardMissing { array, shard, path }),
-            Err(StoreError::Io { source, path, .. }) if source.kind() == io::ErrorKind::NotFound => {
-                Err(StoreError::ShardMissing { array, shard, path })
-            }
-            Err(error) => Err(error),
+            error => error,
+        })?;
+        match object.size()? {
+            got if got == want => Ok(object),
+            got => Err(StoreError::ShardLength { array, shard, path: self.objects.path_of(&key), got, want }),
         }
     }
 
     /// The decoded voxels of an inner chunk, or nothing where it holds the fill value only.
     pub(crate) fn read_chunk(&self, chunk: InnerChunk) -> Result<Option<Vec<u8>>, StoreError> {
-        self.open_shard(chunk.shard())?.read_chunk(chunk, self.chunk_bytes())
+        self.read_chunks(&[chunk])?.next().transpose().map(Option::flatten)
+    }
+
+    /// The same of several, in their order. They are fetched at once, a read of each shard; each is decoded as it is taken.
+    pub(crate) fn read_chunks(
+        &self,
+        chunks: &[InnerChunk],
+    ) -> Result<impl Iterator<Item = Result<Option<Vec<u8>>, StoreError>> + use<>, StoreError> {
+        let mut fetched: Vec<Option<Fetched>> = chunks.iter().map(|_| None).collect();
+        let mut order: Vec<usize> = (0..chunks.len()).collect();
+        order.sort_by_key(|i| chunks[*i].shard().0);
+        for of_shard in order.chunk_by(|a, b| chunks[*a].shard() == chunks[*b].shard()) {
+            let open = self.open_shard(chunks[of_shard[0]].shard())?;
+            let present = of_shard.iter().filter_map(|i| Some((*i, open.tail.place(chunks[*i].slot())?)));
+            let present: Vec<_> = present.collect();
+            // The index was checked: no more of each than an inner chunk can have.
+            let ranges: Vec<_> = present.iter().map(|(_, (start, length))| *start..start + length).collect();
+            for ((i, (start, _)), bytes) in present.into_iter().zip(open.object.read(&ranges)?) {
+                fetched[i] = Some(Fetched { open: open.clone(), chunk: chunks[i], start, bytes });
+            }
+        }
+        let raw = self.chunk_bytes();
+        Ok(fetched.into_iter().map(move |fetched| fetched.map(|fetched| fetched.decoded(raw)).transpose()))
     }
 
     fn open_shard(&self, shard: ShardIndex) -> Result<Arc<OpenShard>, StoreError> {
@@ -97,20 +129,18 @@ impl Shards {
 
     /// Opens a shard and checks its length and its end.
     fn open_new(&self, shard: ShardIndex) -> Result<OpenShard, StoreError> {
-        let file = self.open_file(shard)?.file;
-        let path = self.folder.path_of(&shard.path(self.array));
-        let mut bytes = vec![0; self.layout.bytes()];
-        let start = self.table[self.grid.linear(shard)].bytes - bytes.len() as u64;
-        read_exact_at(&file, &mut bytes, start).map_err(StoreError::io("read", &path))?;
-        let tail = self.tail(shard, &bytes)?;
-        Ok(OpenShard { array: self.array, shard, path, file, tail })
+        let object = self.open_whole(shard)?;
+        let path = self.objects.path_of(&shard.path(self.array));
+        let bytes = self.table[self.grid.linear(shard)].bytes;
+        let tail = self.tail(shard, &object.read_one(bytes - self.tail_bytes() as u64..bytes)?)?;
+        Ok(OpenShard { array: self.array, shard, path, object, tail })
     }
 
     /// The end of a shard, from its bytes.
     pub(crate) fn tail(&self, shard: ShardIndex, bytes: &[u8]) -> Result<ShardTail, StoreError> {
         let (record, bound) = (&self.table[self.grid.linear(shard)], codec::encoded_bound(self.chunk_bytes()) as u64);
         ShardTail::parse(self.layout, shard, bytes, record, bound).map_err(|fault| {
-            let path = self.folder.path_of(&shard.path(self.array));
+            let path = self.objects.path_of(&shard.path(self.array));
             StoreError::ShardIndex { array: self.array, shard, path, fault }
         })
     }
@@ -139,38 +169,14 @@ impl OpenShards {
     }
 }
 
-impl OpenShard {
-    /// See [`Shards::read_chunk`]; `raw` is the length of a decoded inner chunk.
-    fn read_chunk(&self, chunk: InnerChunk, raw: usize) -> Result<Option<Vec<u8>>, StoreError> {
-        let slot = chunk.slot();
-        let Some((start, length)) = self.tail.place(slot) else { return Ok(None) };
-        // The index was checked: no more than an inner chunk can have.
-        let mut bytes = vec![0; length as usize];
-        read_exact_at(&self.file, &mut bytes, start).map_err(StoreError::io("read", &self.path))?;
-        let decoded = codec::decode(&bytes, raw).and_then(|voxels| self.tail.check(slot, &bytes).map(|()| voxels));
-        decoded.map(Some).map_err(|fault| {
-            let (array, shard, path) = (self.array, self.shard, self.path.clone());
-            StoreError::Chunk { array, shard, path, chunk, start, end: start + length, fault }
+impl Fetched {
+    /// The voxels; `raw` is the length of a decoded inner chunk.
+    fn decoded(self, raw: usize) -> Result<Vec<u8>, StoreError> {
+        let Self { open, chunk, start, bytes } = self;
+        let decoded = codec::decode(&bytes, raw);
+        decoded.and_then(|voxels| open.tail.check(chunk.slot(), &bytes).map(|()| voxels)).map_err(|fault| {
+            let (array, shard, path) = (open.array, open.shard, open.path.clone());
+            StoreError::Chunk { array, shard, path, chunk, start, end: start + bytes.len() as u64, fault }
         })
     }
-}
-
-/// Reads at a position, whatever other threads read from the same file.
-#[cfg(unix)]
-pub(crate) fn read_exact_at(file: &File, out: &mut [u8], offset: u64) -> io::Result<()> {
-    std::os::unix::fs::FileExt::read_exact_at(file, out, offset)
-}
-
-#[cfg(windows)]
-pub(crate) fn read_exact_at(file: &File, mut out: &mut [u8], mut offset: u64) -> io::Result<()> {
-    while !out.is_empty() {
-        match std::os::windows::fs::FileExt::seek_read(file, out, offset)? {
-            0 => return Err(io::ErrorKind::UnexpectedEof.into()),
-            n => {
-                out = &mut out[n..];
-                offset += n as u64;
-            }
-        }
-    }
-    Ok(())
 }

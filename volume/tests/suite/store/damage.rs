@@ -2,12 +2,15 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use brickcast_volume::format::VoxelType;
-use brickcast_volume::store::{ChunkCache, ChunkFault, IndexFault, PrepareOptions, ShardIndex, Store, StoreError};
+use brickcast_volume::store::{
+    ChunkCache, ChunkFault, IndexFault, MemoryObjects, PrepareOptions, ShardIndex, Store, StoreError,
+};
 
 use super::regions::windows;
-use super::support::{INDEX_BYTES, SUM_BYTES, Volume, downgrade, files_of, noisy};
+use super::support::{INDEX_BYTES, SUM_BYTES, Volume, downgrade, in_memory, noisy};
 
 /// A store of two shards, the first with absent inner chunks.
 fn store_in(dir: &Path) -> PathBuf {
@@ -29,9 +32,13 @@ fn store_with_regions(dir: &Path) -> PathBuf {
     path
 }
 
-/// Opens the store and reads all of it, as bricks: once from their neighbours, and once from their halos.
+/// Opens the store and reads all of it.
 fn read_all(path: &Path) -> Result<(), StoreError> {
-    let store = Store::open(path)?;
+    read_bricks(&Store::open(path)?)
+}
+
+/// Reads all of a store as bricks: once from their neighbours, and once from their halos.
+fn read_bricks(store: &Store) -> Result<(), StoreError> {
     let cache = ChunkCache::new(1 << 20);
     store.manifest().grid.bricks().try_for_each(|b| {
         // 6 layers are more than halos hold; 3 of voxels, and 5 of labels and distances, are all that they do.
@@ -49,44 +56,43 @@ fn read_all(path: &Path) -> Result<(), StoreError> {
 fn a_flipped_bit_anywhere_is_found() {
     let dir = tempfile::tempdir().unwrap();
     for path in [store_in(dir.path()), store_with_regions(dir.path())] {
-        flip_bits(&path);
+        read_all(&path).unwrap();
+        flip_bits(&in_memory(&path));
     }
 }
 
-fn flip_bits(path: &Path) {
-    read_all(path).unwrap();
-    for file in files_of(path) {
-        let good = fs::read(&file).unwrap();
-        let within = file.strip_prefix(path).unwrap();
-        let array = ["0", "labels/regions/0", "distances"].into_iter().find(|a| within.starts_with(format!("{a}/c")));
-        let is_shard = array.is_some();
+fn flip_bits(good: &MemoryObjects) {
+    let open = |objects: &MemoryObjects| Store::open_objects(Arc::new(objects.clone()));
+    read_bricks(&open(good).unwrap()).unwrap();
+    for (key, content) in good.iter() {
+        let array = ["0", "labels/regions/0", "distances"].into_iter().find(|a| key.starts_with(&format!("{a}/c/")));
+        let (is_shard, length) = (array.is_some(), content.len());
         // Every part of the file, at odd places.
-        let step = [1, 7, 211][usize::from(good.len() > 100) + usize::from(good.len() > 4000)];
-        for at in (0..good.len()).step_by(step) {
+        let step = [1, 7, 211][usize::from(length > 100) + usize::from(length > 4000)];
+        for at in (0..length).step_by(step) {
+            let mut bytes = content.to_vec();
+            bytes[at] ^= 1 << (at % 8);
             let mut bad = good.clone();
-            bad[at] ^= 1 << (at % 8);
-            fs::write(&file, &bad).unwrap();
-            if file.ends_with("brickcast.json") {
+            bad.put(key, bytes.clone());
+            let opened = open(&bad);
+            if key == "brickcast.json" {
                 // The hash by which the store is known changes, so it is at most another store.
-                let reopened = Store::open(path);
-                assert!(reopened.is_err() || reopened.unwrap().manifest_bytes() == bad);
+                assert!(opened.is_err() || opened.unwrap().manifest_bytes() == bytes);
                 continue;
             }
-            let Err(error) = read_all(path) else { panic!("{file:?} byte {at}: not found") };
+            let Err(error) = opened.and_then(|store| read_bricks(&store)) else { panic!("{key} byte {at}: not found") };
             match error {
                 StoreError::Chunk { array: a, start, end, fault: ChunkFault::Crc { .. }, .. } => {
                     assert_eq!(Some(a.path()), array);
-                    assert!(is_shard && (start..end).contains(&(at as u64)), "{file:?} byte {at}");
+                    assert!(is_shard && (start..end).contains(&(at as u64)), "{key} byte {at}");
                 }
                 StoreError::ShardIndex { .. } => {
-                    assert!(is_shard && at >= good.len() - INDEX_BYTES - SUM_BYTES, "{file:?} byte {at}")
+                    assert!(is_shard && at >= length - INDEX_BYTES - SUM_BYTES, "{key} byte {at}")
                 }
-                _ => assert!(!is_shard, "{file:?} byte {at}: {error}"),
+                _ => assert!(!is_shard, "{key} byte {at}: {error}"),
             }
         }
-        fs::write(&file, &good).unwrap();
     }
-    read_all(path).unwrap();
 }
 
 #[test]

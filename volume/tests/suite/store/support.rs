@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use brickcast_volume::format::{FormatError, SourceHeader, VolumeSource, VoxelType};
 use brickcast_volume::space::Geometry;
-use brickcast_volume::store::{ContentHash, PrepareOptions, PrepareSummary, StoreError, prepare};
+use brickcast_volume::store::{ContentHash, MemoryObjects, PrepareOptions, PrepareSummary, StoreError, prepare};
 
 #[derive(Debug)]
 pub(crate) struct MemorySource {
@@ -92,15 +92,8 @@ impl Volume {
 
     pub(crate) fn source(&self) -> MemorySource {
         let geometry = Geometry::new(self.dims, [0.5, 1.0, 2.0], [-3.0, 4.0, 5.5]).unwrap();
-        let header = SourceHeader {
-            geometry,
-            placement: Default::default(),
-            voxel_type: self.voxel_type,
-            format: "memory",
-            space_unit: Some("mm".to_owned()),
-            no_data: Vec::new(),
-            notes: Vec::new(),
-        };
+        let header = SourceHeader::new("memory", geometry, self.voxel_type);
+        let header = SourceHeader { space_unit: Some("mm".to_owned()), ..header };
         let bytes = self.values.iter().flat_map(|v| cast(self.voxel_type, *v).1).collect();
         MemorySource { header, bytes, next: 0, seekable: false, largest: 0, good_planes: usize::MAX }
     }
@@ -204,6 +197,16 @@ pub(crate) fn downgrade(path: &Path, version: u64) {
         std::fs::write(path.join(table), records).unwrap();
     }
     std::fs::write(manifest, text).unwrap();
+}
+
+/// The files of the store at `path`, as they are now, in memory.
+pub(crate) fn in_memory(path: &Path) -> MemoryObjects {
+    let mut objects = MemoryObjects::new(Path::new("memory"));
+    for file in files_of(path) {
+        let key = file.strip_prefix(path).unwrap().to_str().unwrap();
+        objects.put(key, std::fs::read(&file).unwrap());
+    }
+    objects
 }
 
 pub(crate) fn files_of(root: &Path) -> Vec<PathBuf> {

@@ -1,13 +1,13 @@
 //! Links, of files and of folders on the way, before, while and after something is opened.
 
 use std::fs;
-use std::io::Read as _;
 use std::os::unix::fs::symlink;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use super::*;
-use crate::store::files::folder::StoreFolder;
+use crate::store::objects::Objects as _;
+use crate::store::objects::folder::StoreFolder;
 
 const INSIDE: &str = "inside";
 const OUTSIDE: &str = "not for clients";
@@ -35,9 +35,8 @@ impl Site {
 }
 
 fn read(jail: &Jail, folder: &str, file: &str) -> Result<String, StoreError> {
-    let mut text = String::new();
-    jail.folder(Path::new(folder)).open(file)?.file.read_to_string(&mut text).unwrap();
-    Ok(text)
+    let bytes = jail.folder(Path::new(folder)).open(file)?.read_at_most(u64::MAX)?;
+    Ok(String::from_utf8(bytes.into()).unwrap())
 }
 
 #[test]
