@@ -18,8 +18,10 @@ pub fn binaries() -> PathBuf {
             let test = std::env::current_exe().expect("the test's own path");
             let folder = test.parent().and_then(Path::parent).expect("target/<profile>/deps/<test>").to_path_buf();
             let mut build = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-            // The whole workspace: of a part of it, dependencies would have other features and be built again.
-            build.args(["build", "--quiet", "--workspace", "--bins"]);
+            // With the program that runs, and of the whole workspace: otherwise dependencies would have other features than the
+            // tests' (of tokio, for one), and half of the tree would be built again.
+            let program = test.file_stem().and_then(|name| name.to_str()?.rsplit_once('-')).expect("<test>-<hash>").0;
+            build.args(["build", "--quiet", "--workspace", "--bins", "--test", program]);
             build.current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));
             build.env("CARGO_TARGET_DIR", folder.parent().expect("target"));
             // Cargo tells tests about their package; build scripts that read that would all run again.

@@ -49,7 +49,7 @@ fn frames(folder: &Path, nodes: &[&NodeProcess], extra: &[&str]) -> Vec<Value> {
     let nodes = nodes.iter().map(|n| n.address.as_str()).collect::<Vec<_>>().join(",");
     let mut args =
         vec!["balance", "part", "--nodes", &nodes, "--exact", "--load-by", "samples", "--json", "balance.json"];
-    args.extend(["--size", "256x256", "--window", "50,255", "--opacity", "0.05", "--accel", "ess"]);
+    args.extend(["--window", "50,255", "--opacity", "0.05", "--accel", "ess"]);
     args.extend(extra);
     let said = brickcast_ok(folder, &args);
     eprintln!("{}", said.trim().lines().last().unwrap());
@@ -116,7 +116,7 @@ fn both_render(frames: &[Value]) {
 
 /// From the even split of `--balance off` to an even load within 20 frames, and it stays even.
 fn becomes_even(folder: &Path, nodes: [&NodeProcess; 2], at_first: f64) {
-    let path = ["--frames", "60", "--orbit", "40"];
+    let path = ["--frames", "60", "--orbit", "40", "--size", "192x192"];
     let still = with(&path, &["--balance", "off"]);
     let one = frames(folder, &nodes[..1], &still);
     let off = frames(folder, &nodes, &still);
@@ -159,7 +159,7 @@ fn a_dive_on_three_nodes_needs_copies_and_shared_tiles() {
     one_sided(folder.path());
     let nodes = [(); 3].map(|()| node(folder.path(), &[]));
     let all: Vec<&NodeProcess> = nodes.iter().collect();
-    let path = ["--frames", "48", "--camera-path", "dive", "--orbit", "90", "--azimuth", "-70"];
+    let path = ["--frames", "48", "--camera-path", "dive", "--orbit", "90", "--azimuth", "-70", "--size", "256x256"];
     let one = frames(folder.path(), &all[..1], &with(&path, &["--balance", "off"]));
     let fixed = frames(folder.path(), &all, &with(&path, &["--balance", "static"]));
     let bare = frames(folder.path(), &all, &with(&path, &["--replicas", "1", "--no-split"]));

@@ -1,7 +1,7 @@
 //! Frames in a row while nodes are killed and started again at random: none is lost, none is wrong.
 //!
-//! By hand, longer: `BRICKCAST_SOAK_FRAMES=1000 BRICKCAST_SOAK_KILL_SECONDS=5 BRICKCAST_SOAK_CLIENTS=20 cargo test --workspace --test soak
-//! -- --nocapture`
+//! Longer in `.ci/run --slow`, or by hand: `BRICKCAST_SOAK_FRAMES=1000 BRICKCAST_SOAK_KILL_SECONDS=5 BRICKCAST_SOAK_CLIENTS=20
+//! cargo test --workspace --test cluster soak -- --nocapture`
 
 use std::path::{Path, PathBuf};
 use std::process::Stdio;

@@ -1,6 +1,7 @@
 //! The integral kernel: GPU against twin, acceleration on against off, one brick against many, for every style.
 
-use std::sync::Arc;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex};
 
 use brickcast_node::kernel::{BrickInput, JobImage, KernelScene, KernelStyle, Raycaster, Recipe};
 use brickcast_volume::preintegration::Preintegrated;
@@ -85,6 +86,15 @@ struct Way {
     homogeneous: Option<u16>,
 }
 
+/// Tables of slabs cost more than most pictures: each is made once.
+fn slabs(function: &TransferFunction, is_alone: bool, step: f64, entries: usize, lit: bool) -> Arc<Preintegrated> {
+    type Key = (bool, u64, usize, bool);
+    static MADE: Mutex<BTreeMap<Key, Arc<Preintegrated>>> = Mutex::new(BTreeMap::new());
+    let mut made = MADE.lock().unwrap();
+    let make = || Arc::new(Preintegrated::with_entries(function, (0.0, 1.0), step, entries, lit));
+    made.entry((is_alone, step.to_bits(), entries, lit)).or_insert_with(make).clone()
+}
+
 fn scene(volume: &Labelled, style: &Style, way: Way, view: View, filter: Filter) -> KernelScene {
     let (step, range, entries) = (view.step(), (0.0, 1.0), style.table_entries());
     // Isosurfaces by themselves, too.
@@ -92,7 +102,7 @@ fn scene(volume: &Labelled, style: &Style, way: Way, view: View, filter: Filter)
     let function = if is_alone { TransferFunction::nothing() } else { function() };
     let lit = style.shading.is_some_and(|phong| phong.lighting.needs_weights());
     let slabs = style.integrates_slabs().then(|| {
-        let slabs = Arc::new(Preintegrated::with_entries(&function, range, step, entries, lit));
+        let slabs = slabs(&function, is_alone, step, entries, lit);
         [slabs.clone(), slabs]
     });
     let table = Arc::new(TransferTable::with_entries(&function, range, step, entries));
