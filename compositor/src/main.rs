@@ -12,7 +12,8 @@ use brickcast_volume::shown::ShownLog;
 fn main() -> ExitCode {
     // SAFETY: the first thing that happens; there are no other threads.
     unsafe { embedded::need_no_desktop() };
-    // Before anything of rustls: two providers in the tree would leave it without a choice. Fails only where one is chosen.
+    // Before anything of rustls: two providers in the tree would leave it without a choice. Fails only where one is
+    // chosen.
     let _ = rustls::crypto::ring::default_provider().install_default();
     let invocation = match Invocation::parse(std::env::args_os()) {
         Ok(invocation) => invocation,
@@ -43,7 +44,8 @@ fn main() -> ExitCode {
     }
     if let Err(error) = interrupts::watch() {
         tracing::warn!(
-            "signals cannot be listened for ({error}): one that ends this leaves half-written files, which the next run removes"
+            "signals cannot be listened for ({error}): one that ends this leaves half-written files, which the next \
+             run removes"
         );
     }
     match command::run(invocation) {

@@ -1,7 +1,8 @@
 //! What leaping and skipping gain: a synthetic casting of 256^3 in bricks of 64, 512 x 512, step 0.5.
 //!
-//! `cargo run --release -p brickcast-node --example accelerated [-- FRAMES [BACKEND [WAYS]]]` prints a row for each way to accelerate:
-//! milliseconds a frame, and million reads, skips, positions and positions leapt. Regions are known here, not segmented.
+//! `cargo run --release -p brickcast-node --example accelerated [-- FRAMES [BACKEND [WAYS]]]` prints a row for each way
+//! to accelerate: milliseconds a frame, and million reads, skips, positions and positions leapt. Regions are known
+//! here, not segmented.
 
 #![allow(clippy::print_stdout)]
 
@@ -175,8 +176,8 @@ fn measure(raycaster: &dyn Raycaster, filter: Filter, casting: &Casting, frames:
             let BrickCounts { samples, skips, positions, leapt } = counts;
             let [reads, skips, positions, leapt] = [samples, skips, positions, leapt].map(|n| n as f64 / 1e6);
             println!(
-                "{} {filter:?} {name:24} {what:6} {ms:7.1} ms, {cpu_ms:7.1} CPU ms, {reads:6.2} M reads, {skips:5.2} M skips, {positions:6.2} M positions, \
-                 {leapt:6.2} M leapt",
+                "{} {filter:?} {name:24} {what:6} {ms:7.1} ms, {cpu_ms:7.1} CPU ms, {reads:6.2} M reads, {skips:5.2} M \
+                 skips, {positions:6.2} M positions, {leapt:6.2} M leapt",
                 raycaster.info().backend
             );
         }

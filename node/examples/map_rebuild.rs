@@ -1,7 +1,8 @@
-//! What a change of the transfer function costs a node that holds 512^3 voxels: the macrocell maps of 512 bricks built anew.
+//! What a change of the transfer function costs a node that holds 512^3 voxels: the macrocell maps of 512 bricks built
+//! anew.
 //!
-//! `cargo run --release -p brickcast-node --example map_rebuild`: a tiny picture, so that rendering costs next to nothing, with
-//! the same function again and again, and with another one each time.
+//! `cargo run --release -p brickcast-node --example map_rebuild`: a tiny picture, so that rendering costs next to
+//! nothing, with the same function again and again, and with another one each time.
 
 #![allow(clippy::print_stdout)]
 

@@ -74,8 +74,8 @@ fn measure(raycaster: &dyn Raycaster, filter: Filter, brick_size: u32, frames: u
         _ => "   ?".to_owned(),
     };
     println!(
-        "{} {filter:?}, bricks of {brick_size:3}: {:5.1} M samples a frame, {:6.1} ms a frame, {:6.1} M samples/s, {per_core} \
-         M samples/s/core",
+        "{} {filter:?}, bricks of {brick_size:3}: {:5.1} M samples a frame, {:6.1} ms a frame, {:6.1} M samples/s, \
+         {per_core} M samples/s/core",
         raycaster.info().backend,
         millions / f64::from(frames),
         wall * 1e3 / f64::from(frames),

@@ -30,8 +30,8 @@ pub(crate) struct Cli {
     #[arg(long, value_name = "DIR", required_unless_present = "health")]
     pub(crate) data: Option<PathBuf>,
 
-    /// Folder with ca.pem, node.pem, node.key and token (made by `brickcast tls init`): clients must show a certificate of
-    /// the same authority, and the token
+    /// Folder with ca.pem, node.pem, node.key and token (made by `brickcast tls init`): clients must show a certificate
+    /// of the same authority, and the token
     #[arg(long, value_name = "DIR", env = "BRICKCAST_TLS")]
     pub(crate) tls: Option<PathBuf>,
 
@@ -39,7 +39,8 @@ pub(crate) struct Cli {
     #[arg(long, value_name = "FILE", env = "BRICKCAST_TOKEN_FILE")]
     pub(crate) token_file: Option<PathBuf>,
 
-    /// Listen beyond loopback without TLS: everyone on the network can use the node and read pictures and data on the way
+    /// Listen beyond loopback without TLS: everyone on the network can use the node and read pictures and data on the
+    /// way
     #[arg(long)]
     pub(crate) insecure: bool,
 
@@ -55,7 +56,8 @@ pub(crate) struct Cli {
     #[arg(long, value_name = "SIZE", default_value = "4GiB", value_parser = parse_bytes)]
     pub(crate) memory_budget: u64,
 
-    /// Render at one such part of the speed, 1 to 100: after its work the node rests (to try clusters whose nodes differ)
+    /// Render at one such part of the speed, 1 to 100: after its work the node rests (to try clusters whose nodes
+    /// differ)
     #[arg(long, value_name = "X", default_value = "1")]
     pub(crate) throttle: Throttle,
 

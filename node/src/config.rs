@@ -43,17 +43,19 @@ pub fn unique_node_id() -> String {
     format!("{:x}-{:x}-{count}", std::process::id(), nanos & 0xffff_ffff_ffff)
 }
 
-/// What a node of this budget takes beside its bricks, at least, bytes: the program, what is being decoded, requests and frames.
+/// What a node of this budget takes beside its bricks, at least, bytes: the program, what is being decoded, requests
+/// and frames.
 const BESIDE: u64 = 96 << 20;
 
-/// What to tell of a budget that is more than can be had: the node would be killed once it is used up, in the middle of a frame.
+/// What to tell of a budget that is more than can be had: the node would be killed once it is used up, in the middle of
+/// a frame.
 #[must_use]
 pub fn too_much(budget: u64, most: Option<Limit>) -> Option<String> {
     let Limit { bytes, by } = most?;
     (budget.saturating_add(BESIDE) > bytes).then(|| {
         format!(
-            "--memory-budget {}: {} is all that there is ({by}), and a node takes {} and more beside its bricks; it may be killed in the \
-             middle of a frame: lower the budget to half of that, or raise the limit",
+            "--memory-budget {}: {} is all that there is ({by}), and a node takes {} and more beside its bricks; it \
+             may be killed in the middle of a frame: lower the budget to half of that, or raise the limit",
             format_bytes(budget),
             format_bytes(bytes),
             format_bytes(BESIDE),

@@ -25,8 +25,8 @@ pub enum NodeError {
     )]
     OtherContent { name: String, got: StoreHash, want: StoreHash },
     #[error(
-        "store `{name}`: {} lies behind a link that leads out of the node's --data, which is never followed, or that was put \
-         there just now; copy the file itself",
+        "store `{name}`: {} lies behind a link that leads out of the node's --data, which is never followed, or that \
+         was put there just now; copy the file itself",
         file.display()
     )]
     Outside { name: String, file: PathBuf },
@@ -53,8 +53,8 @@ pub enum NodeError {
     )]
     BrickTooLarge { brick: BrickIndex, bytes: u64, budget: u64 },
     #[error(
-        "chunk {chunk} needs {} at once in exact mode, the node's memory budget is {}; raise --memory-budget, or render \
-         without --exact",
+        "chunk {chunk} needs {} at once in exact mode, the node's memory budget is {}; raise --memory-budget, or \
+         render without --exact",
         format_bytes(*bytes),
         format_bytes(*budget)
     )]

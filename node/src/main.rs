@@ -30,7 +30,8 @@ const EXIT_TIMEOUT: Duration = Duration::from_millis(500);
 fn main() -> ExitCode {
     // SAFETY: the first thing that happens; there are no other threads.
     unsafe { brickcast_node::gpu::drivers::need_no_desktop() };
-    // Before anything of rustls: two providers in the tree would leave it without a choice. Fails only where one is chosen.
+    // Before anything of rustls: two providers in the tree would leave it without a choice. Fails only where one is
+    // chosen.
     let _ = rustls::crypto::ring::default_provider().install_default();
     let cli = Cli::parse();
     start_log(&cli);

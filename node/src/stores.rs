@@ -197,7 +197,8 @@ impl Stores {
         }
     }
 
-    /// Looks at the disk, if that was not done a moment ago. Who comes meanwhile waits for what is found; who needs nothing new does not.
+    /// Looks at the disk, if that was not done a moment ago. Who comes meanwhile waits for what is found; who needs
+    /// nothing new does not.
     fn scan(&self) {
         let _scanning = self.scanning.lock().unwrap_or_else(PoisonError::into_inner);
         if self.lock().scanned.is_some_and(|at| at.elapsed() < SCAN_INTERVAL) {

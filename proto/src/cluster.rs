@@ -85,8 +85,8 @@ pub struct NodeDescription {
     pub node_id: String,
     /// Of the software.
     pub version: String,
-    /// Of the messages: [`crate::PROTOCOL_VERSION`] on the other side. Any value is accepted here, so that a mismatch can
-    /// be told with both numbers.
+    /// Of the messages: [`crate::PROTOCOL_VERSION`] on the other side. Any value is accepted here, so that a mismatch
+    /// can be told with both numbers.
     pub protocol: u32,
     /// `gpu` or `cpu`.
     pub backend: String,
@@ -143,7 +143,8 @@ pub struct PrepareRequest {
     pub scene: Scene,
     /// One brick at a time: no frame waits for more than that.
     pub background: bool,
-    /// Bricks to let go of before any is loaded, but for those that a frame or another session uses; none twice, none that is asked for.
+    /// Bricks to let go of before any is loaded, but for those that a frame or another session uses; none twice, none
+    /// that is asked for.
     pub release: Vec<u32>,
 }
 

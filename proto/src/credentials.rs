@@ -1,8 +1,8 @@
 //! Who may talk to whom: certificates of one private authority on both sides (mutual TLS), and bearer tokens.
 //!
-//! A certificate names a role, not a host: every node's holds [`SERVER_NAME`], which clients demand whatever the address was.
-//! So addresses may come from a name service or change, and yet nobody without a node's key can play node; a client's
-//! certificate is for clients only, so it cannot either.
+//! A certificate names a role, not a host: every node's holds [`SERVER_NAME`], which clients demand whatever the
+//! address was. So addresses may come from a name service or change, and yet nobody without a node's key can play node;
+//! a client's certificate is for clients only, so it cannot either.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -34,7 +34,9 @@ const MAX_FILE_BYTES: u64 = 1 << 20;
 pub enum CredentialError {
     #[error("{0}; `brickcast tls init DIR` makes what is needed")]
     Read(#[from] FileError),
-    #[error("token file {}, line {line}: a token is {MIN_TOKEN} to {MAX_TOKEN} visible ASCII characters", path.display())]
+    #[error(
+        "token file {}, line {line}: a token is {MIN_TOKEN} to {MAX_TOKEN} visible ASCII characters", path.display()
+    )]
     Token { path: PathBuf, line: usize },
     #[error("token file {} holds no token: write one a line (# starts a comment)", path.display())]
     NoToken { path: PathBuf },
@@ -170,8 +172,8 @@ pub fn tokens(given: Option<&Path>, tls: Option<&Path>) -> Result<Vec<Token>, Cr
     token_file(given, tls).map_or(Ok(Vec::new()), |path| read_tokens(&path))
 }
 
-/// What to tell of a secret's file that others may read or change; nothing where its owner alone may, or a group may read it: that is
-/// what `brickcast tls init --group-readable` is for.
+/// What to tell of a secret's file that others may read or change; nothing where its owner alone may, or a group may
+/// read it: that is what `brickcast tls init --group-readable` is for.
 #[must_use]
 pub fn exposed(path: &Path) -> Option<String> {
     #[cfg(unix)]
@@ -181,8 +183,8 @@ pub fn exposed(path: &Path) -> Option<String> {
         let mode = std::fs::metadata(path).ok()?.permissions().mode() & 0o777;
         (mode & OTHERS != 0).then(|| {
             format!(
-                "{} (mode {mode:03o}) can be read or changed by others, who can then pass for its owner: chmod 600 it, and make new \
-                 ones where they may have been read",
+                "{} (mode {mode:03o}) can be read or changed by others, who can then pass for its owner: chmod 600 it, \
+                 and make new ones where they may have been read",
                 path.display()
             )
         })

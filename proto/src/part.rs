@@ -86,9 +86,9 @@ pub struct Receipt {
     pub over_tolerance_bricks: u32,
     /// Turns of rays that jumped and read nothing but a macrocell.
     pub skips: u64,
-    /// Milliseconds of the node's own in rendering, loading left out, times its throttle; finite, not negative. Where the
-    /// processor renders, processor time of the process, all threads together: nodes inside one process share that clock, so
-    /// that each counts what the others do meanwhile. Wall time where a GPU does.
+    /// Milliseconds of the node's own in rendering, loading left out, times its throttle; finite, not negative. Where
+    /// the processor renders, processor time of the process, all threads together: nodes inside one process share that
+    /// clock, so that each counts what the others do meanwhile. Wall time where a GPU does.
     pub work_ms: f64,
     /// Of the chunks that were rendered, by strictly increasing index, at most [`crate::order::MAX_CHUNKS`].
     pub costs: Vec<ChunkCost>,

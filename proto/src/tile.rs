@@ -13,8 +13,8 @@ pub(crate) const TILE_PIXELS: usize = (TILE * TILE) as usize;
 /// How far above 1 rounding may carry an alpha.
 const ALPHA_SLACK: f32 = 1e-3;
 
-/// The active pixels of one tile. Shape is valid by construction: runs fit a tile and agree with the payload's length. The
-/// checksum and the values are verified by [`decode_tile`].
+/// The active pixels of one tile. Shape is valid by construction: runs fit a tile and agree with the payload's length.
+/// The checksum and the values are verified by [`decode_tile`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct EncodedTile {
     pub(crate) format: Transport,
@@ -106,7 +106,8 @@ fn pixel_bytes(format: Transport) -> usize {
     }
 }
 
-/// Packs the pixels of a tile (row-major, clipped to the picture). `None` where all of them are clear as they would travel.
+/// Packs the pixels of a tile (row-major, clipped to the picture). `None` where all of them are clear as they would
+/// travel.
 ///
 /// f32 keeps the very bits; f16 rounds to the nearest; u8 is `round(255 v)`, premultiplied, clamped.
 #[must_use]
@@ -151,8 +152,8 @@ fn checksum(runs: &[u32], payload: &[u8]) -> u32 {
 /// All pixels of a tile of `size` pixels (clipped to the picture), row-major; clear where none was sent.
 ///
 /// # Errors
-/// A checksum that does not match, runs beyond `size`, a broken LZ4 block, values that are not finite or an alpha outside
-/// 0..=1.
+/// A checksum that does not match, runs beyond `size`, a broken LZ4 block, values that are not finite or an alpha
+/// outside 0..=1.
 pub fn decode_tile(tile: &EncodedTile, size: UVec2) -> Result<Vec<Premul>, TileError> {
     let pixels = (size.x as usize).saturating_mul(size.y as usize).min(TILE_PIXELS);
     let covered: usize = tile.runs.iter().map(|&r| r as usize).sum();
@@ -246,7 +247,8 @@ mod tests {
         #![proptest_config(ProptestConfig::with_cases(60))]
         #[test]
         fn tiles_survive_the_wire_within_their_format((size, pixels) in tile()) {
-            for (format, bound) in [(Transport::F32, 0.0), (Transport::F16, 0.5 / 2048.0), (Transport::U8, 0.5001 / 255.0)] {
+            let bounds = [(Transport::F32, 0.0), (Transport::F16, 0.5 / 2048.0), (Transport::U8, 0.5001 / 255.0)];
+            for (format, bound) in bounds {
                 let back = match encode_tile(&pixels, format) {
                     Some(encoded) => decode_tile(&encoded, size).unwrap(),
                     None => vec![Premul::CLEAR; pixels.len()],

@@ -1,7 +1,7 @@
 //! Connection settings that both sides share.
 //!
-//! HTTP/2's defaults (16 KiB frames, 64 KiB windows) are slow for tiles: 1 MiB frames with 16 and 64 MiB windows ran 1.6 to
-//! 3.6 times faster on loopback. Keep-alive is what notices a peer that was lost without a word.
+//! HTTP/2's defaults (16 KiB frames, 64 KiB windows) are slow for tiles: 1 MiB frames with 16 and 64 MiB windows ran
+//! 1.6 to 3.6 times faster on loopback. Keep-alive is what notices a peer that was lost without a word.
 
 use std::time::Duration;
 
@@ -19,8 +19,8 @@ use crate::wire::render_server::{Render, RenderServer};
 pub const MAX_PART_BYTES: usize = 8 << 20;
 /// The largest order, bytes: a transfer function with all its points is 4 MiB, and there can be two.
 pub const MAX_ORDER_BYTES: usize = 12 << 20;
-/// The largest message of the cluster service, bytes: ranges and facts of [`brickcast_volume::brick::MAX_BRICKS`] bricks and
-/// a manifest.
+/// The largest message of the cluster service, bytes: ranges and facts of [`brickcast_volume::brick::MAX_BRICKS`]
+/// bricks and a manifest.
 pub const MAX_CLUSTER_BYTES: usize = 72 << 20;
 
 pub const FRAME_BYTES: u32 = 1 << 20;
@@ -34,23 +34,26 @@ pub const ORDER_CONNECTION_WINDOW: u32 = 4 << 20;
 pub const MAX_HEADER_BYTES: u32 = 16 << 10;
 pub const KEEP_ALIVE_INTERVAL: Duration = Duration::from_secs(10);
 pub const KEEP_ALIVE_TIMEOUT: Duration = Duration::from_secs(5);
-/// Until a connection stands, TLS included: no longer than a silent one takes to be found, since a node may be lost between frames
-/// and then be given a share.
+/// Until a connection stands, TLS included: no longer than a silent one takes to be found, since a node may be lost
+/// between frames and then be given a share.
 pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(2);
 /// Calls that one connection may have open at once.
 pub const MAX_CONCURRENT_STREAMS: u32 = 64;
-/// Calls of one connection that its client reset before the node took them up; one more, and the node closes the connection.
+/// Calls of one connection that its client reset before the node took them up; one more, and the node closes the
+/// connection.
 ///
-/// h2 says 20, which a client meets that cancels frames in a burst: all that it has open, and more as soon as those are closed. So
-/// it is 16 times what may be open. It is bounded since such calls cost memory (their headers) and do not count as open: without
-/// a bound, whoever resets calls faster than a node takes them up fills it (rapid reset, CVE-2023-44487). They only pile up within
-/// one turn of a connection's task, which then takes all of them up; docs/reference/security.md tells what they were measured to cost.
+/// h2 says 20, which a client meets that cancels frames in a burst: all that it has open, and more as soon as those are
+/// closed. So it is 16 times what may be open. It is bounded since such calls cost memory (their headers) and do not
+/// count as open: without a bound, whoever resets calls faster than a node takes them up fills it (rapid reset,
+/// CVE-2023-44487). They only pile up within one turn of a connection's task, which then takes all of them up;
+/// docs/reference/security.md tells what they were measured to cost.
 pub const MAX_RESETS_UNSEEN: usize = 16 * MAX_CONCURRENT_STREAMS as usize;
-/// Calls that a client remembers after it reset them, and for how long: what a node had sent before it heard of it is ignored. Of a
-/// forgotten call each such frame counts for as long as the connection lives ...
+/// Calls that a client remembers after it reset them, and for how long: what a node had sent before it heard of it is
+/// ignored. Of a forgotten call each such frame counts for as long as the connection lives ...
 pub const RESETS_REMEMBERED: usize = 1024;
 pub const RESET_MEMORY: Duration = Duration::from_secs(5);
-/// ... and the client itself closes a connection on which more of them came: a node that goes on after a reset is broken.
+/// ... and the client itself closes a connection on which more of them came: a node that goes on after a reset is
+/// broken.
 pub const MAX_LATE_FRAMES: usize = 1 << 16;
 
 #[derive(Debug, thiserror::Error)]
@@ -60,7 +63,8 @@ pub enum AddressError {
     #[error("`{address}` is not a node's address: {source}; write host:port, for example 127.0.0.1:7000")]
     Uri { address: String, source: tonic::transport::Error },
     #[error(
-        "node {address}: the certificates in {folder} cannot be used ({reason}); make new ones with `brickcast tls init`"
+        "node {address}: the certificates in {folder} cannot be used ({reason}); make new ones with `brickcast tls \
+         init`"
     )]
     Certificates { address: String, folder: String, reason: String },
 }

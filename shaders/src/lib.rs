@@ -1,7 +1,7 @@
 //! The WGSL kernels, their Rust-side layouts, and a CPU twin of every kernel.
 //!
-//! Kernels are concatenated from `wgsl/` (no module system: under ten kernels need none). A twin has its kernel's name and
-//! order of operations, so that the two can be read side by side.
+//! Kernels are concatenated from `wgsl/` (no module system: under ten kernels need none). A twin has its kernel's name
+//! and order of operations, so that the two can be read side by side.
 
 pub mod layout;
 pub mod style;
@@ -48,8 +48,8 @@ pub fn raycast_wgsl(variant: RaycastVariant) -> String {
     with_shared(variant, &[include_str!("../wgsl/shared/frame.wgsl"), include_str!("../wgsl/raycast.wgsl")].concat())
 }
 
-/// The kernel that also leaps, skips, tells regions apart and knows voxels without data, as its overrides `LEAP`, `MAP`, `REGIONS`
-/// and `HOLES` say; entry point `accelerated`.
+/// The kernel that also leaps, skips, tells regions apart and knows voxels without data, as its overrides `LEAP`,
+/// `MAP`, `REGIONS` and `HOLES` say; entry point `accelerated`.
 #[must_use]
 pub fn accelerated_wgsl(variant: RaycastVariant) -> String {
     with_shared(
@@ -63,8 +63,8 @@ pub fn accelerated_wgsl(variant: RaycastVariant) -> String {
     )
 }
 
-/// The kernel that integrates between samples, lights, finds isosurfaces, projects and clips, as its overrides say (those of
-/// [`accelerated_wgsl`], and `PREINTEGRATED`, `LIGHT`, `SURFACES`, `MODE`); entry point `integral`.
+/// The kernel that integrates between samples, lights, finds isosurfaces, projects and clips, as its overrides say
+/// (those of [`accelerated_wgsl`], and `PREINTEGRATED`, `LIGHT`, `SURFACES`, `MODE`); entry point `integral`.
 #[must_use]
 pub fn integral_wgsl(variant: RaycastVariant) -> String {
     let slab = match variant {

@@ -1,9 +1,9 @@
-// One brick into the accumulator, by rays that leap (Frey & Ertl 2009) and skip (Krueger & Westermann 2003): the plain loop
-// of the flattened volume, several positions at once where they are known to have one value
+// One brick into the accumulator, by rays that leap (Frey & Ertl 2009) and skip (Krueger & Westermann 2003): the plain
+// loop of the flattened volume, several positions at once where they are known to have one value
 // (docs/adr/0002-leaping.md). shaders/src/twin/accelerated.rs is the same on the CPU.
 //
-// One flat loop: a turn takes a skip, a leap or a sample. Loops within would each run at least once a turn where a driver does
-// not branch around what no lane takes (software ones do not), and share less of what follows.
+// One flat loop: a turn takes a skip, a leap or a sample. Loops within would each run at least once a turn where a
+// driver does not branch around what no lane takes (software ones do not), and share less of what follows.
 
 // Texels hold leaps.
 override LEAP: bool;

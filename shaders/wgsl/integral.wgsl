@@ -1,6 +1,6 @@
-// One brick into the accumulator, by rays that integrate between samples (Lum, Wilson & Ma 2004), light what they meet, find
-// isosurfaces (Krueger & Westermann 2003), project, and are clipped; with leaps and skips. shaders/src/twin/integral.rs is the
-// same on the CPU, and says what holds.
+// One brick into the accumulator, by rays that integrate between samples (Lum, Wilson & Ma 2004), light what they meet,
+// find isosurfaces (Krueger & Westermann 2003), project, and are clipped; with leaps and skips.
+// shaders/src/twin/integral.rs is the same on the CPU, and says what holds.
 
 // There is a macrocell map.
 override MAP: bool;
@@ -44,7 +44,8 @@ fn volume_entry(ray: Ray) -> f32 {
     return max(max(max(enter.x, enter.y), enter.z), 0.0);
 }
 
-// The first sample behind the cut by which clipping lets the ray in at t_lo; -1 where the volume's own face does, or nothing.
+// The first sample behind the cut by which clipping lets the ray in at t_lo; -1 where the volume's own face does, or
+// nothing.
 fn first_behind_cut(ray: Ray, t_lo: f32) -> f32 {
     if t_lo <= volume_entry(ray) + LEAST_CUT {
         return -1.0;

@@ -28,23 +28,23 @@ impl Picture {
 pub struct Tolerance {
     /// For the greatest difference of any channel of any pixel that is not an outlier.
     pub max: f64,
-    /// For the mean over the four channels of all pixels that are not empty in both pictures, so that an empty margin cannot
-    /// dilute it.
+    /// For the mean over the four channels of all pixels that are not empty in both pictures, so that an empty margin
+    /// cannot dilute it.
     pub mean: f64,
     /// Share of the pixels that may exceed `max`; rounded down, so that pictures below its inverse may have none.
     pub outlier_share: f64,
 }
 
 impl Tolerance {
-    /// GPU, CPU twin and referee among each other: f32 against f64, a table of 4,096 entries and a sampler with weights of
-    /// 8 bits or more together stay below two steps of an 8-bit display wherever opacity has a slope <= 4 over the range; on
-    /// average they must be invisible (a twentieth of a step), and only a sample within f32 rounding of a face of the volume
-    /// may come or go.
+    /// GPU, CPU twin and referee among each other: f32 against f64, a table of 4,096 entries and a sampler with weights
+    /// of 8 bits or more together stay below two steps of an 8-bit display wherever opacity has a slope <= 4 over the
+    /// range; on average they must be invisible (a twentieth of a step), and only a sample within f32 rounding of a
+    /// face of the volume may come or go.
     pub const GPU_AGAINST_TWIN: Self = Self { max: 2.0 / 255.0, mean: 0.05 / 255.0, outlier_share: 1e-4 };
 
-    /// The CPU kernel and the referee: the same operations in f32, weights not quantised. What is left is the rounding of
-    /// positions (1e-5 voxel) and opacities and the kinks between table entries, all far below what a display can show; a
-    /// mistake that hides in the bound for samplers of 8 bits shows in this one.
+    /// The CPU kernel and the referee: the same operations in f32, weights not quantised. What is left is the rounding
+    /// of positions (1e-5 voxel) and opacities and the kinks between table entries, all far below what a display can
+    /// show; a mistake that hides in the bound for samplers of 8 bits shows in this one.
     pub const CPU_AGAINST_REFEREE: Self = Self { max: 0.25 / 255.0, mean: 0.01 / 255.0, outlier_share: 0.0 };
 
     /// The same scene in other bricks without early termination: the same samples in another order of f32 sums, read by
@@ -57,8 +57,8 @@ impl Tolerance {
     /// Early termination at 0.999 against none: what lies behind is worth a thousandth at most, in every opaque pixel.
     pub const EARLY_TERMINATION: Self = Self { max: 0.00101, mean: 0.001, outlier_share: 0.0 };
 
-    /// Transfer functions steeper than 4 read by a sampler with weights of 8 bits: a weight off by 1/512 times the slope is
-    /// seen where a surface passes, so only few pixels may show it, and the whole must not shift by a step.
+    /// Transfer functions steeper than 4 read by a sampler with weights of 8 bits: a weight off by 1/512 times the
+    /// slope is seen where a surface passes, so only few pixels may show it, and the whole must not shift by a step.
     pub const STEEP_HARDWARE_FILTER: Self = Self { max: 2.0 / 255.0, mean: 1.0 / 255.0, outlier_share: 0.01 };
 
     /// The same f64 arithmetic, summed in another order.
@@ -172,8 +172,8 @@ impl fmt::Display for Difference {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "max {:.3}/255 at pixel ({}, {}): {:.5?} against {:.5?}; mean {:.4}/255 over {} touched pixels; {} of {} beyond \
-             the bound",
+            "max {:.3}/255 at pixel ({}, {}): {:.5?} against {:.5?}; mean {:.4}/255 over {} touched pixels; {} of {} \
+             beyond the bound",
             self.max * 255.0,
             self.worst[0],
             self.worst[1],

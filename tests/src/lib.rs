@@ -1,8 +1,8 @@
-//! What the whole-system tests share: the independent referee, its scenes, the comparison of pictures, and the door to the
-//! product's kernels.
+//! What the whole-system tests share: the independent referee, its scenes, the comparison of pictures, and the door to
+//! the product's kernels.
 //!
-//! [`referee`] is written from the definition of the picture alone and uses nothing of the product. [`product`] is the only
-//! module here that calls the product; [`scenes`] describes each scene once, in plain numbers, for both.
+//! [`referee`] is written from the definition of the picture alone and uses nothing of the product. [`product`] is the
+//! only module here that calls the product; [`scenes`] describes each scene once, in plain numbers, for both.
 
 // All of this crate is test code: an `Err` here is a failed test.
 #![allow(clippy::unwrap_used)]

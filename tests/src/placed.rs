@@ -7,8 +7,8 @@ use crate::scenes::Scene;
 /// The six orders of three axes.
 const ORDERS: [[usize; 3]; 6] = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
 
-/// An order in which axes can be stored: axis a of the file runs along axis `order[a]` of the world, from its far end where
-/// `from_far[a]`.
+/// An order in which axes can be stored: axis a of the file runs along axis `order[a]` of the world, from its far end
+/// where `from_far[a]`.
 #[derive(Debug, Clone, Copy)]
 pub struct Storage {
     pub order: [usize; 3],

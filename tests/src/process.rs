@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-/// The folder that holds the built binaries. `cargo test --workspace` builds no binaries of other packages, so the first
-/// caller builds them.
+/// The folder that holds the built binaries. `cargo test --workspace` builds no binaries of other packages, so the
+/// first caller builds them.
 ///
 /// # Panics
 /// The build fails.
@@ -18,8 +18,8 @@ pub fn binaries() -> PathBuf {
             let test = std::env::current_exe().expect("the test's own path");
             let folder = test.parent().and_then(Path::parent).expect("target/<profile>/deps/<test>").to_path_buf();
             let mut build = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-            // With the program that runs, and of the whole workspace: otherwise dependencies would have other features than the
-            // tests' (of tokio, for one), and half of the tree would be built again.
+            // With the program that runs, and of the whole workspace: otherwise dependencies would have other features
+            // than the tests' (of tokio, for one), and half of the tree would be built again.
             let program = test.file_stem().and_then(|name| name.to_str()?.rsplit_once('-')).expect("<test>-<hash>").0;
             build.args(["build", "--quiet", "--workspace", "--bins", "--test", program]);
             build.current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."));

@@ -1,7 +1,8 @@
 //! The referee: a plain f64 raycaster, written from the definition of the picture and sharing no code with the product.
 //!
-//! It is slow and obvious on purpose. [`render`] marches through the whole volume; [`render_bricks`] marches brick by brick,
-//! with or without a deliberate mistake ([`Sabotage`]), so that tests can show which mistakes their tolerances would catch.
+//! It is slow and obvious on purpose. [`render`] marches through the whole volume; [`render_bricks`] marches brick by
+//! brick, with or without a deliberate mistake ([`Sabotage`]), so that tests can show which mistakes their tolerances
+//! would catch.
 
 mod camera;
 mod clip;

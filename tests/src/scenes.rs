@@ -10,8 +10,8 @@ mod holed;
 pub use functions::{alloys, functions};
 pub use holed::holed;
 
-/// A scene with the 16-bit codes that the product reads. The referee's values are those that the codes stand for, so that only
-/// arithmetic can differ.
+/// A scene with the 16-bit codes that the product reads. The referee's values are those that the codes stand for, so
+/// that only arithmetic can differ.
 #[derive(Debug, Clone)]
 pub struct Scene {
     pub name: String,
@@ -37,8 +37,8 @@ pub enum Faces {
 }
 
 impl Scene {
-    /// By row-major position: the pixels of the referee's picture in which the product may differ, since a sample within f32
-    /// rounding of the volume's faces may come or go there.
+    /// By row-major position: the pixels of the referee's picture in which the product may differ, since a sample
+    /// within f32 rounding of the volume's faces may come or go there.
     ///
     /// # Panics
     /// Where these are more than 1 % of the pixels and more than one: such a scene must say what its faces are.
@@ -134,8 +134,8 @@ impl Grid {
     }
 }
 
-/// A different ramp along each axis, and an L of full voxels with three arms of different lengths: no turn, swap or mirror
-/// image of it is itself.
+/// A different ramp along each axis, and an L of full voxels with three arms of different lengths: no turn, swap or
+/// mirror image of it is itself.
 fn ramps_and_l([nx, ny, nz]: [usize; 3]) -> impl Fn([usize; 3]) -> f64 {
     move |[x, y, z]| {
         let part = |i: usize, n: usize| i as f64 / n as f64;
@@ -203,8 +203,8 @@ pub fn from_below(step: f64) -> Scene {
     scene
 }
 
-/// Parallel rays along no axis, viewUp neither an axis nor at right angles; the plane through the position cuts the volume, so
-/// that some rays start inside it.
+/// Parallel rays along no axis, viewUp neither an axis nor at right angles; the plane through the position cuts the
+/// volume, so that some rays start inside it.
 #[must_use]
 pub fn parallel_oblique(step: f64) -> Scene {
     let codes = SKEW.codes(ramps_and_l(SKEW.dims));
@@ -230,8 +230,8 @@ pub fn eye_inside(step: f64) -> Scene {
     SKEW.scene("eye inside", codes, camera, [64, 64], step)
 }
 
-/// The eye exactly on a corner that eight bricks share: sample 0 lies at it, and visibility order hangs on a comparison with
-/// equality.
+/// The eye exactly on a corner that eight bricks share: sample 0 lies at it, and visibility order hangs on a comparison
+/// with equality.
 #[must_use]
 pub fn eye_on_a_brick_corner(step: f64) -> Scene {
     let codes = DYADIC.codes(ramps_and_l(DYADIC.dims));
@@ -244,8 +244,8 @@ pub fn eye_on_a_brick_corner(step: f64) -> Scene {
     DYADIC.scene("eye on a brick corner", codes, camera, [64, 64], step)
 }
 
-/// Parallel to z, all numbers exact in f32: samples lie on brick faces across the ray, whole columns and rows of rays run
-/// inside brick faces and in the volume's own faces (of which the low ones belong to it, the high ones do not).
+/// Parallel to z, all numbers exact in f32: samples lie on brick faces across the ray, whole columns and rows of rays
+/// run inside brick faces and in the volume's own faces (of which the low ones belong to it, the high ones do not).
 #[must_use]
 pub fn samples_and_rays_on_faces(step: f64) -> Scene {
     let codes = DYADIC.codes(ramps_and_l(DYADIC.dims));
@@ -262,8 +262,9 @@ pub fn samples_and_rays_on_faces(step: f64) -> Scene {
     scene
 }
 
-/// Parallel to x, a sample at every brick face but for f32's rounding: two bricks that round the face differently lose it or
-/// take it twice. The volume's own faces are transparent, since there the rounding decides whether the sample counts.
+/// Parallel to x, a sample at every brick face but for f32's rounding: two bricks that round the face differently lose
+/// it or take it twice. The volume's own faces are transparent, since there the rounding decides whether the sample
+/// counts.
 #[must_use]
 pub fn samples_near_faces(step: f64) -> Scene {
     let inner = ramps_and_l(ROUNDED.dims);
@@ -303,8 +304,8 @@ pub fn steep(step: f64) -> Scene {
     scene
 }
 
-/// A scene drawn by lot: sizes, spacings, origin, camera (outside, inside, parallel), step and unit. The same for the same
-/// `seed`. Steps are no round numbers, so samples fall on faces by accident only.
+/// A scene drawn by lot: sizes, spacings, origin, camera (outside, inside, parallel), step and unit. The same for the
+/// same `seed`. Steps are no round numbers, so samples fall on faces by accident only.
 #[must_use]
 pub fn random(seed: u64) -> Scene {
     let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ 0xD1B5_4A32_D192_ED03;
@@ -371,8 +372,8 @@ pub fn constant_box(camera: Camera, opacity: f64, step: f64) -> Scene {
 pub const BALL_RADIUS: f64 = 14.3;
 pub const BALL_CENTER: [f64; 3] = [18.2, 19.7, 20.4];
 
-/// A ball of constant opacity in an empty volume: each voxel's value is the part of it inside (to first order), and opacity
-/// grows with it from 0 to `opacity`.
+/// A ball of constant opacity in an empty volume: each voxel's value is the part of it inside (to first order), and
+/// opacity grows with it from 0 to `opacity`.
 #[must_use]
 pub fn ball(opacity: f64, step: f64) -> Scene {
     let grid = Grid { dims: [39, 37, 41], spacing: [1.0; 3], origin: [0.5; 3] };

@@ -11,7 +11,8 @@ static OVER: Condvar = Condvar::new();
 #[must_use]
 pub struct Turn(());
 
-/// Waits until no test of another file runs. The first line of every test of the program: `let _turn = turn(module_path!());`
+/// Waits until no test of another file runs. The first line of every test of the program:
+/// `let _turn = turn(module_path!());`
 pub fn turn(file: &'static str) -> Turn {
     let mut now = OVER
         .wait_while(lock(), |(whose, running)| *running > 0 && *whose != file)

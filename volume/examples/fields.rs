@@ -6,8 +6,8 @@ use std::error::Error;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::path::Path;
 
-/// Marschner & Lobb 1994, equation 2 (alpha 0.25, f_M 6), over -1..=1; 0..=1. It fades out towards the faces, where what the
-/// definition of the first and last slab costs would hide everything else.
+/// Marschner & Lobb 1994, equation 2 (alpha 0.25, f_M 6), over -1..=1; 0..=1. It fades out towards the faces, where
+/// what the definition of the first and last slab costs would hide everything else.
 fn marschner_lobb([x, y, z]: [f64; 3]) -> f64 {
     let wave = (2.0 * PI * 6.0 * (FRAC_PI_2 * x.hypot(y)).cos()).cos();
     let fade = |x: f64| ((1.0 - x.abs()) / 0.15).clamp(0.0, 1.0);

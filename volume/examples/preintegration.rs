@@ -1,4 +1,5 @@
-//! Times the building of pre-integration tables: incremental subrange integration on one thread and on all, and brute force.
+//! Times the building of pre-integration tables: incremental subrange integration on one thread and on all, and brute
+//! force.
 //!
 //! `cargo run -p brickcast-volume --release --example preintegration`
 

@@ -64,8 +64,8 @@ pub struct BrickVoxels {
 /// Slabs and gradients read further: [`crate::style::Style::ghost`].
 pub const GHOST_SAMPLED: u32 = 1;
 
-/// The margin, in voxels, over which the store keeps each brick's value range, so that the range bounds every value that
-/// sampling and slabs up to a step of one voxel can read.
+/// The margin, in voxels, over which the store keeps each brick's value range, so that the range bounds every value
+/// that sampling and slabs up to a step of one voxel can read.
 pub const RANGE_MARGIN: u32 = 2;
 
 /// Bricks of `brick_size`^3 voxels from the volume's corner; those at the high ends may be smaller.

@@ -1,5 +1,5 @@
-//! Camera files of other tools: vtk.js and ParaView write the keys of [`Camera::from_json`] among others, in several spellings;
-//! the manifest of a picture holds them under `camera`.
+//! Camera files of other tools: vtk.js and ParaView write the keys of [`Camera::from_json`] among others, in several
+//! spellings; the manifest of a picture holds them under `camera`.
 
 use serde_json::{Map, Value};
 
@@ -15,7 +15,8 @@ const OURS: [(&str, &str); 6] = [
     ("parallelscale", "parallelScale"),
 ];
 
-/// Keys that change no picture here: near and far planes, what follows from the other keys, states of the viewer itself.
+/// Keys that change no picture here: near and far planes, what follows from the other keys, states of the viewer
+/// itself.
 const HARMLESS: [&str; 31] = [
     "clippingrange",
     "directionofprojection",

@@ -14,8 +14,8 @@ pub fn most_samples(view: &KernelView, x: u32, y: u32, voxels: &OwnedBox) -> u32
     }
 }
 
-/// About how many samples rays take in `voxels` (index space) within `rect`, where they read every step: the sum of chords in steps over
-/// the pixels, integrated over a lattice of about `rays` rays.
+/// About how many samples rays take in `voxels` (index space) within `rect`, where they read every step: the sum of
+/// chords in steps over the pixels, integrated over a lattice of about `rays` rays.
 #[must_use]
 pub fn expected_samples(view: &KernelView, rect: &PixelRect, voxels: &OwnedBox, rays: u32) -> f64 {
     if rect.is_empty() {
@@ -87,7 +87,8 @@ mod tests {
         assert!(most_samples(&view, 16, 16, &OwnedBox { lo: UVec3::splat(12), hi: UVec3::splat(20) }) <= 19);
     }
 
-    /// Far away, a box of V voxels, seen by parallel rays of one pixel a voxel, has V / step samples; a coarse lattice finds them, too.
+    /// Far away, a box of V voxels, seen by parallel rays of one pixel a voxel, has V / step samples; a coarse lattice
+    /// finds them, too.
     #[test]
     fn expected_samples_are_the_boxs_volume() {
         let geometry = Geometry::new([64; 3], [1.0; 3], [0.0; 3]).unwrap();

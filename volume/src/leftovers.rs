@@ -1,7 +1,7 @@
 //! What is on the disk and not finished, so that a signal can remove it before the process ends.
 //!
-//! Whoever makes something lists it, and takes it off the list when it is finished or removed. Both happen under one lock, and
-//! [`clear`] takes that lock for good: nothing can be begun or finished behind its back.
+//! Whoever makes something lists it, and takes it off the list when it is finished or removed. Both happen under one
+//! lock, and [`clear`] takes that lock for good: nothing can be begun or finished behind its back.
 
 use std::fs;
 use std::io;
@@ -33,7 +33,8 @@ impl Listed {
         Ok((made, Self(path)))
     }
 
-    /// Runs `finish`, which gives what is listed its final place or takes it away, undisturbed by signals; then it is off the list.
+    /// Runs `finish`, which gives what is listed its final place or takes it away, undisturbed by signals; then it is
+    /// off the list.
     pub fn settle<T>(mut self, finish: impl FnOnce() -> T) -> T {
         let mut list = unfinished();
         let result = finish();
@@ -55,7 +56,8 @@ fn remove(list: &mut Vec<PathBuf>, path: &Path) {
     }
 }
 
-/// Removes all that is listed. Afterwards everyone who begins or finishes something waits for ever: for the end of the process only.
+/// Removes all that is listed. Afterwards everyone who begins or finishes something waits for ever: for the end of the
+/// process only.
 pub fn clear() {
     let list = unfinished();
     for path in list.iter() {

@@ -1,5 +1,5 @@
-//! A scene's look on a store: the one place that builds its tables, and decides by them what of each brick is drawn. Compositor,
-//! nodes and audits ask here, so that what is ordered is what is rendered and what is promised.
+//! A scene's look on a store: the one place that builds its tables, and decides by them what of each brick is drawn.
+//! Compositor, nodes and audits ask here, so that what is ordered is what is rendered and what is promised.
 
 use std::sync::Arc;
 
@@ -12,7 +12,8 @@ use crate::transfer_function::{TransferFunction, TransferTable};
 
 /// Whoever has tables, or builds them.
 pub trait Tables {
-    /// The table of `entries` entries of `function` over `range` (data units) for steps of `delta_over_unit` opacity units.
+    /// The table of `entries` entries of `function` over `range` (data units) for steps of `delta_over_unit` opacity
+    /// units.
     fn table(
         &self,
         function: &TransferFunction,

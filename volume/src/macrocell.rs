@@ -18,8 +18,8 @@ pub struct Macrocells {
     pub lo: IVec3,
     /// Cells per axis.
     pub dims: UVec3,
-    /// Smallest and largest code that a sample in the cell and the owned box can have; x fastest. The first above the second
-    /// where no sample has one: nothing there holds data.
+    /// Smallest and largest code that a sample in the cell and the owned box can have; x fastest. The first above the
+    /// second where no sample has one: nothing there holds data.
     pub ranges: Vec<[u16; 2]>,
 }
 
@@ -33,15 +33,15 @@ pub struct HomogeneousCube {
 }
 
 impl Macrocells {
-    /// `codes` are the stored box's, x fastest; it reaches at least one voxel beyond the owned box on every side (that voxel
-    /// is the apron: a sample at a cell's face reads it).
+    /// `codes` are the stored box's, x fastest; it reaches at least one voxel beyond the owned box on every side (that
+    /// voxel is the apron: a sample at a cell's face reads it).
     #[must_use]
     pub fn of(owned: &OwnedBox, stored: &StoredBox, codes: &[u16], edge: u32) -> Self {
         Self::over(owned, stored, codes, edge, None)
     }
 
-    /// The same of a brick in which some voxels hold no data, by their code: ranges are over the others. Such cells must not be
-    /// taken for one value.
+    /// The same of a brick in which some voxels hold no data, by their code: ranges are over the others. Such cells
+    /// must not be taken for one value.
     #[must_use]
     pub fn over(owned: &OwnedBox, stored: &StoredBox, codes: &[u16], edge: u32, no_data: Option<u16>) -> Self {
         let (lo, hi) = (owned.lo / edge, (owned.hi + (edge - 1)) / edge);
@@ -64,8 +64,8 @@ impl Macrocells {
         self
     }
 
-    /// For every cell the largest cube of cells about it whose joint range spans at most `width` codes. Cells outside the
-    /// brick do not count: rays end there.
+    /// For every cell the largest cube of cells about it whose joint range spans at most `width` codes. Cells outside
+    /// the brick do not count: rays end there.
     #[must_use]
     pub fn homogeneous(&self, width: u16) -> Vec<HomogeneousCube> {
         let mut cubes = vec![HomogeneousCube::default(); self.ranges.len()];

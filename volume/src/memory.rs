@@ -1,4 +1,5 @@
-//! How much memory this process may have: the machine's, that of every group of processes it is in (containers), and its own limit.
+//! How much memory this process may have: the machine's, that of every group of processes it is in (containers), and
+//! its own limit.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -52,7 +53,8 @@ struct System {
 struct Names {
     max: &'static str,
     now: &'static str,
-    /// Bytes of files that the system keeps in memory and gives up when it is short of it, as they are called in `memory.stat`.
+    /// Bytes of files that the system keeps in memory and gives up when it is short of it, as they are called in
+    /// `memory.stat`.
     files: [&'static str; 2],
 }
 
@@ -117,7 +119,8 @@ impl System {
                 list if list.split(',').any(|c| c == "memory") => ("sys/fs/cgroup/memory", &VERSION_1),
                 _ => continue,
             };
-            // A container often sees its own group as the root, and is told a path that only its host knows: the root counts anyway.
+            // A container often sees its own group as the root, and is told a path that only its host knows: the root
+            // counts anyway.
             let relative = Path::new(path.trim_start_matches('/'));
             let inside = relative.components().all(|c| matches!(c, std::path::Component::Normal(_)));
             let relative = if inside { relative } else { Path::new("") };

@@ -1,12 +1,13 @@
-//! Chunks and the canonical merge tree (docs/definition.md, Exact mode; docs/algorithms.md, One picture whatever the partition).
+//! Chunks and the canonical merge tree (docs/definition.md, Exact mode; docs/algorithms.md, One picture whatever the
+//! partition).
 //!
 //! Invariant: the tree is fixed by the store's brick grid alone. Every picture is the leaves (chunks) joined by
 //! [`crate::over`] at this tree's nodes only, so its bits do not depend on which node rendered which chunk. A subtree
 //! that has nothing to show is the identity of `over` and may be absent.
 //!
-//! The octree's eight children fold two by two along z, then y, then x; unrolled, this is a binary tree whose root splits
-//! x, its children y, their children z, and so on down to chunks. The root is the smallest power-of-two cube of chunks
-//! around the grid.
+//! The octree's eight children fold two by two along z, then y, then x; unrolled, this is a binary tree whose root
+//! splits x, its children y, their children z, and so on down to chunks. The root is the smallest power-of-two cube of
+//! chunks around the grid.
 
 use glam::{DVec3, UVec3};
 
@@ -47,7 +48,8 @@ pub struct MergeTree {
 }
 
 impl MergeTree {
-    /// Chunks are the largest power-of-two cubes of bricks that leave at least [`MIN_CHUNKS`] of them, or single bricks.
+    /// Chunks are the largest power-of-two cubes of bricks that leave at least [`MIN_CHUNKS`] of them, or single
+    /// bricks.
     #[must_use]
     pub fn of(grid: BrickGrid) -> Self {
         let chunk_count = |bricks: u32| grid.dims().map(|n| n.div_ceil(bricks)).as_u64vec3().element_product();
@@ -209,8 +211,8 @@ impl MergeTree {
         }
     }
 
-    /// The maximal subtrees all of whose chunks that satisfy `active` satisfy `mine` too, with those chunks in the tree's
-    /// order: the layers that a node which renders `mine` can merge without changing a bit.
+    /// The maximal subtrees all of whose chunks that satisfy `active` satisfy `mine` too, with those chunks in the
+    /// tree's order: the layers that a node which renders `mine` can merge without changing a bit.
     pub fn layers(
         &self,
         active: &impl Fn(ChunkIndex) -> bool,

@@ -1,19 +1,20 @@
 //! Text that others wrote, as people may see it: names of files, errors of nodes, notes of stores.
 //!
-//! A terminal obeys control characters, and bidirectional ones let a line read as what it does not say. They are escaped where text is
-//! printed, not where it comes from: what travels, is compared or is written to files stays as it is.
+//! A terminal obeys control characters, and bidirectional ones let a line read as what it does not say. They are
+//! escaped where text is printed, not where it comes from: what travels, is compared or is written to files stays as it
+//! is.
 
 use std::borrow::Cow;
 use std::error::Error;
 use std::io::{self, Write};
 
-/// True for what a terminal obeys or hides: control characters, line and paragraph separators, bidirectional and other format
-/// characters that take no place.
+/// True for what a terminal obeys or hides: control characters, line and paragraph separators, bidirectional and other
+/// format characters that take no place.
 fn is_unsafe(c: char) -> bool {
     c.is_control()
         || matches!(c,
-            '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2060}'..='\u{206f}'
-            | '\u{feff}' | '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}')
+            '\u{ad}' | '\u{61c}' | '\u{180e}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}'
+            | '\u{2060}'..='\u{206f}' | '\u{feff}' | '\u{fff9}'..='\u{fffb}' | '\u{e0000}'..='\u{e007f}')
 }
 
 fn escaped(text: &str, keep: impl Fn(char) -> bool) -> Cow<'_, str> {

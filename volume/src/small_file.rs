@@ -1,7 +1,9 @@
-//! The one door for files that are no volumes: presets, cameras, settings, certificates, pictures read back, what the system tells.
+//! The one door for files that are no volumes: presets, cameras, settings, certificates, pictures read back, what the
+//! system tells.
 //!
-//! What comes through is a regular file, and no more of it than was agreed. A FIFO or a terminal would be waited for, a device may
-//! never end, and a file of many gigabytes would be read until memory is gone: all of them are refused, by name and at once.
+//! What comes through is a regular file, and no more of it than was agreed. A FIFO or a terminal would be waited for, a
+//! device may never end, and a file of many gigabytes would be read until memory is gone: all of them are refused, by
+//! name and at once.
 
 use std::fmt;
 use std::fs::{File, FileType};
@@ -14,7 +16,9 @@ pub enum FileError {
     Io { what: &'static str, path: PathBuf, source: io::Error },
     #[error("{what} {} is {kind}, and only regular files are read; copy its content to a file first", path.display())]
     NotRegular { what: &'static str, path: PathBuf, kind: FileKind },
-    #[error("{what} {} has more than the {most} bytes that are read of such a file; is it the right one?", path.display())]
+    #[error(
+        "{what} {} has more than the {most} bytes that are read of such a file; is it the right one?", path.display()
+    )]
     TooLong { what: &'static str, path: PathBuf, most: u64 },
     #[error("{what} {} is no UTF-8 text (byte {at}); is it the right file?", path.display())]
     NotText { what: &'static str, path: PathBuf, at: usize },

@@ -12,8 +12,9 @@ pub const MAX_VOXELS: u64 = 1 << 44;
 const ORTHONORMAL: f64 = 1e-6;
 
 /// A volume's shape in the world. Index space: voxel i covers `[i, i + 1)`, its centre is `i + 0.5`;
-/// `world = origin + R diag(spacing) (index - 0.5)`. `origin` is the world position of the centre of voxel (0, 0, 0); the columns of R,
-/// the directions, are the index axes in the world: of length one and at right angles, in any order and sign.
+/// `world = origin + R diag(spacing) (index - 0.5)`. `origin` is the world position of the centre of voxel (0, 0, 0);
+/// the columns of R, the directions, are the index axes in the world: of length one and at right angles, in any order
+/// and sign.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Geometry {
     dims: UVec3,

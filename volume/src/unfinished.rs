@@ -1,7 +1,7 @@
 //! A file that is finished or absent: written under another name in the same folder, then renamed.
 //!
-//! `.NAME.brickcast-PID-N.part` is locked while its writer lives. One whose process is gone and whose lock is free was left by a
-//! writer that was killed: whoever writes in that folder next removes it.
+//! `.NAME.brickcast-PID-N.part` is locked while its writer lives. One whose process is gone and whose lock is free was
+//! left by a writer that was killed: whoever writes in that folder next removes it.
 
 use std::collections::HashSet;
 use std::ffi::{OsStr, OsString};
@@ -113,7 +113,8 @@ fn folder_of(target: &Path) -> PathBuf {
     }
 }
 
-/// [`sweep`], the first time that this process writes in a folder: a sequence of many pictures must not read it again and again.
+/// [`sweep`], the first time that this process writes in a folder: a sequence of many pictures must not read it again
+/// and again.
 fn sweep_once(folder: &Path) {
     static SWEPT: Mutex<Option<HashSet<PathBuf>>> = Mutex::new(None);
     let mut swept = SWEPT.lock().unwrap_or_else(PoisonError::into_inner);

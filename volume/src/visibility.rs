@@ -11,9 +11,9 @@ use crate::space::Geometry;
 pub const MAX_PIXELS: u64 = 1 << 26;
 /// The longest side of a picture.
 pub const MAX_SIDE: u32 = 16_384;
-/// The farthest that a ray may reach, in units of the smallest spacing. Rays start near the volume ([`KernelView::eye`]), so
-/// that distance costs no precision; where a volume is seen far off the picture's middle, this keeps its f32 positions within
-/// 1/32 voxel.
+/// The farthest that a ray may reach, in units of the smallest spacing. Rays start near the volume
+/// ([`KernelView::eye`]), so that distance costs no precision; where a volume is seen far off the picture's middle,
+/// this keeps its f32 positions within 1/32 voxel.
 pub const MAX_REACH: f64 = 262_144.0;
 
 /// Width and height in pixels, neither zero.
@@ -32,8 +32,9 @@ pub enum ViewError {
     #[error("step {0}: must lie between 0.01 and 16 voxels")]
     Step(f64),
     #[error(
-        "the camera is {reach:.0} voxels away from the volume's far corner, more than the {MAX_REACH} at which positions \
-         are still exact; move it closer and narrow viewAngle, or use parallelProjection from a closer position"
+        "the camera is {reach:.0} voxels away from the volume's far corner, more than the {MAX_REACH} at which \
+         positions are still exact; move it closer and narrow viewAngle, or use parallelProjection from a closer \
+         position"
     )]
     TooFar { reach: f64 },
 }
@@ -113,13 +114,15 @@ impl PixelRect {
 
 /// A camera on a volume with a picture size and a step: all that a ray needs.
 ///
-/// Lengths along rays (t) are in units of the smallest spacing, so that `Delta = step` exactly and directions have length
-/// one in world space. Vectors are by their parts along the index axes ([`Geometry::along_axes`]): made in the world, right of a camera
-/// there is right of the picture, however the volume's axes are mirrored. With `q = ray_right u + ray_up v`, `u = (x + 0.5) 2 / width - 1`, `v = 1 - (y + 0.5) 2 / height`:
+/// Lengths along rays (t) are in units of the smallest spacing, so that `Delta = step` exactly and directions have
+/// length one in world space. Vectors are by their parts along the index axes ([`Geometry::along_axes`]): made in the
+/// world, right of a camera there is right of the picture, however the volume's axes are mirrored. With
+/// `q = ray_right u + ray_up v`, `u = (x + 0.5) 2 / width - 1`, `v = 1 - (y + 0.5) 2 / height`:
 /// - perspective: origin `eye`, direction `normalize(ray_forward + q)`
 /// - parallel: origin `eye + q voxels_per_unit`, direction `ray_forward`
 ///
-/// [`KernelView`] starts the same rays a whole number of steps later. And the direction in index space is that direction times `voxels_per_unit`.
+/// [`KernelView`] starts the same rays a whole number of steps later. And the direction in index space is that
+/// direction times `voxels_per_unit`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
     size: PictureSize,
@@ -138,17 +141,18 @@ pub struct View {
 
 /// [`View`] rounded once to f32, as both kernels take it.
 ///
-/// Where the eye is far away, k, t and the origin would be large beside a voxel and f32 would round samples to the wrong side
-/// of the volume's faces. So all rays start at the same sample, `start = first_sample step` along, short of the volume: t
-/// and k count from there. With `s = 1 / |ray_forward + q|` a ray's origin is then
-/// `eye + start normalize(ray_forward + q) = (eye + start ray_forward) + start (q s + ray_forward (s - 1))`: the first part is
-/// made in f64, the second is as small as the picture of the volume is wide, because `s - 1` is computed without cancellation
-/// as `-q.q s / (1 + 1 / s)`. The same for all bricks and nodes.
+/// Where the eye is far away, k, t and the origin would be large beside a voxel and f32 would round samples to the
+/// wrong side of the volume's faces. So all rays start at the same sample, `start = first_sample step` along, short of
+/// the volume: t and k count from there. With `s = 1 / |ray_forward + q|` a ray's origin is then `eye + start
+/// normalize(ray_forward + q) = (eye + start ray_forward) + start (q s + ray_forward (s - 1))`: the first part is made
+/// in f64, the second is as small as the picture of the volume is wide, because `s - 1` is computed without
+/// cancellation as `-q.q s / (1 + 1 / s)`. The same for all bricks and nodes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct KernelView {
     /// Where the ray through the picture's middle starts, index space.
     pub eye: Vec3,
-    /// Index-space offset of a ray's origin for each unit of `q s + ray_forward (s - 1)` (perspective) or of `q` (parallel).
+    /// Index-space offset of a ray's origin for each unit of `q s + ray_forward (s - 1)` (perspective) or of `q`
+    /// (parallel).
     pub fan: Vec3,
     pub ray_forward: Vec3,
     pub ray_right: Vec3,
@@ -257,7 +261,8 @@ impl View {
     pub fn project(&self, voxels: &OwnedBox) -> PixelRect {
         let nothing = PixelRect { lo: UVec2::ZERO, hi: UVec2::ZERO };
         let (lo, hi) = (voxels.lo.as_dvec3(), voxels.hi.as_dvec3());
-        // Corners as (u w, v w, w): inside the picture where |u w| <= w and |v w| <= w, in front of the eye where w > 0.
+        // Corners as (u w, v w, w): inside the picture where |u w| <= w and |v w| <= w, in front of the eye where
+        // w > 0.
         let corners: [DVec3; 8] = std::array::from_fn(|corner| {
             let offset = (corner_of(lo, hi, corner) - self.eye) / self.voxels_per_unit;
             let depth = offset.dot(self.ray_forward);

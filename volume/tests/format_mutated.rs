@@ -1,4 +1,5 @@
-//! Thousands of mutated NRRD files: never a panic, never more memory than the file deserves, always a volume or a clear error.
+//! Thousands of mutated NRRD files: never a panic, never more memory than the file deserves, always a volume or a clear
+//! error.
 
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
@@ -17,7 +18,8 @@ use proptest::prelude::*;
 #[global_allocator]
 static ALLOCATOR: Cap<System> = Cap::new(System, usize::MAX);
 
-/// Above what the harness itself holds: the read buffers, one slab's step (4 MiB) and the longest header (1 MiB), doubled.
+/// Above what the harness itself holds: the read buffers, one slab's step (4 MiB) and the longest header (1 MiB),
+/// doubled.
 const MEMORY_BOUND: usize = 24 << 20;
 const CASES: u32 = 12_000;
 
@@ -37,21 +39,29 @@ fn gzip(data: &[u8]) -> Vec<u8> {
 fn seeds() -> Vec<Vec<u8>> {
     let voxels: Vec<u8> = (0..48).collect();
     [
-        ("NRRD0004\n# plain\ntype: uint16\ndimension: 3\nsizes: 3 2 4\nspacings: 1 2 3\nendian: little\nencoding: raw\n\n", voxels.clone()),
+        ("NRRD0004\n# plain\ntype: uint16\ndimension: 3\nsizes: 3 2 4\nspacings: 1 2 3\nendian: little\nencoding: \
+          raw\n\n", voxels.clone()),
         (
             "NRRD0005\r\ntype: unsigned char\r\ndimension: 3\r\nspace: left-posterior-superior\r\nsizes: 4 4 3\r\n\
              space directions: (1,0,0) (0,0.5,0) (0,0,-2)\r\nkinds: domain domain domain\r\nencoding: gzip\r\n\
              space origin: (-1.5,2,3e2)\r\nspace units: \"mm\" \"mm\" \"mm\"\r\n\r\n",
             gzip(&voxels),
         ),
-        ("NRRD0003\ntype: float\ndimension: 3\nsizes: 2 2 3\naxis mins: 0 1 2\ncenters: cell cell node\nendian: big\nbyte skip: -1\nencoding: raw\nkey:=value\n\n", voxels.clone()),
-        ("NRRD0001\ntype: short\ndimension: 3\nsizes: 2 3 4\nline skip: 1\nbyte skip: 2\nendian: big\nencoding: gz\n\n", [b"line\n".as_slice(), &gzip(&[b"ab", voxels.as_slice()].concat())].concat()),
-        ("NRRD0004\ntype: int32\ndimension: 3\nsizes: 12 1 1\nspacings: nan 1 1\nendian: little\nencoding: raw\ndata file: voxels.bin\n", Vec::new()),
+        ("NRRD0003\ntype: float\ndimension: 3\nsizes: 2 2 3\naxis mins: 0 1 2\ncenters: cell cell node\nendian: \
+          big\nbyte skip: -1\nencoding: raw\nkey:=value\n\n", voxels.clone()),
+        ("NRRD0001\ntype: short\ndimension: 3\nsizes: 2 3 4\nline skip: 1\nbyte skip: 2\nendian: big\nencoding: \
+          gz\n\n", [b"line\n".as_slice(), &gzip(&[b"ab", voxels.as_slice()].concat())].concat()),
+        ("NRRD0004\ntype: int32\ndimension: 3\nsizes: 12 1 1\nspacings: nan 1 1\nendian: little\nencoding: raw\ndata \
+          file: voxels.bin\n", Vec::new()),
         ("NRRD0004\ntype: uint16\ndimension: 3\nsizes: 3 2 4\nendian: big\nencoding: bzip2\n\n", bzip2(&voxels)),
         ("NRRD0004\ntype: double\ndimension: 3\nsizes: 2 1 3\nencoding: ascii\n\n", b"1 -2.5e300\nnan 4,5\t6".to_vec()),
-        ("NRRD0004\ntype: int64\ndimension: 4\nsizes: 1 2 1 3\nkinds: list domain domain domain\nendian: big\nencoding: hex\nbyte skip: 1\n\n", [b"#".as_slice(), &b"00 7f\n".repeat(24)].concat()),
-        ("NRRD0004\ntype: uint8\ndimension: 4\nsizes: 4 4 3 1\nspace directions: (1,0,0) (0,1,0) (0,0,1) none\nencoding: raw\ndata file: LIST 2\nvoxels.0\nvoxels.1\nvoxels.2\n", Vec::new()),
-        ("NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 2 6\nencoding: raw\nbyte skip: -1\ndata file: voxels.%d 0 2 1 3\n", Vec::new()),
+        ("NRRD0004\ntype: int64\ndimension: 4\nsizes: 1 2 1 3\nkinds: list domain domain domain\nendian: \
+          big\nencoding: hex\nbyte skip: 1\n\n", [b"#".as_slice(), &b"00 \
+            7f\n".repeat(24)].concat()),
+        ("NRRD0004\ntype: uint8\ndimension: 4\nsizes: 4 4 3 1\nspace directions: (1,0,0) (0,1,0) (0,0,1) \
+          none\nencoding: raw\ndata file: LIST 2\nvoxels.0\nvoxels.1\nvoxels.2\n", Vec::new()),
+        ("NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 2 6\nencoding: raw\nbyte skip: -1\ndata file: voxels.%d 0 2 1 \
+          3\n", Vec::new()),
     ]
     .into_iter()
     .map(|(header, data)| [header.as_bytes(), &data].concat())

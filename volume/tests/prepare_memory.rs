@@ -91,7 +91,8 @@ fn memory_follows_the_tile_and_not_the_plane() {
     for seekable in [true, false] {
         made(2048, seekable, 1 << 16).unwrap();
         let of_64 = peak(before);
-        // One plane of the large one has 8 MiB, 16 of them 128 MiB; what halos need of a tile beside it is 5 % of 256^2.
+        // One plane of the large one has 8 MiB, 16 of them 128 MiB; what halos need of a tile beside it is 5 % of
+        // 256^2.
         assert!(of_64 < 2 * one.max(20 << 20), "{one} bytes for one tile of 256^2, {of_64} for 64");
     }
 }

@@ -61,7 +61,8 @@ pub(crate) fn raw_strings(text: &str) -> Vec<std::ops::Range<usize>> {
     found
 }
 
-/// The string literals of `text`, without those in comments: escapes of quotes and of line breaks are resolved, others are not.
+/// The string literals of `text`, without those in comments: escapes of quotes and of line breaks are resolved, others
+/// are not.
 pub(crate) fn strings(text: &str) -> Vec<String> {
     let bytes = text.as_bytes();
     let (mut found, mut i) = (Vec::new(), 0);
@@ -183,7 +184,8 @@ mod tests {
 
     #[test]
     fn comments_and_literals_are_no_code() {
-        let text = "a // wgpu\n/* wgpu /* nested */ wgpu */ b \"wgpu \\\" wgpu\" c r#\"wgpu \" wgpu\"# d b\"wgpu\" 'w' '\\'' e";
+        let text = "a // wgpu\n/* wgpu /* nested */ wgpu */ b \"wgpu \\\" wgpu\" c r#\"wgpu \" wgpu\"# d b\"wgpu\" 'w' \
+                    '\\'' e";
         let names: Vec<_> = found(text).into_iter().map(|(_, w)| w).collect();
         assert_eq!(names, ["a", "b", "c", "d", "e"]);
     }

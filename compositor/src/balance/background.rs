@@ -7,7 +7,8 @@ use super::settings::Mode;
 use super::types::{Load, Reason};
 
 impl Balancer {
-    /// What to load beside the frames, to be started now. Each is outstanding until [`Balancer::finished`] hears of it, or its node leaves.
+    /// What to load beside the frames, to be started now. Each is outstanding until [`Balancer::finished`] hears of it,
+    /// or its node leaves.
     pub fn background(&mut self) -> Vec<Load> {
         background(self)
     }
@@ -23,7 +24,8 @@ fn background(b: &mut Balancer) -> Vec<Load> {
     let mut free: Vec<usize> = b.table.present().filter(|&n| nodes[n].outstanding.is_none()).collect();
     let load = |n: usize| b.totals.plan.load.get(n).copied().unwrap_or(0.0);
     free.sort_by(|&x, &y| load(x).total_cmp(&load(y)).then(x.cmp(&y)));
-    // Where a node holds more than it can, it has the only copies of that: they need another home before anything else is copied.
+    // Where a node holds more than it can, it has the only copies of that: they need another home before anything else
+    // is copied.
     let fits = nodes.iter().filter(|n| n.present).all(|n| n.bytes <= n.facts.budget);
     let mut loads = Vec::new();
     if !fits {

@@ -6,12 +6,12 @@ use super::table::Table;
 use super::totals::Totals;
 use super::types::{ChunkFacts, Demand, Load, LoadOutcome, LookId, NodeFacts, Observed, Reason, Seat};
 
-/// Decides, and remembers what it needs for that. What it decides is in the files of that name: [`divide`](Self::divide),
-/// [`background`](Self::background), [`report`](Self::report).
+/// Decides, and remembers what it needs for that. What it decides is in the files of that name:
+/// [`divide`](Self::divide), [`background`](Self::background), [`report`](Self::report).
 ///
-/// A division gives every chunk in view to present holders, never lost, never doubled. The bytes that a node is told to hold
-/// exceed its budget only where even one copy of everything found no room. A chunk's primary changes at most once in
-/// [`Settings::hold_frames`] unless it left, and so seldom is a chunk loaded on the same node.
+/// A division gives every chunk in view to present holders, never lost, never doubled. The bytes that a node is told to
+/// hold exceed its budget only where even one copy of everything found no room. A chunk's primary changes at most once
+/// in [`Settings::hold_frames`] unless it left, and so seldom is a chunk loaded on the same node.
 #[derive(Debug, Clone)]
 pub struct Balancer {
     pub(super) settings: Settings,
@@ -53,8 +53,9 @@ impl Balancer {
         }
     }
 
-    /// From now on these looks are rendered, and over all of them these are the facts; of as many chunks as before. Who holds what and how
-    /// fast nodes are stays known; what was seen of looks that are no longer among them is forgotten.
+    /// From now on these looks are rendered, and over all of them these are the facts; of as many chunks as before. Who
+    /// holds what and how fast nodes are stays known; what was seen of looks that are no longer among them is
+    /// forgotten.
     pub fn show(&mut self, looks: &[LookId], chunks: Vec<ChunkFacts>) {
         if chunks.len() != self.chunks.len() {
             return;
@@ -64,7 +65,8 @@ impl Balancer {
         self.chunks = chunks;
     }
 
-    /// A node enters, or returns to its seat, with the chunks that it has loaded (unknown ones are ignored). Between frames.
+    /// A node enters, or returns to its seat, with the chunks that it has loaded (unknown ones are ignored). Between
+    /// frames.
     pub fn join(&mut self, seat: Seat, facts: NodeFacts, holds: &[u32]) {
         self.leave(seat);
         let index = self.table.seat(seat, facts);

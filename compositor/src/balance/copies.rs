@@ -25,8 +25,8 @@ fn sorted(wishes: impl Iterator<Item = Wish>) -> Vec<Wish> {
     all
 }
 
-/// Copies for the `free` nodes: first what a chunk needs by its share of the cost, then what nodes with too little to do can help
-/// with, then, where nothing else is to be loaded, what an eye beside it would make hot.
+/// Copies for the `free` nodes: first what a chunk needs by its share of the cost, then what nodes with too little to
+/// do can help with, then, where nothing else is to be loaded, what an eye beside it would make hot.
 pub(super) fn copies(b: &mut Balancer, free: &[usize]) -> Vec<Load> {
     let nodes = b.table.present().count();
     let mut copies: Vec<usize> = b.table.holders.iter().map(Vec::len).collect();
@@ -87,7 +87,8 @@ fn hot(b: &Balancer, chunk: usize) -> f64 {
     b.heat[chunk] * strain.max(1.0)
 }
 
-/// Puts the first of the wishes that it can into the basket, where `drop` allows in place of colder copies: its place in the list.
+/// Puts the first of the wishes that it can into the basket, where `drop` allows in place of colder copies: its place
+/// in the list.
 fn pack(b: &mut Balancer, basket: &mut Basket, wishes: &[Wish], copies: &mut [usize], drop: bool) -> Option<usize> {
     let index = basket.index;
     let most = wishes.first().filter(|_| drop).map_or(0.0, |wish| wish.worth);

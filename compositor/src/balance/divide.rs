@@ -1,4 +1,5 @@
-//! One frame's division: every chunk in view gets a primary, primaries that are overloaded hand chunks over or cut them.
+//! One frame's division: every chunk in view gets a primary, primaries that are overloaded hand chunks over or cut
+//! them.
 
 use super::balancer::Balancer;
 use super::settings::Mode;

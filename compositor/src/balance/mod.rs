@@ -1,12 +1,13 @@
 //! Which node renders which chunk, so that no node waits for another (docs/adr/0005-balance.md).
 //!
-//! Pure: no clock, no network, no order of a hash map. Equal calls give equal decisions, and the session and the simulator
-//! ([`simulate`]) make the very same calls: `join` and `leave` between frames, then `divide`, `observe`, `background` per frame. Frames of
-//! several sessions may overlap: `divide` comes in the order in which they begin, `observe` in that in which they end.
+//! Pure: no clock, no network, no order of a hash map. Equal calls give equal decisions, and the session and the
+//! simulator ([`simulate`]) make the very same calls: `join` and `leave` between frames, then `divide`, `observe`,
+//! `background` per frame. Frames of several sessions may overlap: `divide` comes in the order in which they begin,
+//! `observe` in that in which they end.
 //!
-//! Words: a *holder* has a chunk resident, an *owner* is a holder that renders a part of it in a frame, the *primary* is the owner that
-//! keeps it from frame to frame. Cost counts in samples of the kernel (a skip is [`brickcast_proto::ChunkCost::SKIP`] of one); load is cost times the
-//! node's time per unit.
+//! Words: a *holder* has a chunk resident, an *owner* is a holder that renders a part of it in a frame, the *primary*
+//! is the owner that keeps it from frame to frame. Cost counts in samples of the kernel (a skip is
+//! [`brickcast_proto::ChunkCost::SKIP`] of one); load is cost times the node's time per unit.
 
 mod background;
 mod balancer;

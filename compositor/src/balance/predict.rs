@@ -173,7 +173,8 @@ impl Predictor {
         if count > 0.0 { sum / count } else { 1.0 }
     }
 
-    /// Load per unit of cost, of every node: ms where times are measured, else multiples of what an unthrottled node needs.
+    /// Load per unit of cost, of every node: ms where times are measured, else multiples of what an unthrottled node
+    /// needs.
     pub(super) fn kappas(&self) -> Vec<f64> {
         if self.load_by == LoadBy::Samples {
             return self.throttle.clone();

@@ -1,5 +1,5 @@
-//! Any order of joins, leaves, views, loads and failures: no chunk is lost or doubled, budgets are kept, equal calls give equal
-//! decisions, nothing goes back and forth.
+//! Any order of joins, leaves, views, loads and failures: no chunk is lost or doubled, budgets are kept, equal calls
+//! give equal decisions, nothing goes back and forth.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -39,7 +39,8 @@ fn mixed(x: u32, y: u32) -> u32 {
     (z ^ z >> 13).wrapping_mul(0xC2B2_AE35) >> 8
 }
 
-/// A third of the chunks is out of view; some cost nothing, a few nearly everything. The view is the same for some frames.
+/// A third of the chunks is out of view; some cost nothing, a few nearly everything. The view is the same for some
+/// frames.
 fn demand(view: u32) -> Demand {
     let strips = |c: u32| {
         let r = mixed(view >> 30, c);

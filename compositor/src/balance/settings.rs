@@ -19,7 +19,8 @@ pub enum Mode {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum LoadBy {
-    /// Cost times the declared throttle; nothing is learnt of nodes. For nodes that share cores, and for repeatable runs.
+    /// Cost times the declared throttle; nothing is learnt of nodes. For nodes that share cores, and for repeatable
+    /// runs.
     Samples,
     /// The time that rendering took.
     #[default]
@@ -50,7 +51,8 @@ pub struct Settings {
     /// What one request in the background may load.
     pub request_chunks: usize,
     pub request_bytes: u64,
-    /// Chunks are moved where the most loaded node stays above so many T for `hold_frames`, memory forbids copies, and ...
+    /// Chunks are moved where the most loaded node stays above so many T for `hold_frames`, memory forbids copies, and
+    /// ...
     pub move_above: f64,
     /// ... the gain of so many frames is longer than the loading.
     pub move_frames: f64,

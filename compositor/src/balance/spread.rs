@@ -21,7 +21,8 @@ pub(super) struct Plan {
     pub(super) load: Vec<f64>,
     /// The lower bound T of the largest load.
     pub(super) bound: f64,
-    /// Per chunk: who renders which strips, in their order. The first to have had them all is the primary; it keeps one at least.
+    /// Per chunk: who renders which strips, in their order. The first to have had them all is the primary; it keeps one
+    /// at least.
     pub(super) owners: Vec<Vec<Own>>,
     primary: Vec<usize>,
     /// Per node: chunks of which it owns strips.
@@ -85,7 +86,8 @@ impl Plan {
                     floor = settings.even * self.bound;
                 }
                 None => {
-                    // Those that could take from it may be nearly as loaded: they come first. Others need no help while it waits.
+                    // Those that could take from it may be nearly as loaded: they come first. Others need no help while
+                    // it waits.
                     stuck[most] = true;
                     floor = floor.max(0.9 * self.load[most]);
                 }

@@ -13,7 +13,8 @@ fn demand(costs: &[f64]) -> Demand {
     Demand { strips: costs.iter().map(|c| vec![c / 8.0; 8]).collect(), ..Demand::default() }
 }
 
-/// Renders a frame on nodes that take `ms` per unit of cost, on chunks with `rho` samples a position: max over mean, measured.
+/// Renders a frame on nodes that take `ms` per unit of cost, on chunks with `rho` samples a position: max over mean,
+/// measured.
 fn frame(b: &mut Balancer, demand: &Demand, rho: f64, ms: &[f64]) -> f64 {
     let division = b.divide(demand);
     let mut seen = Observed::default();
@@ -227,7 +228,8 @@ fn what_found_no_room_goes_to_a_node_that_has_some() {
     assert!(b.report().seats.iter().all(|s| s.bytes <= 8 << 20), "{:?}", b.report());
 }
 
-/// Frames of sessions that show other things overlap: each teaches what its own look costs, by the view that it was divided for.
+/// Frames of sessions that show other things overlap: each teaches what its own look costs, by the view that it was
+/// divided for.
 #[test]
 fn frames_of_several_looks_overlap_and_each_learns_its_own() {
     let mut b = Balancer::new(Settings { load_by: LoadBy::Time, ..Settings::default() }, chunks(2));

@@ -34,8 +34,8 @@ pub struct LookId(pub u64);
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Demand {
     pub look: LookId,
-    /// Per chunk, and in it per strip of screen tiles (along the longer side of its tile rectangle): sample positions inside its box.
-    /// No strips: not in view.
+    /// Per chunk, and in it per strip of screen tiles (along the longer side of its tile rectangle): sample positions
+    /// inside its box. No strips: not in view.
     pub strips: Vec<Vec<f64>>,
 }
 

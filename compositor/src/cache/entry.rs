@@ -14,8 +14,8 @@ use super::key::Key;
 use super::lock::{Lock, Wait};
 use super::opened::Cache;
 
-/// Entries that are used, until the process ends: frames, nodes inside this process and further passes open files of a store again
-/// and again.
+/// Entries that are used, until the process ends: frames, nodes inside this process and further passes open files of a
+/// store again and again.
 static USED: Mutex<Vec<Lock>> = Mutex::new(Vec::new());
 
 fn used() -> MutexGuard<'static, Vec<Lock>> {
@@ -73,8 +73,8 @@ impl Cache {
                 }
                 if made == MAX_MADE {
                     return Err(anyhow!(
-                        "{}: what was prepared does not stay in the cache; is another program removing it? Name another folder with \
-                         --cache-dir",
+                        "{}: what was prepared does not stay in the cache; is another program removing it? Name \
+                         another folder with --cache-dir",
                         self.folder.display()
                     ));
                 }

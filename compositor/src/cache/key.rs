@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Context as _;
 
-/// The longest part of an entry's name that is the input's: file systems end at 255 bytes, and working folders need some of them.
+/// The longest part of an entry's name that is the input's: file systems end at 255 bytes, and working folders need
+/// some of them.
 const MAX_STEM: usize = 100;
 
 /// Changes whenever the prepared store would.
@@ -39,8 +40,8 @@ impl Key {
     }
 }
 
-/// Which file it is and when anything of it changed last, in seconds and nanoseconds: tells apart what was put in its place or given
-/// the old time.
+/// Which file it is and when anything of it changed last, in seconds and nanoseconds: tells apart what was put in its
+/// place or given the old time.
 #[cfg(unix)]
 fn identity(data: &std::fs::Metadata) -> String {
     use std::os::unix::fs::MetadataExt as _;

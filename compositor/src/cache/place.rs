@@ -1,4 +1,5 @@
-//! Where the cache is, and that only its user writes there: whoever could put a store into it would choose what others see.
+//! Where the cache is, and that only its user writes there: whoever could put a store into it would choose what others
+//! see.
 
 use std::path::{Path, PathBuf};
 
@@ -66,25 +67,30 @@ impl Place {
         let (owner, user, mode) = (data.uid(), rustix::process::geteuid().as_raw(), data.mode() & 0o7777);
         if !data.is_dir() {
             return Err(anyhow::anyhow!(
-                "cache folder {shown}: is no folder, and someone else may have put it there; name another with --cache-dir"
+                "cache folder {shown}: is no folder, and someone else may have put it there; name another with \
+                 --cache-dir"
             ));
         }
         if owner != user {
             return Err(anyhow::anyhow!(
-                "cache folder {shown}: belongs to user {owner} and not to you (user {user}), who could put other volumes there; name a folder of \
-                 your own with --cache-dir"
+                "cache folder {shown}: belongs to user {owner} and not to you (user {user}), who could put other \
+                 volumes there; name a folder of your own with --cache-dir"
             ));
         }
         match self.kind {
             Kind::Temporary if mode & 0o077 != 0 => Err(anyhow::anyhow!(
-                "cache folder {shown}: others may read or write there (mode {mode:o}); remove it, or name another with --cache-dir"
+                "cache folder {shown}: others may read or write there (mode {mode:o}); remove it, or name another with \
+                 --cache-dir"
             )),
             // Made under a wide umask: nothing that its owner meant.
             Kind::Users if mode & 0o022 != 0 => {
                 let narrowed = std::fs::Permissions::from_mode(mode & !0o022);
                 let set = std::fs::set_permissions(&self.folder, narrowed);
                 set.with_context(|| {
-                    format!("cache folder {shown}: others may write there (mode {mode:o}); `chmod go-w` it, or name another with --cache-dir")
+                    format!(
+                        "cache folder {shown}: others may write there (mode {mode:o}); `chmod go-w` it, or name \
+                         another with --cache-dir"
+                    )
                 })
             }
             _ => Ok(()),

@@ -28,8 +28,8 @@ impl Cache {
         let (input, text) = (wanted.input.display(), &self.limit_text);
         if need > limit {
             return Err(anyhow!(
-                "{input}: prepared, it takes about {}, more than the {text} of --cache-size; give more, or prepare it yourself with \
-                 `brickcast prepare` and name the store",
+                "{input}: prepared, it takes about {}, more than the {text} of --cache-size; give more, or prepare it \
+                 yourself with `brickcast prepare` and name the store",
                 shown(need)
             ));
         }
@@ -37,8 +37,8 @@ impl Cache {
         let others = self.shrink(name, limit - need);
         if others > limit - need {
             return Err(anyhow!(
-                "{input}: prepared, it takes about {}; of the {text} of --cache-size, {} are in use by other renders: wait for them, or \
-                 give more",
+                "{input}: prepared, it takes about {}; of the {text} of --cache-size, {} are in use by other renders: \
+                 wait for them, or give more",
                 shown(need),
                 shown(others)
             ));
@@ -68,7 +68,8 @@ impl Cache {
         }
     }
 
-    /// Removes entries but `name` until the others take at most `limit`, as far as they are not in use; what they take then.
+    /// Removes entries but `name` until the others take at most `limit`, as far as they are not in use; what they take
+    /// then.
     fn shrink(&self, name: &str, limit: u64) -> u64 {
         remove_leftovers(&self.folder);
         let mut entries: Vec<Entry> = self.entries().filter(|entry| entry.name != name).collect();

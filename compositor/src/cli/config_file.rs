@@ -1,7 +1,7 @@
 //! The configuration file: defaults for flags, in TOML.
 //!
-//! A value of the file takes the place of the flag's own default and of nothing else: flags and environment variables stand
-//! above it. Everything in the file is understood or refused, with the line, before anything is done.
+//! A value of the file takes the place of the flag's own default and of nothing else: flags and environment variables
+//! stand above it. Everything in the file is understood or refused, with the line, before anything is done.
 
 use std::ffi::OsString;
 use std::fmt::Display;

@@ -4,8 +4,8 @@ use std::io::Write as _;
 
 use brickcast_volume::leftovers;
 
-/// From now on INT, TERM and HUP end the process with 128 and their number, after everything unfinished is off the disk. What was
-/// ignored from the start (`nohup`) stays ignored.
+/// From now on INT, TERM and HUP end the process with 128 and their number, after everything unfinished is off the
+/// disk. What was ignored from the start (`nohup`) stays ignored.
 ///
 /// # Errors
 /// The system refuses a thread or a handler.

@@ -1,8 +1,8 @@
-//! The command line as it is meant: flags, then environment variables, then the configuration file, then defaults; and where
-//! each value came from.
+//! The command line as it is meant: flags, then environment variables, then the configuration file, then defaults; and
+//! where each value came from.
 //!
-//! clap knows flags, variables and defaults in this order; the file's values are handed to it as defaults. For that, the
-//! command line is parsed twice: without the file, to learn which one it is, and with it.
+//! clap knows flags, variables and defaults in this order; the file's values are handed to it as defaults. For that,
+//! the command line is parsed twice: without the file, to learn which one it is, and with it.
 
 use std::ffi::{OsStr, OsString};
 use std::path::PathBuf;
@@ -124,8 +124,8 @@ fn origin(arg: &Arg, matches: &ArgMatches, file: Option<&ConfigFile>) -> Origin 
     }
 }
 
-/// Where the user's own file lies, if it is there. What lies in a folder that may not be entered is not there: the home folder
-/// of a process in a container is often someone else's.
+/// Where the user's own file lies, if it is there. What lies in a folder that may not be entered is not there: the home
+/// folder of a process in a container is often someone else's.
 fn users_file() -> Option<PathBuf> {
     let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
     let base = absolute("XDG_CONFIG_HOME").or_else(|| Some(absolute("HOME")?.join(".config")))?;
@@ -146,8 +146,8 @@ fn prepared(command: ClapCommand, file: Option<&ConfigFile>) -> ClapCommand {
     command.mut_args(with_default).mut_subcommands(|inner| inner.mut_args(with_default))
 }
 
-/// Nodes elsewhere or inside this process: what the command line says of the ones rules out the others, wherever they are
-/// named; it cannot ask for both.
+/// Nodes elsewhere or inside this process: what the command line says of the ones rules out the others, wherever they
+/// are named; it cannot ask for both.
 fn settle(args: &mut NodeArgs, origins: &Origins) -> Result<(), Failure> {
     let flag = |key: &str| match origins.get(key) {
         Origin::Flag(flag) => Some(flag),
@@ -164,8 +164,8 @@ fn settle(args: &mut NodeArgs, origins: &Origins) -> Result<(), Failure> {
             Ok(())
         }
         from => Err(Failure::usage(anyhow!(
-            "{inside} is for nodes inside this process, but {} names nodes that run elsewhere ({}): add --local N, or leave \
-             {inside} out",
+            "{inside} is for nodes inside this process, but {} names nodes that run elsewhere ({}): add --local N, or \
+             leave {inside} out",
             from.in_words("nodes"),
             args.nodes.join(","),
         ))),

@@ -1,4 +1,5 @@
-//! The command line: flags, environment and files become scenes, sessions and pictures. Nothing outside this folder knows of flags.
+//! The command line: flags, environment and files become scenes, sessions and pictures. Nothing outside this folder
+//! knows of flags.
 
 pub mod args;
 pub mod command;

@@ -68,8 +68,8 @@ impl OnTheWayArgs {
         BrickGrid::new(glam::UVec3::ONE, self.brick).map_err(Failure::usage)?;
         if path.is_dir() {
             if self.regions.segmentation_range.is_some() || self.regions.labels.is_some() {
-                let why = "is a store, with the regions that it was prepared with: leave --segmentation-range and --labels \
-                           out, or prepare it anew";
+                let why = "is a store, with the regions that it was prepared with: leave --segmentation-range and \
+                           --labels out, or prepare it anew";
                 return Err(Failure::usage(anyhow!("{} {why}", path.display())));
             }
             return Ok(Source::Store(Store::open(path)?));
@@ -110,8 +110,8 @@ impl OnTheWayArgs {
     }
 }
 
-/// Tells what is known of how a volume became a store, once a run, however often it is opened. The notes are harmless: see
-/// [`Manifest::notes`].
+/// Tells what is known of how a volume became a store, once a run, however often it is opened. The notes are harmless:
+/// see [`Manifest::notes`].
 pub fn tell(path: &Path, manifest: &Manifest) {
     static TOLD: Mutex<Vec<String>> = Mutex::new(Vec::new());
     let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);

@@ -1,7 +1,8 @@
 //! Orders that nobody wants any more, as they are cancelled: at a pace that costs no connection.
 //!
-//! Invariant: an order is not reset before its node took it up, [`PATIENCE`] aside. HTTP/2 servers count calls that are reset before that
-//! and close the connection, with everything else on it, where they pile up: h2 at 20 of them, unless it is told otherwise.
+//! Invariant: an order is not reset before its node took it up, [`PATIENCE`] aside. HTTP/2 servers count calls that are
+//! reset before that and close the connection, with everything else on it, where they pile up: h2 at 20 of them, unless
+//! it is told otherwise.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -10,13 +11,13 @@ use tokio::sync::{Semaphore, oneshot};
 use tokio::time::Instant;
 use tonic::Status;
 
-/// Orders of one connection that were sent and not taken up, cancelled ones among them; the next waits. As many as a node lets one
-/// client have open, and well below 20.
+/// Orders of one connection that were sent and not taken up, cancelled ones among them; the next waits. As many as a
+/// node lets one client have open, and well below 20.
 const UNANSWERED: usize = 8;
 /// A cancelled order that is not taken up for so long is reset all the same.
 const PATIENCE: Duration = Duration::from_secs(5);
-/// A connection that breaks so soon after a cancel was closed because of it, as far as can be known: the word of the node may be lost
-/// with the connection.
+/// A connection that breaks so soon after a cancel was closed because of it, as far as can be known: the word of the
+/// node may be lost with the connection.
 const AFTERMATH: Duration = Duration::from_secs(1);
 
 /// The orders of one connection.

@@ -28,7 +28,8 @@ impl Dial {
         Self(Arc::new(move |target| connect(target).boxed()))
     }
 
-    /// TCP, with this certificate and token; nodes are given up where anything but a frame takes longer than `patience`.
+    /// TCP, with this certificate and token; nodes are given up where anything but a frame takes longer than
+    /// `patience`.
     #[must_use]
     pub fn with(access: Access, patience: Duration) -> Self {
         let pings = Pings::default();

@@ -1,5 +1,5 @@
-//! Follows the list of nodes in the background: looks names up again, connects nodes that are new or were lost, and loads
-//! their bricks, so that they can enter the table between two frames. It never touches a frame.
+//! Follows the list of nodes in the background: looks names up again, connects nodes that are new or were lost, and
+//! loads their bricks, so that they can enter the table between two frames. It never touches a frame.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -1,8 +1,8 @@
 //! Membership: which nodes there are, which of them the next frame is rendered on, and under which epoch.
 //!
-//! Invariant (docs/reference/protocol.md, law 3): the table changes in [`Members::settle`], [`Members::lose`] and [`Members::advance`] only, and
-//! each change is another epoch. A frame that is under way does not see it: it has the [`Roster`] that it began with. A slot keeps its
-//! place while its node is away, so that its chunks come back to it.
+//! Invariant (docs/reference/protocol.md, law 3): the table changes in [`Members::settle`], [`Members::lose`] and
+//! [`Members::advance`] only, and each change is another epoch. A frame that is under way does not see it: it has the
+//! [`Roster`] that it began with. A slot keeps its place while its node is away, so that its chunks come back to it.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -20,7 +20,8 @@ use super::node_error::NodeError;
 use super::roster::{Member, Roster, Slot};
 use super::service::NodeClient;
 
-/// How often a node is asked at the start, where its answers are lost on the way, and the pause before it is asked again.
+/// How often a node is asked at the start, where its answers are lost on the way, and the pause before it is asked
+/// again.
 const FIRST_CALLS: u32 = 3;
 const FIRST_PAUSE: Duration = Duration::from_millis(250);
 
@@ -54,8 +55,8 @@ impl Members {
     /// Connects the nodes of `list`, and follows it from now on.
     ///
     /// # Errors
-    /// A node that was named by itself and cannot be reached, lacks the store, or has another content under its name; none that serves.
-    /// One that was reached and then failed is left out while another is well.
+    /// A node that was named by itself and cannot be reached, lacks the store, or has another content under its name;
+    /// none that serves. One that was reached and then failed is left out while another is well.
     pub(crate) async fn open(
         mut list: NodeList,
         dial: &Dial,
@@ -149,8 +150,8 @@ impl Members {
         self.roster.epoch = Epoch(self.roster.epoch.0 + 1);
     }
 
-    /// Takes the node with this serial out of the table, and tries to get it back. Nothing where it is gone already: several frames
-    /// may lose one node.
+    /// Takes the node with this serial out of the table, and tries to get it back. Nothing where it is gone already:
+    /// several frames may lose one node.
     pub(crate) fn lose(&mut self, serial: u64, why: String) {
         let is_it = |slot: &&mut Slot| matches!(&slot.member, Ok(member) if member.serial == serial);
         let Some(slot) = self.roster.slots_mut().iter_mut().find(is_it) else { return };

@@ -12,8 +12,8 @@ pub enum NodeError {
     #[error("node {address}: no secure connection ({reason})")]
     Handshake { address: String, reason: String },
     #[error(
-        "node {address}: no answer to {call} within {seconds} s; it is hanging, the network is cut, or it has more to load than \
-         --load-deadline gives it time for"
+        "node {address}: no answer to {call} within {seconds} s; it is hanging, the network is cut, or it has more to \
+         load than --load-deadline gives it time for"
     )]
     NoAnswer { address: String, call: &'static str, seconds: f64 },
     #[error("node {address}: {call}: the connection was lost ({reason})")]
@@ -25,13 +25,14 @@ pub enum NodeError {
     #[error("node {address}: it is shutting down")]
     Draining { address: String },
     #[error(
-        "node {address}: it answers pings, but sent nothing of the frame for {seconds:.1} s; it is hanging or overloaded"
+        "node {address}: it answers pings, but sent nothing of the frame for {seconds:.1} s; it hangs or is overloaded"
     )]
     Hanging { address: String, seconds: f64 },
     #[error("node {address}: {call}: sent something that is not valid: {reason}")]
     Invalid { address: String, call: &'static str, reason: String },
     #[error(
-        "node {address} speaks protocol {theirs} (version {version}), this is protocol {ours}; run the same release on both"
+        "node {address} speaks protocol {theirs} (version {version}), this is protocol {ours}; run the same release on \
+         both"
     )]
     Protocol { address: String, theirs: u32, version: String, ours: u32 },
 }

@@ -1,7 +1,8 @@
 //! How often silent connections are pinged: seldom where something on the way objects.
 //!
-//! Proxies and servers of other makes close a connection that is pinged more often than they like (`too_many_pings`; gRPC's own wants 5
-//! minutes between two where nothing else is said). A node that hangs behind one is found that much later.
+//! Proxies and servers of other makes close a connection that is pinged more often than they like (`too_many_pings`;
+//! gRPC's own wants 5 minutes between two where nothing else is said). A node that hangs behind one is found that much
+//! later.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

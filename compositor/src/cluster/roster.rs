@@ -30,8 +30,9 @@ pub(crate) struct Slot {
     pub(crate) member: Result<Arc<Member>, String>,
 }
 
-/// A snapshot: the nodes of one epoch, in the order of the table, those that are away too. Costs nothing to copy, and never changes,
-/// so that a frame ends with the table that it began with, whatever other sessions meanwhile learn of the nodes.
+/// A snapshot: the nodes of one epoch, in the order of the table, those that are away too. Costs nothing to copy, and
+/// never changes, so that a frame ends with the table that it began with, whatever other sessions meanwhile learn of
+/// the nodes.
 #[derive(Debug, Clone)]
 pub(crate) struct Roster {
     store: StoreHash,

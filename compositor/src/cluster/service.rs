@@ -1,7 +1,7 @@
 //! A node as the compositor calls it: domain types in, domain types out; wire types stay in here.
 //!
-//! Its public calls are type-erased futures: the body of an `async fn` is compiled again in every crate that awaits it, and with
-//! these that would be all of tonic and h2, in each test program.
+//! Its public calls are type-erased futures: the body of an `async fn` is compiled again in every crate that awaits it,
+//! and with these that would be all of tonic and h2, in each test program.
 
 use std::error::Error as _;
 use std::time::{Duration, Instant};
@@ -38,7 +38,7 @@ const TOLD_AFTER: Duration = Duration::from_secs(5);
 /// A node that answers others of this address first is asked again after the pause, for so long.
 const BUSY_PAUSE: Duration = Duration::from_millis(100);
 const BUSY_LIMIT: Duration = Duration::from_secs(30);
-/// How often a connection that was closed over cancelled calls is opened again at once, to see whether its node leaves ...
+/// How often a connection that was closed over cancelled calls is opened again at once, to see if its node leaves ...
 const CALMED_AGAIN: u32 = 3;
 /// ... and how long the next must have lasted to be the first again.
 const STEADY: Duration = Duration::from_secs(10);
@@ -246,7 +246,8 @@ impl NodeClient {
         })
     }
 
-    /// Sends an order; its parts come back as they are ready. Dropping them cancels the order, but not before the node took it up.
+    /// Sends an order; its parts come back as they are ready. Dropping them cancels the order, but not before the node
+    /// took it up.
     ///
     /// # Errors
     /// The order is refused. The stream's items may fail, too.

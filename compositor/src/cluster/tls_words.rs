@@ -33,7 +33,8 @@ fn way_out(reason: &str) -> Option<&'static str> {
     } else if has("CertificateExpired") || has("received fatal alert: certificate expired") {
         "this client's certificate has expired; make new ones with `brickcast tls init DIR --force`"
     } else if has("Expired") || has("certificate expired") {
-        "the node's certificate has expired; make new ones with `brickcast tls init DIR --force`, and look at the clocks"
+        "the node's certificate has expired; make new ones with `brickcast tls init DIR --force`, and look at the \
+         clocks"
     } else if has("NotValidYet") || has("not valid yet") || has("not valid before") {
         "the node's certificate is not valid yet; look at the clocks of both machines"
     } else if has("CertificateRequired") || has("certificate required") {

@@ -111,8 +111,8 @@ impl Classes {
         self.mode
     }
 
-    /// A projection's code by the transfer function: straight colour and the opacity of one opacity unit, whatever the step. Other pixels are
-    /// what they are.
+    /// A projection's code by the transfer function: straight colour and the opacity of one opacity unit, whatever the
+    /// step. Other pixels are what they are.
     #[must_use]
     pub fn color(&self, pixel: &Premul) -> Premul {
         if self.mode == Mode::Composite {

@@ -105,8 +105,8 @@ struct Run<'a, 's> {
     bytes_received: u64,
 }
 
-/// Renders one frame on `workers`, each at its position in `table`. Dropping the future cancels the frame on the nodes: its tasks hold
-/// the streams.
+/// Renders one frame on `workers`, each at its position in `table`. Dropping the future cancels the frame on the nodes:
+/// its tasks hold the streams.
 pub(crate) async fn run(
     order: &FrameOrder<'_>,
     workers: Vec<Worker>,
@@ -242,8 +242,8 @@ impl Run<'_, '_> {
         self.fail(ticket, &NodeError::Invalid { address, call: "RenderFrame", reason }, now);
     }
 
-    /// The ticket's open layers are void from now on; unless the node is only busy, or closed a connection over cancelled calls, so
-    /// are all others of it.
+    /// The ticket's open layers are void from now on; unless the node is only busy, or closed a connection over
+    /// cancelled calls, so are all others of it.
     fn fail(&mut self, ticket: Ticket, error: &NodeError, now: Instant) {
         let worker = self.sent[ticket.0].worker;
         if self.workers[worker].rests(error, now) {
@@ -279,8 +279,8 @@ impl Run<'_, '_> {
         worker.out.is_none() && worker.client.is_some()
     }
 
-    /// Nodes that do nothing for a quarter of the deadline, from its half on, are taken for hanging where others are left. One that
-    /// works is not hanging, however long it takes.
+    /// Nodes that do nothing for a quarter of the deadline, from its half on, are taken for hanging where others are
+    /// left. One that works is not hanging, however long it takes.
     fn watch_progress(&mut self, now: Instant) {
         if now < self.started + self.order.deadline / 2 {
             return;

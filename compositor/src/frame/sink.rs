@@ -37,12 +37,13 @@ impl FinishedTile {
 
 /// Hears of the tiles of a frame in the order in which they are finished; the frame's picture is what it is without.
 ///
-/// A trait, not a channel: how much may pile up, and what becomes of a listener that is slow, is the listener's to say, and `()` hears
-/// nothing at no cost. It is called by the frame's event loop, which waits for it: whatever may take long belongs into a channel
-/// of the listener's own. Where the frame's future is dropped it hears no more.
+/// A trait, not a channel: how much may pile up, and what becomes of a listener that is slow, is the listener's to say,
+/// and `()` hears nothing at no cost. It is called by the frame's event loop, which waits for it: whatever may take
+/// long belongs into a channel of the listener's own. Where the frame's future is dropped it hears no more.
 pub trait FrameSink: Send {
-    /// Every tile of a complete frame once: the tiles together are its picture. A tile comes again where what it was made of turns out
-    /// to be void (a node's stream was damaged): the last word counts. Tiles of which a part is missing at the deadline do not come.
+    /// Every tile of a complete frame once: the tiles together are its picture. A tile comes again where what it was
+    /// made of turns out to be void (a node's stream was damaged): the last word counts. Tiles of which a part is
+    /// missing at the deadline do not come.
     fn tile(&mut self, tile: FinishedTile);
 
     /// So many of the picture's tiles are finished.

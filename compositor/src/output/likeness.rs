@@ -101,8 +101,8 @@ impl DrawnFile {
         matches!(&self.kept, Kept::Bytes(decoded) if !decoded.has_alpha)
     }
 
-    /// Compares a frame with `picture` as this file would hold it; `background` counts where the file is opaque. Nothing
-    /// where there is no such frame, or one of another size.
+    /// Compares a frame with `picture` as this file would hold it; `background` counts where the file is opaque.
+    /// Nothing where there is no such frame, or one of another size.
     #[must_use]
     pub fn difference(
         &self,

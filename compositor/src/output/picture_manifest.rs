@@ -177,8 +177,8 @@ impl<'de> Deserialize<'de> for PictureManifest {
 /// The pictures of a manifest: one, or the frames of an animation.
 ///
 /// # Errors
-/// A file that cannot be read, is too long or no JSON; a field that is missing, unknown, of another kind or out of range,
-/// by name.
+/// A file that cannot be read, is too long or no JSON; a field that is missing, unknown, of another kind or out of
+/// range, by name.
 pub fn read_manifest(path: &Path) -> Result<Vec<PictureManifest>, ManifestError> {
     of_text(path, &read_text(WHAT, path, MAX_MANIFEST_BYTES)?)
 }

@@ -37,8 +37,8 @@ impl Assignment {
         Self { owner, nodes, shared: BTreeMap::new() }
     }
 
-    /// The same table for one view, but for chunks whose tiles several nodes share: disjoint shares of nodes below `nodes`, together all of
-    /// the chunk's strips.
+    /// The same table for one view, but for chunks whose tiles several nodes share: disjoint shares of nodes below
+    /// `nodes`, together all of the chunk's strips.
     #[must_use]
     pub fn sharing(mut self, shared: BTreeMap<u32, Vec<Share>>) -> Self {
         self.shared = shared;

@@ -51,8 +51,8 @@ impl InView {
         seen.map(|(c, r)| (c as u32, TileRect::around(r))).collect()
     }
 
-    /// Per chunk, x fastest, and per strip of its tiles: about how many sample positions lie inside the box of its shown bricks.
-    /// No strips: not in view.
+    /// Per chunk, x fastest, and per strip of its tiles: about how many sample positions lie inside the box of its
+    /// shown bricks. No strips: not in view.
     #[must_use]
     pub fn sample_positions(&self, shown: &Shown, view: &View) -> Vec<Vec<f64>> {
         let kernel = view.kernel();
@@ -69,7 +69,8 @@ impl InView {
         self.rects.par_iter().enumerate().map(of_chunk).collect()
     }
 
-    /// The layers that render the chunks that are `mine`, and no others: maximal subtrees all of whose chunks in view are.
+    /// The layers that render the chunks that are `mine`, and no others: maximal subtrees all of whose chunks in view
+    /// are.
     #[must_use]
     pub fn layers(&self, mine: impl Fn(u32) -> bool) -> Vec<LayerOrder> {
         let tree = &self.tree;
@@ -124,8 +125,8 @@ impl InView {
         dealt.into_iter().map(|(whole, parts)| self.orders(&whole, &parts)).collect()
     }
 
-    /// One order for all that is `whole` and the first part of each chunk of `parts`, and more where a chunk has several: an order
-    /// names no layer twice.
+    /// One order for all that is `whole` and the first part of each chunk of `parts`, and more where a chunk has
+    /// several: an order names no layer twice.
     fn orders(&self, whole: &BTreeSet<u32>, parts: &[(u32, TileRect)]) -> Orders {
         let mut orders = vec![self.layers(|chunk| whole.contains(&chunk))];
         let mut taken: BTreeMap<u32, usize> = BTreeMap::new();

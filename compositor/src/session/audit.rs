@@ -36,8 +36,8 @@ impl Audit {
             format!("{} pixels differ by more than their bound", self.pixels_over_bound)
         };
         format!(
-            "audit: without leaping the picture differs by at most {:.4} (mean {:.6}) of 1; {held} (at most {:.4} in this view, and \
-             {:.4} for rounding and early termination)",
+            "audit: without leaping the picture differs by at most {:.4} (mean {:.6}) of 1; {held} (at most {:.4} in \
+             this view, and {:.4} for rounding and early termination)",
             self.largest_difference, self.mean_difference, self.largest_bound, self.slack
         )
     }
@@ -73,8 +73,9 @@ pub fn bounds(store: &StoreFacts, scene: &Scene, view: &View) -> Vec<f32> {
     sums
 }
 
-/// What rounding and early termination may add to a bound: two pictures travel in `transport`, and each may stop anywhere
-/// above the scene's early termination; textures hold 14 bits of a flattened value, and real filters weigh in 1/256.
+/// What rounding and early termination may add to a bound: two pictures travel in `transport`, and each may stop
+/// anywhere above the scene's early termination; textures hold 14 bits of a flattened value, and real filters weigh in
+/// 1/256.
 fn slack(scene: &Scene, transport: Transport) -> f32 {
     let rounding = match transport {
         Transport::F32 => 1e-4,

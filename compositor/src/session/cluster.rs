@@ -1,7 +1,8 @@
-//! A cluster: nodes that all hold one store, and what all sessions on them share: who is there, what is shown, and one balancer.
+//! A cluster: nodes that all hold one store, and what all sessions on them share: who is there, what is shown, and one
+//! balancer.
 //!
-//! No lock is held across an await, nor while something is computed that is not its own: the longest is the balancer's, for the time
-//! of one decision. Where two are held, it is the balancer's and then the members'.
+//! No lock is held across an await, nor while something is computed that is not its own: the longest is the balancer's,
+//! for the time of one decision. Where two are held, it is the balancer's and then the members'.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -21,9 +22,9 @@ use crate::plan::{Assignment, StoreFacts};
 
 /// Nodes that all hold one store. They may come and go.
 ///
-/// Shared: each user has a [`Session`] of his own on it, and sessions render at the same time. What one of them finds out counts for all:
-/// nodes that are lost, what chunks cost, how fast nodes are. A frame keeps the table and the epoch that it began with; a change, by whomever,
-/// takes effect in the frames that begin after it.
+/// Shared: each user has a [`Session`] of his own on it, and sessions render at the same time. What one of them finds
+/// out counts for all: nodes that are lost, what chunks cost, how fast nodes are. A frame keeps the table and the epoch
+/// that it began with; a change, by whomever, takes effect in the frames that begin after it.
 #[derive(Debug)]
 pub struct Cluster {
     dial: Dial,
@@ -43,11 +44,12 @@ struct Balance {
 }
 
 impl Cluster {
-    /// Connects to the nodes (`host:port`, `dns:NAME:PORT`, `file:PATH`), agrees on the store, and follows them from now on.
+    /// Connects to the nodes (`host:port`, `dns:NAME:PORT`, `file:PATH`), agrees on the store, and follows them from
+    /// now on.
     ///
     /// # Errors
-    /// A node that was named by itself and cannot be reached, speaks another protocol, lacks the store or has another content
-    /// under its name; no node that serves. Each is named.
+    /// A node that was named by itself and cannot be reached, speaks another protocol, lacks the store or has another
+    /// content under its name; no node that serves. Each is named.
     pub fn open(dial: Dial, nodes: &[String], choice: StoreChoice) -> BoxFuture<'_, Result<Arc<Self>, SessionError>> {
         Box::pin(Self::opened(dial, nodes, choice))
     }
@@ -84,8 +86,8 @@ impl Cluster {
         roster.members().map(|(_, m)| (m.client.address().to_owned(), m.description.clone())).collect()
     }
 
-    /// Balances the frames of all sessions by these settings from now on; what was learnt before is forgotten. Off where nobody called
-    /// this.
+    /// Balances the frames of all sessions by these settings from now on; what was learnt before is forgotten. Off
+    /// where nobody called this.
     pub fn balance(&self, settings: Settings) {
         let mut balance = lock(&self.balance);
         (balance.settings, balance.balanced) = (settings, None);
@@ -142,8 +144,8 @@ impl Cluster {
         lock(&self.balance).settings.mode != Mode::Off
     }
 
-    /// The table of a frame that begins now; nothing where nobody balances. `first` tells the table that the members of the start have
-    /// loaded.
+    /// The table of a frame that begins now; nothing where nobody balances. `first` tells the table that the members of
+    /// the start have loaded.
     pub(super) fn divide(
         &self,
         look: &Arc<ShownLook>,
@@ -175,7 +177,8 @@ impl Cluster {
         Some(balanced.homes(roster, first))
     }
 
-    /// Learns what a frame cost. `clean`: nothing was rendered twice or is missing. Nothing where other settings came meanwhile.
+    /// Learns what a frame cost. `clean`: nothing was rendered twice or is missing. Nothing where other settings came
+    /// meanwhile.
     pub(super) fn learn(
         &self,
         frame: Divided,

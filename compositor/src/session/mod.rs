@@ -139,8 +139,8 @@ impl Session {
         plan
     }
 
-    /// Makes every node load the bricks that it will render of `scene`, from any view, and warm its pipelines. A node that fails
-    /// leaves the table, and the others load its share.
+    /// Makes every node load the bricks that it will render of `scene`, from any view, and warm its pipelines. A node
+    /// that fails leaves the table, and the others load its share.
     ///
     /// # Errors
     /// No node that could is left.
@@ -194,8 +194,8 @@ impl Session {
         }
     }
 
-    /// Renders one frame; it ends by count or by deadline, whichever comes first. What nodes that fail on the way leave open
-    /// is rendered by the others.
+    /// Renders one frame; it ends by count or by deadline, whichever comes first. What nodes that fail on the way leave
+    /// open is rendered by the others.
     ///
     /// # Errors
     /// No node is left. A frame of which a part is missing at the deadline is returned, marked incomplete.
@@ -208,7 +208,8 @@ impl Session {
         Box::pin(async move { self.rendered(scene, transport, deadline, &mut ()).await })
     }
 
-    /// As [`Session::render`]; `sink` hears of the tiles as they are finished. Dropping the future cancels the frame on the nodes.
+    /// As [`Session::render`]; `sink` hears of the tiles as they are finished. Dropping the future cancels the frame on
+    /// the nodes.
     ///
     /// # Errors
     /// As [`Session::render`].

@@ -1,7 +1,8 @@
 #!/bin/sh
-# Every style, projection, clip, region view and acceleration, exact and not, on 1, 2 and 3 nodes, as float pictures with their
-# checksums: sh docs/figures/bench/pictures.sh BRICKCAST OUT. Of two programs that draw the same, `diff A/sums B/sums` prints nothing.
-# The GPU's kernel draws each style once, on one node (BACKENDS=cpu leaves it out). LIMIT names the cases to draw, as a pattern.
+# Every style, projection, clip, region view and acceleration, exact and not, on 1, 2 and 3 nodes, as float pictures
+# with their checksums: sh docs/figures/bench/pictures.sh BRICKCAST OUT. Of two programs that draw the same,
+# `diff A/sums B/sums` prints nothing. The GPU's kernel draws each style once, on one node (BACKENDS=cpu leaves it out).
+# LIMIT names the cases to draw, as a pattern.
 set -eu
 brickcast=$1 out=$2
 mkdir -p "$out"

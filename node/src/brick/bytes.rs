@@ -22,15 +22,16 @@ pub(crate) fn expected_bytes(stored_voxels: u64, recipe: Recipe, texel_bytes: u6
     stored_voxels * (texel_bytes + u64::from(recipe.region_flags)) + cells
 }
 
-/// Where rays of the brick may read a position: one voxel within the stored box, whose last voxel is only interpolated with.
+/// Where rays of the brick may read a position: one voxel within the stored box, whose last voxel is only interpolated
+/// with.
 pub(crate) fn reached(owned: &OwnedBox, stored: &StoredBox) -> OwnedBox {
     let lo = (stored.lo + 1).max(IVec3::ZERO).as_uvec3();
     OwnedBox { lo: lo.min(owned.lo), hi: (stored.hi - 1).as_uvec3().max(owned.hi) }
 }
 
 impl Recipe {
-    /// Bytes that a node with texels of `texel_bytes` holds of a brick that is drawn in a scene, macrocells included; at most so
-    /// many where the brick may turn out to need no region flags.
+    /// Bytes that a node with texels of `texel_bytes` holds of a brick that is drawn in a scene, macrocells included;
+    /// at most so many where the brick may turn out to need no region flags.
     #[must_use]
     pub fn planned_bytes(scene: &Scene, owned: &OwnedBox, drawn: &Drawn, has_regions: bool, texel_bytes: u64) -> u64 {
         let ghost = scene.ghost();

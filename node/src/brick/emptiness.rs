@@ -24,8 +24,8 @@ pub(crate) struct Also {
     mode: Mode,
 }
 
-/// Is `known` the very same as `emptiness`? A dead one never is: its place is not given to another while a weak pointer is
-/// left.
+/// Is `known` the very same as `emptiness`? A dead one never is: its place is not given to another while a weak pointer
+/// is left.
 pub(crate) fn is_same(known: &Weak<Emptiness>, emptiness: &Arc<Emptiness>) -> bool {
     std::ptr::eq(known.as_ptr(), Arc::as_ptr(emptiness))
 }

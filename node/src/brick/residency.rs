@@ -1,8 +1,8 @@
 //! Bricks in the backend's memory, within a budget.
 //!
-//! A frame takes a [`Lease`] on all bricks of a batch at once: room for the whole batch is reserved under one lock, so that
-//! two frames never wait for each other's bricks half-served. A thread that holds a lease must not ask for another.
-//! Each brick is loaded once, whoever asks; the least recently used go first; leased bricks stay.
+//! A frame takes a [`Lease`] on all bricks of a batch at once: room for the whole batch is reserved under one lock, so
+//! that two frames never wait for each other's bricks half-served. A thread that holds a lease must not ask for
+//! another. Each brick is loaded once, whoever asks; the least recently used go first; leased bricks stay.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
@@ -118,8 +118,8 @@ impl Residency {
         slots.filter(|slot| matches!(slot.state, State::Ready(_))).map(|slot| slot.bytes).sum()
     }
 
-    /// Lets go of these bricks of a store (linear indices), however they are drawn, but for those that a lease holds or that another
-    /// session used, too. Returns their bytes.
+    /// Lets go of these bricks of a store (linear indices), however they are drawn, but for those that a lease holds or
+    /// that another session used, too. Returns their bytes.
     pub fn release(&self, session: SessionId, store: StoreHash, bricks: &[u32]) -> u64 {
         let bricks: HashSet<u32> = bricks.iter().copied().collect();
         let mut table = self.lock();

@@ -52,8 +52,8 @@ impl<'a> PreparedBrick<'a> {
         let mut means = None;
         let mut texels = Cow::Borrowed(voxels.codes.as_slice());
         if let (Some(guard), Some((regions, table))) = (recipe.guard, regions) {
-            // A guard as wide as distances go leaves no leap voxel: V' as plain texels. Coded ones have no room for voxels without
-            // data.
+            // A guard as wide as distances go leaves no leap voxel: V' as plain texels. Coded ones have no room for
+            // voxels without data.
             let worth = !voxels.has_holes && leaps_enough(&voxels.stored, regions, u32::from(guard));
             let guard = if worth { u32::from(guard) } else { u32::from(MAX_DISTANCE) };
             match classify_all(voxels, regions, table, guard, recipe.radius)? {

@@ -6,8 +6,8 @@ use super::client::Client;
 use super::held::Share;
 use super::quota::Place;
 
-/// Who calls. Whatever works for the call keeps a clone, so that its place is taken until nothing works for it any more, even
-/// where the client is long gone.
+/// Who calls. Whatever works for the call keeps a clone, so that its place is taken until nothing works for it any
+/// more, even where the client is long gone.
 #[derive(Debug, Default, Clone)]
 pub struct Caller {
     pub(crate) client: Client,

@@ -2,8 +2,8 @@
 
 use std::net::{IpAddr, Ipv4Addr};
 
-/// Everyone at one address: all clients of a cluster share a certificate and a token, so nothing else tells them apart. An IPv6
-/// host may use a whole /64 as it likes, so that counts as one address.
+/// Everyone at one address: all clients of a cluster share a certificate and a token, so nothing else tells them apart.
+/// An IPv6 host may use a whole /64 as it likes, so that counts as one address.
 #[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Client {
     /// Callers inside this process, and connections that have no address.

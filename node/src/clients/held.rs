@@ -1,4 +1,5 @@
-//! Bytes of requests that a node holds, over all clients: quotas bound what one client may have, this what all of them have at once.
+//! Bytes of requests that a node holds, over all clients: quotas bound what one client may have, this what all of them
+//! have at once.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;

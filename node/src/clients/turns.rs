@@ -9,8 +9,8 @@ use super::client::Client;
 
 /// Who holds the turn and who waits for it.
 ///
-/// A client waits for at most one turn of every other client, and for the one under way: whoever had the turn goes behind all
-/// that came meanwhile.
+/// A client waits for at most one turn of every other client, and for the one under way: whoever had the turn goes
+/// behind all that came meanwhile.
 #[derive(Debug, Default)]
 pub(crate) struct TurnQueue(Mutex<State>);
 
@@ -36,8 +36,8 @@ impl Drop for Turn {
 }
 
 impl TurnQueue {
-    /// Waits for the turn, from now on, though nobody polls yet. Dropping the future gives up waiting; a turn that came meanwhile
-    /// goes to the next.
+    /// Waits for the turn, from now on, though nobody polls yet. Dropping the future gives up waiting; a turn that came
+    /// meanwhile goes to the next.
     pub(crate) fn turn(self: &Arc<Self>, client: Client) -> impl Future<Output = Turn> + use<> {
         let (turns, mut entered) = (self.clone(), self.enter(client));
         async move {
@@ -80,7 +80,8 @@ impl TurnQueue {
         Err(receiver)
     }
 
-    /// Gives the turn to the next that still waits. One that goes after it was given drops the turn, which passes it on again.
+    /// Gives the turn to the next that still waits. One that goes after it was given drops the turn, which passes it on
+    /// again.
     fn pass_on(self: Arc<Self>) {
         let mut state = self.lock();
         if let Some(last) = state.holder.take().filter(|last| state.queues.contains_key(last)) {

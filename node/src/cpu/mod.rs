@@ -25,15 +25,16 @@ use crate::kernel::{
     ResidentBrick, Watch, check_jobs, new_pixels,
 };
 
-/// Tile edge in pixels: small enough that threads stay busy to the end, large enough that a brick's voxels are reused ...
+/// Tile edge in pixels: small enough that threads stay busy to the end, large enough that a brick's voxels are reused
+/// ...
 const TILE: usize = 32;
 /// ... and where there are few pixels, each of them long.
 const SMALLEST_TILE: usize = 4;
 /// Tiles that every thread should find.
 const TILES_PER_THREAD: usize = 4;
 
-/// The threads of all CPU kernels of this process. Nothing else runs on them: what needs threads for a moment (tables, decoding,
-/// encoding tiles) must not wait until a picture is done.
+/// The threads of all CPU kernels of this process. Nothing else runs on them: what needs threads for a moment (tables,
+/// decoding, encoding tiles) must not wait until a picture is done.
 fn kernel_threads() -> Option<&'static rayon::ThreadPool> {
     static THREADS: OnceLock<Option<rayon::ThreadPool>> = OnceLock::new();
     let name = |i| format!("kernel-{i}");
@@ -47,8 +48,8 @@ pub struct CpuRaycaster {
     emptiness: EmptinessCache,
 }
 
-/// What a map was built for, and its texels. No more than the name of the emptiness: its counts of half a megabyte must not
-/// live as long as every brick that once saw them.
+/// What a map was built for, and its texels. No more than the name of the emptiness: its counts of half a megabyte must
+/// not live as long as every brick that once saw them.
 type BuiltMap = (Option<Weak<Emptiness>>, Arc<Vec<u32>>);
 
 #[derive(Debug)]

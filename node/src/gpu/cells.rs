@@ -1,5 +1,5 @@
-//! Macrocell maps on the GPU: built anew when the transfer function changes, by kernels, or by the processor where it plays
-//! GPU (a software driver takes hundreds of times as long for the many small dispatches).
+//! Macrocell maps on the GPU: built anew when the transfer function changes, by kernels, or by the processor where it
+//! plays GPU (a software driver takes hundreds of times as long for the many small dispatches).
 
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 

@@ -189,8 +189,8 @@ fn from_wgpu(what: &'static str, bytes: u64, error: &wgpu::Error) -> RaycastErro
     }
 }
 
-/// The best adapter whose description holds `wanted` (any case): real GPUs before software, Vulkan, Metal and DX12 before
-/// GL.
+/// The best adapter whose description holds `wanted` (any case): real GPUs before software, Vulkan, Metal and DX12
+/// before GL.
 fn choose(wanted: Option<&str>) -> Result<Adapter, GpuError> {
     let mut found = Vec::new();
     // GL is only asked where nothing else answers: opening it on a machine without a display is slow and noisy.

@@ -1,4 +1,5 @@
-//! What graphics drivers are told before they are loaded: we draw into memory, so that they need not look for a desktop.
+//! What graphics drivers are told before they are loaded: we draw into memory, so that they need not look for a
+//! desktop.
 
 /// Variables that keep Mesa from asking a desktop for anything. Where no desktop is, it says "error: XDG_RUNTIME_DIR is
 /// invalid or not set" for each question on standard error, and whoever greps logs for errors is paged.

@@ -1,4 +1,5 @@
-//! The raycast pipelines and what they bind: group 0 the frame, group 1 the accumulator and the dispatch, group 2 a brick.
+//! The raycast pipelines and what they bind: group 0 the frame, group 1 the accumulator and the dispatch, group 2 a
+//! brick.
 
 use std::collections::HashMap;
 use std::num::NonZeroU64;

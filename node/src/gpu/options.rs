@@ -13,12 +13,13 @@ pub struct GpuOptions {
     pub without_norm16: bool,
     /// Filter the transfer function as half floats even where full ones are faster (for tests of what real GPUs do).
     pub without_float_table: bool,
-    /// Build macrocell maps by kernels even where the processor plays GPU and is quicker without (for tests of what real GPUs
-    /// do).
+    /// Build macrocell maps by kernels even where the processor plays GPU and is quicker without (for tests of what
+    /// real GPUs do).
     pub with_map_kernels: bool,
     /// The longest wait for a piece of work that takes seconds on the slowest adapter.
     pub timeout: Duration,
-    /// Most bytes of accumulators on the GPU at a time (as many again for reading back); clamped to the adapter's limits.
+    /// Most bytes of accumulators on the GPU at a time (as many again for reading back); clamped to the adapter's
+    /// limits.
     pub accumulator_bytes: u64,
 }
 

@@ -1,5 +1,5 @@
-//! What a call dispatches, worked out before anything is recorded: bands that fit the accumulator buffer, and dispatches
-//! that end before a driver's watchdog does.
+//! What a call dispatches, worked out before anything is recorded: bands that fit the accumulator buffer, and
+//! dispatches that end before a driver's watchdog does.
 
 use brickcast_shaders::Features;
 use brickcast_shaders::layout::BrickUniform;
@@ -68,8 +68,8 @@ pub(super) fn batches(rects: &[PixelRect], capacity: u32) -> Vec<Batch> {
     batches
 }
 
-/// The dispatches of one brick over a band: the projection of the uniform's owned box, cut where the samples could be too
-/// many.
+/// The dispatches of one brick over a band: the projection of the uniform's owned box, cut where the samples could be
+/// too many.
 pub(super) fn dispatches(
     view: &View,
     band: &Band,

@@ -36,7 +36,8 @@ impl GpuBrick {
         Arc::ptr_eq(&self.gpu, gpu)
     }
 
-    /// What the brick needs in this scene: its uniform and its kernel. The uniform's owned box is what may show something.
+    /// What the brick needs in this scene: its uniform and its kernel. The uniform's owned box is what may show
+    /// something.
     pub(super) fn in_scene(&self, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> (BrickUniform, Features) {
         let leaps = self.cells.as_ref().is_some_and(CellTextures::has_homogeneous);
         let has_holes = self.uniform.holes != 0;

@@ -20,8 +20,8 @@ pub enum RaycastError {
     #[error("a brick's stored box of {dims:?} voxels came with {got} codes in place of {want}")]
     VoxelCount { dims: [u32; 3], got: usize, want: u64 },
     #[error(
-        "a brick's stored box {stored:?} must reach one voxel beyond its owned box {owned:?} on every side: read it with a \
-         ghost layer of at least 1"
+        "a brick's stored box {stored:?} must reach one voxel beyond its owned box {owned:?} on every side: read it \
+         with a ghost layer of at least 1"
     )]
     MissingGhost { owned: OwnedBox, stored: StoredBox },
     #[error(

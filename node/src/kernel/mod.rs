@@ -1,5 +1,5 @@
-//! What a kernel is asked for and answers: the one interface that both backends have, and the words that it is spoken in. Nothing here
-//! knows a backend, a store or a client.
+//! What a kernel is asked for and answers: the one interface that both backends have, and the words that it is spoken
+//! in. Nothing here knows a backend, a store or a client.
 
 mod brick;
 mod error;

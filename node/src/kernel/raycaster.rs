@@ -33,8 +33,8 @@ pub struct BackendInfo {
 pub trait Raycaster: Send + Sync + std::fmt::Debug {
     fn info(&self) -> &BackendInfo;
 
-    /// Bytes that a brick with a stored box of `stored_voxels` voxels will occupy, unless it turns out to be of one region
-    /// (then next to none); exact but for macrocells of bricks that are no cubes.
+    /// Bytes that a brick with a stored box of `stored_voxels` voxels will occupy, unless it turns out to be of one
+    /// region (then next to none); exact but for macrocells of bricks that are no cubes.
     fn brick_bytes(&self, stored_voxels: u64, recipe: Recipe) -> u64;
 
     /// # Errors
@@ -47,15 +47,15 @@ pub trait Raycaster: Send + Sync + std::fmt::Debug {
     /// Out of memory, device lost.
     fn upload_uniform(&self, owned: OwnedBox, mean: Density) -> Result<Arc<dyn ResidentBrick>, RaycastError>;
 
-    /// Compiles what a scene needs whose bricks have up to these features, so that the first frame is not slower than the
-    /// next.
+    /// Compiles what a scene needs whose bricks have up to these features, so that the first frame is not slower than
+    /// the next.
     ///
     /// # Errors
     /// Device lost.
     fn warm_up(&self, filter: Filter, features: Features) -> Result<(), RaycastError>;
 
-    /// Renders every job into an accumulator of its own, from zero, with early termination. Pixels do not depend on how a picture
-    /// is cut into jobs' rectangles.
+    /// Renders every job into an accumulator of its own, from zero, with early termination. Pixels do not depend on how
+    /// a picture is cut into jobs' rectangles.
     ///
     /// # Errors
     /// Out of memory, device lost; `watch` says that nobody wants it any more.

@@ -70,7 +70,8 @@ impl Recipe {
         }
     }
 
-    /// The same of bricks with and without holes, where voxels of the store may lack data; bricks with holes never leap.
+    /// The same of bricks with and without holes, where voxels of the store may lack data; bricks with holes never
+    /// leap.
     #[must_use]
     pub fn all_features(&self, may_lack_data: bool) -> Vec<Features> {
         let whole = self.features();

@@ -21,7 +21,8 @@ pub struct KernelScene {
     pub filter: Filter,
     /// Use the macrocells of bricks that have them. What a brick leaps through is its recipe's business.
     pub skip_empty: bool,
-    /// Bricks without region flags (see [`Recipe::region_flags`](super::recipe::Recipe::region_flags)) count as free of regions.
+    /// Bricks without region flags (see [`Recipe::region_flags`](super::recipe::Recipe::region_flags)) count as free of
+    /// regions.
     pub region_view: RegionView,
     /// For samples whose nearest voxel is in a region.
     pub region_table: Option<Arc<TransferTable>>,
@@ -48,9 +49,8 @@ impl KernelScene {
             .with_filter(self.filter)
     }
 
-    /// The part of `owned` that holds all samples and slabs that show, where all that is not empty lies in `occupied`: a slab
-    /// that shows starts or ends there. Every sample of a projection counts.
-    /// And whether it pays to skip in it.
+    /// The part of `owned` that holds all samples and slabs that show, where all that is not empty lies in `occupied`:
+    /// a slab that shows starts or ends there. Every sample of a projection counts. And whether it pays to skip in it.
     pub(crate) fn bounds(&self, occupied: Occupied, owned: &OwnedBox) -> (OwnedBox, bool) {
         let Occupied { bounds, skips, skips_uncut } = occupied;
         if self.style.as_ref().is_some_and(|style| style.kinds.mode != 0) {
@@ -64,8 +64,8 @@ impl KernelScene {
         (OwnedBox { lo, hi: (bounds.hi + reach).min(owned.hi).max(lo) }, skips)
     }
 
-    /// May macrocells be skipped in a brick? In a projection what is skipped counts as a sample of no weight; a place that holds no
-    /// data is none at all.
+    /// May macrocells be skipped in a brick? In a projection what is skipped counts as a sample of no weight; a place
+    /// that holds no data is none at all.
     pub(crate) fn skips_in(&self, has_holes: bool) -> bool {
         !has_holes || self.style.as_ref().is_none_or(|style| style.kinds.mode == 0)
     }

@@ -15,7 +15,8 @@ use brickcast_volume::style::{Lighting, Mode, Style};
 pub struct KernelStyle {
     pub uniform: StyleUniform,
     pub kinds: Kinds,
-    /// For slabs outside and inside regions, where slabs are pre-integrated; with light tables where light is interpolated.
+    /// For slabs outside and inside regions, where slabs are pre-integrated; with light tables where light is
+    /// interpolated.
     pub slabs: Option<[Arc<Preintegrated>; 2]>,
     /// As [`Style::reach`].
     pub reach: u32,
@@ -25,7 +26,8 @@ pub struct KernelStyle {
 }
 
 impl KernelStyle {
-    /// `None` where the plain kernels do. `range`: data units of codes 0 and 1; `slabs` where [`Style::integrates_slabs`].
+    /// `None` where the plain kernels do. `range`: data units of codes 0 and 1; `slabs` where
+    /// [`Style::integrates_slabs`].
     #[must_use]
     pub fn new(
         style: &Style,

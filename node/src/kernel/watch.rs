@@ -2,8 +2,8 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// How much a node has done since it started, for whomever: grows with every brick in a tile, submission and brick that is loaded, and stands still
-/// where the node hangs. The number means nothing by itself.
+/// How much a node has done since it started, for whomever: grows with every brick in a tile, submission and brick that
+/// is loaded, and stands still where the node hangs. The number means nothing by itself.
 #[derive(Debug, Default)]
 pub struct Pulse(AtomicU64);
 
@@ -22,8 +22,8 @@ impl Pulse {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Cancelled;
 
-/// Looks over work while it is done. Work of any length asks at least every few milliseconds on the processor whether it is wanted, and
-/// between submissions on a GPU.
+/// Looks over work while it is done. Work of any length asks at least every few milliseconds on the processor whether
+/// it is wanted, and between submissions on a GPU.
 #[derive(Clone, Copy)]
 pub struct Watch<'a> {
     pulse: &'a Pulse,

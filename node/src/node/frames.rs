@@ -19,7 +19,8 @@ use crate::stores::OpenStore;
 
 /// Parts between the renderer and the connection: 4 MiB of tiles at most.
 const PARTS_IN_FLIGHT: usize = 64;
-/// A client that takes no part for this long is given up, so that it cannot hold memory. Others have their turn meanwhile.
+/// A client that takes no part for this long is given up, so that it cannot hold memory. Others have their turn
+/// meanwhile.
 const STALL_TIMEOUT: Duration = Duration::from_secs(10);
 /// How often a client hears of an order that waits or is worked on: well below what it takes for hanging.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(200);
@@ -89,7 +90,8 @@ impl Node {
         }
     }
 
-    /// Renders on this (blocking) thread. The turn is given to others between slices, and while the client takes no parts.
+    /// Renders on this (blocking) thread. The turn is given to others between slices, and while the client takes no
+    /// parts.
     fn render_now(
         &self,
         order: &RenderOrder,

@@ -36,8 +36,8 @@ impl Drop for Gone {
 }
 
 impl Node {
-    /// Lets go of bricks, warms the pipelines and makes bricks resident, in the order asked and as many as the budget holds;
-    /// frames get their turn in between, in the background after every brick.
+    /// Lets go of bricks, warms the pipelines and makes bricks resident, in the order asked and as many as the budget
+    /// holds; frames get their turn in between, in the background after every brick.
     ///
     /// # Errors
     /// An unknown store or brick, a broken store, a failing adapter, draining.

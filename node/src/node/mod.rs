@@ -2,8 +2,8 @@
 //!
 //! Stateless towards orders: a frame is exactly what its order says, and nothing of it stays but resident bricks.
 //!
-//! Invariant: nothing that computes, reads a disk, waits for threads that compute, or takes a lock that is held meanwhile runs on a
-//! thread of the runtime. So the node answers at any time, whatever it is doing.
+//! Invariant: nothing that computes, reads a disk, waits for threads that compute, or takes a lock that is held
+//! meanwhile runs on a thread of the runtime. So the node answers at any time, whatever it is doing.
 
 mod about;
 mod frames;
@@ -29,8 +29,8 @@ use crate::stores::{OpenStore, Stores};
 
 pub use frames::Parts;
 
-/// Decoded chunks of the store kept for neighbours, bytes, on top of the budget for bricks: a quarter of it within these. The
-/// smaller a budget, the oftener bricks are read again, so the cache does not vanish with it.
+/// Decoded chunks of the store kept for neighbours, bytes, on top of the budget for bricks: a quarter of it within
+/// these. The smaller a budget, the oftener bricks are read again, so the cache does not vanish with it.
 const CACHE_BYTES: std::ops::RangeInclusive<u64> = 32 << 20..=256 << 20;
 
 #[derive(Debug)]

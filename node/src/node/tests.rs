@@ -73,8 +73,8 @@ impl Bench {
     }
 }
 
-/// By count, not by time: a frame that comes while bricks are loaded in the background waits for the one that is being loaded
-/// (and for the next, where that had already begun), not for the many that are to follow.
+/// By count, not by time: a frame that comes while bricks are loaded in the background waits for the one that is being
+/// loaded (and for the next, where that had already begun), not for the many that are to follow.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_frame_overtakes_loading_in_the_background() {
     let bench = Bench::new();

@@ -17,8 +17,8 @@ use crate::error::NodeError;
 use crate::kernel::{Job, JobImage, ResidentBrick, Watch, new_pixels};
 use crate::stores::OpenStore;
 
-/// The plan's units in their order, rendered when they are needed, several at once where they are small. Holds no bricks between
-/// two slices, so that others have the room meanwhile.
+/// The plan's units in their order, rendered when they are needed, several at once where they are small. Holds no
+/// bricks between two slices, so that others have the room meanwhile.
 pub(super) struct Batches<'a> {
     plan: &'a FramePlan,
     store: &'a OpenStore,

@@ -1,8 +1,8 @@
-//! An order becomes tiles: plan, then slices that fit the memory and some 0.1 s, joined along the merge tree, cut into tiles. A piece of
-//! the picture is sent as soon as it is done; between slices others have their turn.
+//! An order becomes tiles: plan, then slices that fit the memory and some 0.1 s, joined along the merge tree, cut into
+//! tiles. A piece of the picture is sent as soon as it is done; between slices others have their turn.
 //!
-//! Memory is bounded three ways: bricks by the residency's budget, accumulators of units that are begun by [`MAX_BATCH_BYTES`], and
-//! pictures by working in bands of whole tile rows of at most [`MAX_BAND_PIXELS`] pixels.
+//! Memory is bounded three ways: bricks by the residency's budget, accumulators of units that are begun by
+//! [`MAX_BATCH_BYTES`], and pictures by working in bands of whole tile rows of at most [`MAX_BAND_PIXELS`] pixels.
 
 mod answer;
 mod batch;
@@ -34,8 +34,8 @@ pub use workshop::{MAX_BAND_PIXELS, MAX_BATCH_BYTES, Turns, Workshop};
 pub(crate) use choice::BrickChoice;
 pub(crate) use load::load_bricks;
 
-/// Renders `order` and hands every ordered (layer, tile) pair to `emit` exactly once, as pixels or as an empty; the receipt
-/// is the caller's. Stops within milliseconds once `cancelled`.
+/// Renders `order` and hands every ordered (layer, tile) pair to `emit` exactly once, as pixels or as an empty; the
+/// receipt is the caller's. Stops within milliseconds once `cancelled`.
 ///
 /// # Errors
 /// An order that does not fit the store, bricks over budget, a broken store, a failing adapter; what `emit` answers.

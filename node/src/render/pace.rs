@@ -32,8 +32,8 @@ impl Pace {
         self.hurried.store(true, Ordering::Relaxed);
     }
 
-    /// Does `work`, and then rests until it has taken `throttle` times as long. Also returns the milliseconds of work times the
-    /// throttle: what a receipt tells as `work_ms`.
+    /// Does `work`, and then rests until it has taken `throttle` times as long. Also returns the milliseconds of work
+    /// times the throttle: what a receipt tells as `work_ms`.
     ///
     /// # Errors
     /// That of `work`; `cancelled` while resting.

@@ -176,8 +176,8 @@ impl FramePlan {
         Ok(())
     }
 
-    /// Pixels of a piece: the sooner it is done, the sooner its tiles are on their way. Bricks that do not fit the memory at once are
-    /// loaded once for every piece, so that there are as few as possible.
+    /// Pixels of a piece: the sooner it is done, the sooner its tiles are on their way. Bricks that do not fit the
+    /// memory at once are loaded once for every piece, so that there are as few as possible.
     fn band_pixels(&self, bricks: &[usize], window: &PixelRect, workshop: Workshop<'_>) -> u64 {
         if self.bytes(bricks) > workshop.residency.budget() {
             return MAX_BAND_PIXELS;

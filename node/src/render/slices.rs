@@ -1,8 +1,9 @@
 //! How much is rendered at a time.
 //!
-//! Between two slices others get their turn, so a slice should take as long as others may be kept waiting, and no shorter: each ends
-//! with threads that wait for the last. What a slice will take is guessed by the samples that its rays may have at most, which is far
-//! off where they end early; so the next one is made longer or shorter by what the last one took.
+//! Between two slices others get their turn, so a slice should take as long as others may be kept waiting, and no
+//! shorter: each ends with threads that wait for the last. What a slice will take is guessed by the samples that its
+//! rays may have at most, which is far off where they end early; so the next one is made longer or shorter by what the
+//! last one took.
 
 use std::time::{Duration, Instant};
 
@@ -167,7 +168,8 @@ mod tests {
         BackendInfo { backend: "cpu", adapter: String::new(), notes: Vec::new(), threads, is_on_processor }
     }
 
-    /// Whatever a sample costs, slices come to take what they should within a few; and none has more than the worst allows.
+    /// Whatever a sample costs, slices come to take what they should within a few; and none has more than the worst
+    /// allows.
     #[test]
     fn slices_come_to_take_as_long_as_they_should() {
         for per_second in [1e5, 1e6, 3e7, 2e8] {

@@ -1,7 +1,7 @@
 //! Transfer function tables of the last few scenes: a sequence or an orbit uses one.
 //!
-//! A table is built by the first who asks, outside of the lock: who wants another one does not wait for it, and who wants the same waits
-//! for nothing else.
+//! A table is built by the first who asks, outside of the lock: who wants another one does not wait for it, and who
+//! wants the same waits for nothing else.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};

@@ -238,8 +238,8 @@ fn exact_pictures_have_the_same_bits_for_every_assignment_and_budget() {
     assert!(difference(&default, &want) <= 1.0 / 255.0);
 }
 
-/// What each chunk cost is told with its own index, whoever renders it: the costs of all parts of an assignment are those of
-/// the whole.
+/// What each chunk cost is told with its own index, whoever renders it: the costs of all parts of an assignment are
+/// those of the whole.
 #[test]
 fn costs_are_told_by_chunk_and_are_the_same_for_every_assignment() {
     let bench = Bench::new();

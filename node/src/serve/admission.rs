@@ -10,13 +10,13 @@ pub enum AdmissionError {
     #[error(transparent)]
     Credential(#[from] CredentialError),
     #[error(
-        "{0} can be reached by others, and nothing would keep them out: give the node --tls DIR (`brickcast tls init DIR` \
-         makes it), listen on 127.0.0.1, or say --insecure on a network that you trust altogether"
+        "{0} can be reached by others, and nothing would keep them out: give the node --tls DIR (`brickcast tls init \
+         DIR` makes it), listen on 127.0.0.1, or say --insecure on a network that you trust altogether"
     )]
     Open(SocketAddr),
     #[error(
-        "{0} can be reached by others, who could read the token on its way: give the node --tls DIR too, listen on 127.0.0.1, \
-         or say --insecure on a network that you trust altogether"
+        "{0} can be reached by others, who could read the token on its way: give the node --tls DIR too, listen on \
+         127.0.0.1, or say --insecure on a network that you trust altogether"
     )]
     TokenInClear(SocketAddr),
 }

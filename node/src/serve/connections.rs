@@ -1,4 +1,5 @@
-//! Connections as a node takes them: so many at a time, of each client so many, and those that say nothing not for long.
+//! Connections as a node takes them: so many at a time, of each client so many, and those that say nothing not for
+//! long.
 
 use std::future::Future as _;
 use std::io;
@@ -21,7 +22,8 @@ use crate::clients::{Client, Place, Quota};
 pub const MAX_CONNECTIONS: usize = 512;
 /// Connections that one client has open at a time, those in the middle of a handshake too.
 pub const MAX_CONNECTIONS_EACH: usize = MAX_CONNECTIONS / 2;
-/// A connection that has not said so much (HTTP/2's preface, or as much of a TLS handshake) within [`HELLO_TIMEOUT`] is closed.
+/// A connection that has not said so much (HTTP/2's preface, or as much of a TLS handshake) within [`HELLO_TIMEOUT`] is
+/// closed.
 const HELLO_BYTES: usize = 24;
 pub const HELLO_TIMEOUT: Duration = Duration::from_secs(5);
 

@@ -1,4 +1,5 @@
-//! What a call passes before its message is read: a place of its client's quota, a size, room for its bytes, and a time to arrive.
+//! What a call passes before its message is read: a place of its client's quota, a size, room for its bytes, and a time
+//! to arrive.
 
 use std::pin::Pin;
 use std::sync::{Arc, Mutex};
@@ -39,8 +40,8 @@ impl Door {
         Self { frames, loads, questions: Quota::new(MAX_QUESTIONS), held: Held::new() }
     }
 
-    /// The caller with its place, and the bytes that the message may have. Health and reflection need no place: what they hold
-    /// is bounded by the streams of a connection.
+    /// The caller with its place, and the bytes that the message may have. Health and reflection need no place: what
+    /// they hold is bounded by the streams of a connection.
     fn admit<B>(&self, request: &Request<B>) -> Result<(Caller, usize), NodeError> {
         let known = request.extensions();
         let client = known.get::<Client>().or_else(|| Some(known.get::<TlsConnectInfo<Client>>()?.get_ref()));

@@ -31,7 +31,8 @@ pub enum ProbeError {
 }
 
 /// # Errors
-/// Whatever keeps the node at `address` from serving. `tls` is its own folder: a node's certificate is good for both sides.
+/// Whatever keeps the node at `address` from serving. `tls` is its own folder: a node's certificate is good for both
+/// sides.
 pub fn probe<'a>(address: &'a str, tls: Option<&'a Path>, badge: Badge) -> BoxFuture<'a, Result<(), ProbeError>> {
     Box::pin(ask(address, tls, badge))
 }

@@ -1,4 +1,5 @@
-//! Refusals in the log: one line a minute at most, with counts. A flood must not fill the disk as well, nor hide what else is said.
+//! Refusals in the log: one line a minute at most, with counts. A flood must not fill the disk as well, nor hide what
+//! else is said.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};

@@ -68,7 +68,8 @@ fn links_of_a_store_that_lead_outside_are_refused_however_deep() {
     let outside = tempfile::tempdir().unwrap();
     make_store(&outside.path().join("secret"), ramp);
     let secret = |path: &str| outside.path().join("secret").join(path);
-    // What of the store is moved to the folder `inner`, with a link that stays inside in its place; then what becomes a link to where.
+    // What of the store is moved to the folder `inner`, with a link that stays inside in its place; then what becomes a
+    // link to where.
     for (moved, at, to, refused) in [
         ("0", "inner/unrelated", secret("0"), None),
         ("0", "ramp/round", "..".into(), None),

@@ -57,7 +57,13 @@ pub enum WireError {
     NoChunks(TreeNode),
     #[error("{what} {index} is named twice")]
     Twice { what: &'static str, index: u32 },
-    #[error("layer {}: tiles {:?} to {:?} are empty or reach beyond the picture's {:?}", .node.0, .tiles.lo, .tiles.hi, .picture.hi)]
+    #[error(
+        "layer {}: tiles {:?} to {:?} are empty or reach beyond the picture's {:?}",
+        .node.0,
+        .tiles.lo,
+        .tiles.hi,
+        .picture.hi
+    )]
     Tiles { node: TreeNode, tiles: TileRect, picture: TileRect },
     #[error("{what} {index} is beyond the last one, {last}")]
     Beyond { what: &'static str, index: u64, last: u64 },

@@ -81,7 +81,8 @@ fn an_order_with_any_flipped_bit_is_refused() {
     assert!(by_checksum > good.len(), "{by_checksum}");
 }
 
-/// Whatever bit of a tile flips: it is refused, or draws what it drew. A damaged run would shift pixels that are whole themselves.
+/// Whatever bit of a tile flips: it is refused, or draws what it drew. A damaged run would shift pixels that are whole
+/// themselves.
 #[test]
 fn a_tile_with_any_flipped_bit_is_refused_or_draws_the_same() {
     let pixel =

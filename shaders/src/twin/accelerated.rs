@@ -1,7 +1,7 @@
 //! `wgsl/accelerated.wgsl` on the CPU: rays that leap (Frey & Ertl 2009) and skip (Krueger & Westermann 2003).
 //!
-//! What a sample is worth is the plain loop's business; this one only takes several positions at once where it knows that
-//! they have one value (`docs/adr/0002-leaping.md`).
+//! What a sample is worth is the plain loop's business; this one only takes several positions at once where it knows
+//! that they have one value (`docs/adr/0002-leaping.md`).
 
 use brickcast_volume::Premul;
 use brickcast_volume::regions::code::{INNER_BIT, LEAP_BIT, MAX_DENSITY};

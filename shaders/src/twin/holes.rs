@@ -1,4 +1,5 @@
-//! `wgsl/shared/holes.wgsl` on the CPU: reads of bricks in which some voxels hold no data. Other bricks never come here.
+//! `wgsl/shared/holes.wgsl` on the CPU: reads of bricks in which some voxels hold no data. Other bricks never come
+//! here.
 
 use super::raycast::{CODE, VolumeReader, between, cut_off};
 

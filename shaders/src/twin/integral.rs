@@ -1,10 +1,11 @@
-//! `wgsl/integral.wgsl` on the CPU: rays that integrate between samples (Lum, Wilson & Ma 2004), light what they meet, find
-//! isosurfaces (Krueger & Westermann 2003), project, and are clipped; with the leaps and skips of the accelerated kernel.
+//! `wgsl/integral.wgsl` on the CPU: rays that integrate between samples (Lum, Wilson & Ma 2004), light what they meet,
+//! find isosurfaces (Krueger & Westermann 2003), project, and are clipped; with the leaps and skips of the accelerated
+//! kernel.
 //!
-//! The invariant: a brick visits the positions of its owned samples and, where slabs matter, the first one beyond. Every turn
-//! takes a run of positions that have one value, closes the slab that ends at the run's first position, and adds the slabs
-//! within the run. So slab k, from `t_k` to `t_(k+1)`, belongs to the owner of `t_k`, is closed once, and sees the same two
-//! values whatever the partition (docs/adr/0006-integral.md).
+//! The invariant: a brick visits the positions of its owned samples and, where slabs matter, the first one beyond.
+//! Every turn takes a run of positions that have one value, closes the slab that ends at the run's first position, and
+//! adds the slabs within the run. So slab k, from `t_k` to `t_(k+1)`, belongs to the owner of `t_k`, is closed once,
+//! and sees the same two values whatever the partition (docs/adr/0006-integral.md).
 
 use brickcast_volume::Premul;
 use brickcast_volume::regions::code::{INNER_BIT, LEAP_BIT, MAX_DENSITY};
@@ -72,7 +73,8 @@ fn volume_entry(style: &StyleUniform, ray: &Ray) -> f32 {
     t_in
 }
 
-/// The first sample behind the cut by which clipping lets the ray in at `t_lo`; -1 where the volume's own face does, or nothing.
+/// The first sample behind the cut by which clipping lets the ray in at `t_lo`; -1 where the volume's own face does, or
+/// nothing.
 #[inline(always)]
 fn first_behind_cut(frame: &FrameUniform, style: &StyleUniform, ray: &Ray, t_lo: f32) -> f32 {
     if t_lo <= volume_entry(style, ray) + LEAST_CUT { -1.0 } else { first_sample(frame, t_lo) }
@@ -87,8 +89,8 @@ struct Front {
     is_empty: bool,
 }
 
-/// The samples and slabs of `brick` along `ray`, into `sum`. A projection's pixels are as [`brickcast_volume::style::Mode::join`]
-/// says.
+/// The samples and slabs of `brick` along `ray`, into `sum`. A projection's pixels are as
+/// [`brickcast_volume::style::Mode::join`] says.
 #[must_use]
 pub fn integral_ray<W: Watch>(
     frame: &FrameUniform,

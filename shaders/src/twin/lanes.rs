@@ -1,4 +1,5 @@
-//! Four samples of a ray at once: every lane has the bits that the scalar functions give for it, for positions below 2^24.
+//! Four samples of a ray at once: every lane has the bits that the scalar functions give for it, for positions below
+//! 2^24.
 
 use glam::Vec4;
 

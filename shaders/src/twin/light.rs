@@ -88,8 +88,8 @@ impl<'a> Probe<'a> {
         self.deep(p).unwrap_or_else(|| self.trilinear(p))
     }
 
-    /// By central differences over one voxel, interpolated; codes per smallest spacing. None where a place that it uses holds no
-    /// data.
+    /// By central differences over one voxel, interpolated; codes per smallest spacing. None where a place that it uses
+    /// holds no data.
     #[inline(always)]
     pub(super) fn gradient(&self, p: [f32; 3]) -> Option<[f32; 3]> {
         let mut has_data = true;
@@ -118,7 +118,8 @@ impl<'a> Probe<'a> {
         if strength == 0.0 { UNLIT } else { self.lit(gradient, steepness, strength) }
     }
 
-    /// Phong's factors on the face, of the volume or of a clip, by which the ray enters: the cut is flat, whatever is cut.
+    /// Phong's factors on the face, of the volume or of a clip, by which the ray enters: the cut is flat, whatever is
+    /// cut.
     pub(super) fn light_of_entry(&self) -> Lit {
         let normal = self.entry_normal();
         self.lit(normal, dot(normal, normal).sqrt(), 1.0)

@@ -1,5 +1,5 @@
-//! `wgsl/macrocell.wgsl` and `wgsl/distance.wgsl` on the CPU: which macrocells are empty, and how far the next is that is
-//! not.
+//! `wgsl/macrocell.wgsl` and `wgsl/distance.wgsl` on the CPU: which macrocells are empty, and how far the next is that
+//! is not.
 
 use brickcast_volume::macrocell::{HomogeneousCube, MAX_CELL_DISTANCE};
 

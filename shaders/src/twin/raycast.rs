@@ -10,7 +10,8 @@ use glam::Vec4;
 
 use crate::layout::{BrickUniform, FrameUniform};
 
-/// Slower than this per unit of t, a ray moves by less than 3e-7 voxel over the longest reach: it runs inside the plane.
+/// Slower than this per unit of t, a ray moves by less than 3e-7 voxel over the longest reach: it runs inside the
+/// plane.
 const PARALLEL_TO_PLANE: f32 = 1e-12;
 pub(super) const FAR: f32 = 3e38;
 pub(super) const CODE: f32 = 1.0 / 65535.0;
@@ -116,8 +117,8 @@ pub fn owned_segment(frame: &FrameUniform, brick: &BrickUniform, ray: &Ray) -> O
     (k * frame.step < t_out).then_some(Segment { k, t_out })
 }
 
-/// Value code of the brick's texels at a global position: trilinear, or the nearest voxel's. The loops that never ask for
-/// holes are not for bricks that have some.
+/// Value code of the brick's texels at a global position: trilinear, or the nearest voxel's. The loops that never ask
+/// for holes are not for bricks that have some.
 pub(super) struct VolumeReader<'a> {
     pub(super) codes: &'a [u16],
     /// Subtract from a global position + 0.5, rounded down, for the texel of the support's low corner.
@@ -234,8 +235,8 @@ pub(super) fn clamped(x: f32, last: f32) -> f32 {
 }
 
 /// Takes the brick's samples along `ray` into `sum`; returns it and how many they were. `codes` are the stored box's, x
-/// fastest, at least one voxel wider than the owned box on every side; `table` has at least two entries (without them the
-/// brick is empty). Not for bricks in which voxels lack data.
+/// fastest, at least one voxel wider than the owned box on every side; `table` has at least two entries (without them
+/// the brick is empty). Not for bricks in which voxels lack data.
 #[must_use]
 pub fn raycast_ray(
     frame: &FrameUniform,

@@ -1,4 +1,5 @@
-//! `wgsl/shared/slab.wgsl` on the CPU: the integral of the transfer function between two values, and what it adds to a ray.
+//! `wgsl/shared/slab.wgsl` on the CPU: the integral of the transfer function between two values, and what it adds to a
+//! ray.
 
 use brickcast_volume::Premul;
 use brickcast_volume::preintegration::Preintegrated;
@@ -13,10 +14,11 @@ use crate::style::{Kinds, Light};
 #[derive(Debug, Clone, Copy)]
 pub struct SlabTable<'a> {
     pub size: usize,
-    /// Premultiplied colour and opacity of one step. With interpolated light, what the front end's light counts for, and the
-    /// opacity.
+    /// Premultiplied colour and opacity of one step. With interpolated light, what the front end's light counts for,
+    /// and the opacity.
     pub front: &'a [[f32; 4]],
-    /// What the back end's light counts for, and the part of the opacity that goes with it; empty without interpolated light.
+    /// What the back end's light counts for, and the part of the opacity that goes with it; empty without interpolated
+    /// light.
     pub back: &'a [[f32; 4]],
     /// [`brickcast_volume::preintegration::Preintegrated::shown_before`].
     pub shown_before: &'a [u32],
@@ -106,7 +108,8 @@ impl SlabTable<'_> {
     }
 }
 
-/// `color` premultiplied, of a slab of opacity `a`, as of one that is `length` times as long (docs/algorithms.md, Integration).
+/// `color` premultiplied, of a slab of opacity `a`, as of one that is `length` times as long (docs/algorithms.md,
+/// Integration).
 #[inline(always)]
 fn of_length([r, g, b, a]: [f32; 4], length: f32) -> [f32; 4] {
     if length == 1.0 {

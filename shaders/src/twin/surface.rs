@@ -13,8 +13,8 @@ use crate::style::Light;
 /// Halvings of a slab in which an isosurface lies: to 1/64 step, before the last interpolation.
 const BISECTIONS: u32 = 6;
 
-/// Where the ray has `value` between two samples on either side of it: bisection, then a line. Nowhere where a place between
-/// holds no data.
+/// Where the ray has `value` between two samples on either side of it: bisection, then a line. Nowhere where a place
+/// between holds no data.
 pub(super) fn crossing(probe: &Probe<'_>, (front, back): (&End, &End), value: f32) -> Option<f32> {
     let (mut lo, mut hi) = (0.0_f32, 1.0_f32);
     let (mut at_lo, mut at_hi) = (front.code, back.code);

@@ -1,4 +1,5 @@
-//! Where rays meet isosurfaces, and which way these face: against analytic bodies and against the roots of the very field.
+//! Where rays meet isosurfaces, and which way these face: against analytic bodies and against the roots of the very
+//! field.
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -106,9 +107,9 @@ fn root(f: impl Fn(f64) -> f64, from: f64, step: f64) -> Option<f64> {
     Some(0.5 * (lo + hi))
 }
 
-/// What rays saw: hits, the largest distance along the ray (in steps) to the nearest root of the voxels' field, the largest
-/// distance to the formula's surface (along its normal, in steps), and the largest angle (degrees) between the kernel's gradient
-/// and the formula's.
+/// What rays saw: hits, the largest distance along the ray (in steps) to the nearest root of the voxels' field, the
+/// largest distance to the formula's surface (along its normal, in steps), and the largest angle (degrees) between the
+/// kernel's gradient and the formula's.
 #[derive(Debug, Default)]
 struct Seen {
     hits: u32,
@@ -181,8 +182,8 @@ fn surfaces_lie_where_the_bodies_are() {
     }
 }
 
-/// Its waves are finer than voxels can carry (three and a half voxels long at 64^3): of the formula it is only told how far off
-/// voxels are, the kernel is held to the roots of the voxels' field.
+/// Its waves are finer than voxels can carry (three and a half voxels long at 64^3): of the formula it is only told how
+/// far off voxels are, the kernel is held to the roots of the voxels' field.
 #[test]
 fn surfaces_of_marschner_and_lobb_lie_at_the_roots_of_their_voxels() {
     for edge in [64, 128] {

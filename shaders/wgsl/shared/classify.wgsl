@@ -1,6 +1,6 @@
-// The transfer function for single samples: by loads and own interpolation, in the form a + (b - a) t, which returns equal ends
-// unchanged. There may be an entry for every code, more than a line of texels holds, and a filter's weights would tell apart
-// no more than 256 places between two of them.
+// The transfer function for single samples: by loads and own interpolation, in the form a + (b - a) t, which returns
+// equal ends unchanged. There may be an entry for every code, more than a line of texels holds, and a filter's weights
+// would tell apart no more than 256 places between two of them.
 @group(0) @binding(1) var table: texture_2d<f32>;
 @group(0) @binding(3) var region_table: texture_2d<f32>;
 

@@ -1,6 +1,6 @@
-// What every raycast kernel binds, and which pixel is whose: one invocation a pixel.
-// Storage, not uniform buffers: lavapipe compiles a kernel anew for the values of uniforms that its branches depend on, again
-// and again for other bricks and views.
+// What every raycast kernel binds, and which pixel is whose: one invocation a pixel. Storage, not uniform buffers:
+// lavapipe compiles a kernel anew for the values of uniforms that its branches depend on, again and again for other
+// bricks and views.
 @group(1) @binding(0) var<storage, read> brick_data: BrickUniform;
 // Copies: read once, not in loops.
 var<private> frame: FrameUniform;

@@ -111,7 +111,8 @@ fn lit(ray: Ray, gradient: vec3<f32>, steepness: f32, strength: f32) -> vec2<f32
     let shine = clamp(side * dot(gradient, half) / (steepness * length), 0.0, 1.0);
     let factor = scene_data.style.ambient + scene_data.style.diffuse * min(side * along, 1.0);
     // A power of zero is not defined.
-    let power = select(0.0, pow(max(shine, 1e-30), scene_data.style.shininess), shine > 0.0 || scene_data.style.shininess == 0.0);
+    let shininess = scene_data.style.shininess;
+    let power = select(0.0, pow(max(shine, 1e-30), shininess), shine > 0.0 || shininess == 0.0);
     return vec2(1.0 + (factor - 1.0) * strength, scene_data.style.specular * power * strength);
 }
 

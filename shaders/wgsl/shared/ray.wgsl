@@ -1,6 +1,6 @@
 // Rays, and the samples of a ray that a brick owns (docs/definition.md, Sampling grid). Everything is global: the same
-// expression for a plane gives the same t in every brick, so that each sample has exactly one owner. t and k count from a
-// common start near the volume (KernelView says why).
+// expression for a plane gives the same t in every brick, so that each sample has exactly one owner. t and k count from
+// a common start near the volume (KernelView says why).
 
 // Slower than this per unit of t, a ray moves by less than 3e-7 voxel over the longest reach: it runs inside the plane.
 const PARALLEL_TO_PLANE: f32 = 1e-12;

@@ -28,7 +28,8 @@ fn load_frame() -> FrameUniform {
 }
 
 // Slabs by node of the back value (x) and of the front value (y): premultiplied colour and opacity of one step. With
-// interpolated light the first is the front end's, with the whole opacity, the second the back end's, with its part of it.
+// interpolated light the first is the front end's, with the whole opacity, the second the back end's, with its part of
+// it.
 @group(0) @binding(5) var slab_front: texture_2d<f32>;
 @group(0) @binding(6) var slab_back: texture_2d<f32>;
 // The same for slabs in regions.

@@ -3,8 +3,8 @@
 // Halvings of a slab in which an isosurface lies: to 1/64 step, before the last interpolation.
 const BISECTIONS: i32 = 6;
 
-// Where the ray has `value` between two samples on either side of it, in steps: bisection, then a line. Negative where a place
-// between holds no data.
+// Where the ray has `value` between two samples on either side of it, in steps: bisection, then a line. Negative where
+// a place between holds no data.
 fn crossing(reader: Reader, ray: Ray, front: End, back: End, value: f32) -> f32 {
     var lo = 0.0;
     var hi = 1.0;

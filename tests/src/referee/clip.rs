@@ -52,7 +52,8 @@ pub(super) fn clip_unbounded(scene: &Scene, ray: &Ray, low: [usize; 3], high: [u
     (segment.enter < segment.exit).then_some(segment)
 }
 
-/// As [`clip`], but with the eye relative to each brick's own corner, all in f32: rounds a common face twice, differently.
+/// As [`clip`], but with the eye relative to each brick's own corner, all in f32: rounds a common face twice,
+/// differently.
 pub(super) fn clip_brick_local_f32(scene: &Scene, ray: &Ray, low: [usize; 3], high: [usize; 3]) -> Option<Segment> {
     let (mut enter, mut exit) = (0.0_f32, f32::INFINITY);
     for axis in 0..3 {

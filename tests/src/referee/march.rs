@@ -12,9 +12,9 @@ pub struct Rendering {
     pub picture: Picture,
     /// Samples integrated.
     pub samples: u64,
-    /// Pixels, row-major, whose ray has a sample so close to the face by which it enters or leaves the volume that f32 cannot
-    /// tell on which side it lies. Within the volume such doubt does no harm: whichever brick owns the sample, it counts. And those
-    /// with a sample of which f32 cannot tell whether it has data.
+    /// Pixels, row-major, whose ray has a sample so close to the face by which it enters or leaves the volume that f32
+    /// cannot tell on which side it lies. Within the volume such doubt does no harm: whichever brick owns the sample,
+    /// it counts. And those with a sample of which f32 cannot tell whether it has data.
     pub doubtful: Vec<bool>,
 }
 
@@ -241,8 +241,8 @@ mod tests {
         }
     }
 
-    /// Summed by hand. The eye is 1.25 before the box, so the samples lie at 0.25, 0.75, 1.25 and 1.75 within it, where the
-    /// values are 0, 0.25, 0.75 and 1; the back one comes first.
+    /// Summed by hand. The eye is 1.25 before the box, so the samples lie at 0.25, 0.75, 1.25 and 1.75 within it, where
+    /// the values are 0, 0.25, 0.75 and 1; the back one comes first.
     #[test]
     fn a_ray_summed_by_hand() {
         let scene = two_voxels(DVec3::new(2.75, 0.0, 0.0), DVec3::ZERO);

@@ -1,7 +1,7 @@
 //! Mistakes that raycasters make.
 
-/// A deliberate mistake in [`super::render_bricks`]. The product must differ from each by more than its tolerances allow,
-/// on at least one scene: then a product that makes the mistake turns the suite red.
+/// A deliberate mistake in [`super::render_bricks`]. The product must differ from each by more than its tolerances
+/// allow, on at least one scene: then a product that makes the mistake turns the suite red.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Sabotage {
     /// No mistake: brick by brick, the picture must be that of the whole volume.

@@ -1,5 +1,5 @@
-//! What lies between samples, as it is defined: slabs integrated by many thin slices, light at their ends, isosurfaces found by
-//! halving, projections, clip planes. In f64, no tables.
+//! What lies between samples, as it is defined: slabs integrated by many thin slices, light at their ends, isosurfaces
+//! found by halving, projections, clip planes. In f64, no tables.
 
 use glam::DVec3;
 
@@ -230,7 +230,8 @@ impl March<'_> {
         }
     }
 
-    /// The values from `v0` to `v1` over `length` steps, from `k`: in thin slices, each with the light between the two ends.
+    /// The values from `v0` to `v1` over `length` steps, from `k`: in thin slices, each with the light between the two
+    /// ends.
     fn slab(&self, gathered: &mut Gathered, (v0, v1): (f64, f64), k: f64, length: f64) {
         let (v0, v1) = match self.style.mistake {
             Some(Mistake::FrontOnly) => (v0, v0),
@@ -286,8 +287,8 @@ impl March<'_> {
         Self::add(gathered, [r, g, b, a]);
     }
 
-    /// Where the value is `value`, between `k` and the next sample on its other side; nowhere where one of the places that are looked
-    /// at first holds no data.
+    /// Where the value is `value`, between `k` and the next sample on its other side; nowhere where one of the places
+    /// that are looked at first holds no data.
     fn crossing(&self, k: f64, value: f64) -> Option<f64> {
         let is_above = self.value(k) >= value;
         let (mut lo, mut hi) = (0.0, 1.0);

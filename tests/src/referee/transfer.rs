@@ -1,7 +1,7 @@
 //! From values to colour and opacity.
 
-/// Piecewise linear between points `(value, output)`, ascending in value, clamped outside. Colours are straight, opacities
-/// for a path of one opacity unit.
+/// Piecewise linear between points `(value, output)`, ascending in value, clamped outside. Colours are straight,
+/// opacities for a path of one opacity unit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Transfer {
     pub colors: Vec<(f64, [f64; 3])>,
@@ -25,8 +25,9 @@ impl Transfer {
         interpolate(&self.opacities, value, |a, b, t| a * (1.0 - t) + b * t)
     }
 
-    /// Where to cut what runs evenly from `from` to `to` into slices over each of which the function is all but straight: shares of
-    /// the way, from 0 to 1. `even` slices, cut at the function's points, and more between points that are close together.
+    /// Where to cut what runs evenly from `from` to `to` into slices over each of which the function is all but
+    /// straight: shares of the way, from 0 to 1. `even` slices, cut at the function's points, and more between points
+    /// that are close together.
     #[must_use]
     pub fn cuts(&self, from: f64, to: f64, even: usize) -> Vec<f64> {
         let points = self.colors.iter().map(|p| p.0).chain(self.opacities.iter().map(|p| p.0));

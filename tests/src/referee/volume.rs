@@ -2,8 +2,8 @@
 
 use glam::{DMat3, DVec3};
 
-/// Values on a grid, x fastest, in data units; NaN where there is no data. Index space: voxel i covers `[i, i + 1)`, its centre is
-/// `i + 0.5`.
+/// Values on a grid, x fastest, in data units; NaN where there is no data. Index space: voxel i covers `[i, i + 1)`,
+/// its centre is `i + 0.5`.
 #[derive(Debug, Clone)]
 pub struct Volume {
     pub dims: [usize; 3],
@@ -55,8 +55,8 @@ impl Volume {
         (self.world_from_index(DVec3::ZERO), self.world_from_index(high))
     }
 
-    /// The value at a position in index space: trilinear between the eight nearest centres, clamped to the edge beyond the
-    /// outermost ones. NaN where a voxel without data has weight.
+    /// The value at a position in index space: trilinear between the eight nearest centres, clamped to the edge beyond
+    /// the outermost ones. NaN where a voxel without data has weight.
     #[must_use]
     pub fn sample(&self, index: DVec3) -> f64 {
         self.sample_within(index, [0; 3], self.dims, Self::offset)

@@ -2,8 +2,9 @@
 
 use super::*;
 
-/// Functions that no table of evenly spaced entries carries: without flat ends, a window of which both ends lie between values, a
-/// band, a peak of ten grey values with the ends of the range written out, two alloys 40 grey values apart, steps.
+/// Functions that no table of evenly spaced entries carries: without flat ends, a window of which both ends lie between
+/// values, a band, a peak of ten grey values with the ends of the range written out, two alloys 40 grey values apart,
+/// steps.
 #[must_use]
 pub fn functions() -> Vec<(&'static str, Transfer)> {
     let at = |code: f64| RANGE.0 + (RANGE.1 - RANGE.0) * code / 65535.0;

@@ -2,8 +2,8 @@
 
 use super::Scene;
 
-/// `scene` with holes in which there is no data: a ball, a whole brick of 8 with all that its samples read, a layer before the face
-/// of bricks, and single voxels, some of them at the volume's faces.
+/// `scene` with holes in which there is no data: a ball, a whole brick of 8 with all that its samples read, a layer
+/// before the face of bricks, and single voxels, some of them at the volume's faces.
 #[must_use]
 pub fn holed(mut scene: Scene) -> Scene {
     let [nx, ny, nz] = scene.truth.volume.dims;

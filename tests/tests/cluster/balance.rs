@@ -1,6 +1,7 @@
 //! Two and three local nodes: from an uneven share to an even one, and every picture keeps its bits.
 //!
-//! Load is counted as cost times the declared throttle, which is the same in every run; wall times of nodes that share cores say nothing.
+//! Load is counted as cost times the declared throttle, which is the same in every run; wall times of nodes that share
+//! cores say nothing.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -15,7 +16,8 @@ const EVEN: f64 = 1.10;
 /// A chunk may change hands once in so many frames.
 const HOLD: usize = 30;
 
-/// 128 x 64 x 64 voxels in bricks of 16, all of them shown: one half is full of material, in the other a speck in each brick.
+/// 128 x 64 x 64 voxels in bricks of 16, all of them shown: one half is full of material, in the other a speck in each
+/// brick.
 fn one_sided(folder: &Path) {
     let dims = [128_usize, 64, 64];
     let mut bytes =

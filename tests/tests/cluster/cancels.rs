@@ -1,5 +1,5 @@
-//! Frames that are cancelled in bursts cost nobody a connection: neither the client that cancels, whatever its node takes for too
-//! many, nor another. And calls that are reset by the thousand, as an attack, cost only their own.
+//! Frames that are cancelled in bursts cost nobody a connection: neither the client that cancels, whatever its node
+//! takes for too many, nor another. And calls that are reset by the thousand, as an attack, cost only their own.
 
 use std::io::{Read as _, Write as _};
 use std::sync::Arc;
@@ -22,7 +22,8 @@ const BURST: usize = 1000;
 /// h2's limit of calls that are reset before they are taken up, which other software and older nodes have.
 const USUAL_LIMIT: usize = 20;
 
-/// Begins a frame `count` times, and drops it 1 to 4 ms later: before the order is sent, before it is taken up, among its tiles.
+/// Begins a frame `count` times, and drops it 1 to 4 ms later: before the order is sent, before it is taken up, among
+/// its tiles.
 async fn cancel_frames(session: &mut Session, scene: &Scene, count: usize) {
     for i in 0..count {
         let frame = session.render(scene, Transport::F32, Duration::from_secs(60));
@@ -257,8 +258,8 @@ fn memory_mib(node: &NodeProcess) -> u64 {
     line.split_whitespace().nth(1).unwrap().parse::<u64>().unwrap() / 1024
 }
 
-/// Rapid reset (CVE-2023-44487): above the limit the connection ends, below it the node bears it; both by a client of another
-/// address than the one that is served.
+/// Rapid reset (CVE-2023-44487): above the limit the connection ends, below it the node bears it; both by a client of
+/// another address than the one that is served.
 #[test]
 fn resets_without_end_cost_their_own_connection_only() {
     let _turn = turn(module_path!());

@@ -1,5 +1,5 @@
-//! A node on one core, and a frame that takes minutes: it answers everyone meanwhile, lets others have their frames, and ends what
-//! nobody wants.
+//! A node on one core, and a frame that takes minutes: it answers everyone meanwhile, lets others have their frames,
+//! and ends what nobody wants.
 
 use std::path::Path;
 use std::process::{Child, Stdio};
@@ -274,7 +274,8 @@ impl Raycaster for Hanging {
     }
 }
 
-/// It answers pings and questions, says that orders wait, and does nothing: from half of the deadline on others have its share.
+/// It answers pings and questions, says that orders wait, and does nothing: from half of the deadline on others have
+/// its share.
 #[test]
 fn a_node_that_answers_pings_but_makes_no_progress() {
     let _turn = turn(module_path!());
@@ -295,7 +296,7 @@ fn a_node_that_answers_pings_but_makes_no_progress() {
         let frame = rig::render(&mut session, &rig::scene(&rig.store, 33.0), 12).await.unwrap();
         assert!(frame.complete, "{:?}", frame.problems);
         let faults = &frame.stats.faults;
-        assert!(faults.reissued > 0 && faults.lost[0].why.contains("it is hanging or overloaded"), "{faults:?}");
+        assert!(faults.reissued > 0 && faults.lost[0].why.contains("it hangs or is overloaded"), "{faults:?}");
         // Not before half of the deadline, and not much later.
         assert!((6.0..11.9).contains(&started.elapsed().as_secs_f64()), "{:?}", started.elapsed());
         // Threads that hang must not keep the test.

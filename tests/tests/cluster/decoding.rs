@@ -37,8 +37,8 @@ fn prepared(folder: &Path, input: &Path, brick_size: u32, range: Option<f64>) ->
     Store::open(&target).unwrap()
 }
 
-/// The scene that the command line makes of a store where nothing but `--accel` and `--integration` is asked: `none` for a
-/// store without regions, and for one with regions its default, `all`.
+/// The scene that the command line makes of a store where nothing but `--accel` and `--integration` is asked: `none`
+/// for a store without regions, and for one with regions its default, `all`.
 fn default_scene(store: &Store, integration: Integration) -> Scene {
     let manifest = store.manifest();
     let acceleration = match manifest.regions {
@@ -135,8 +135,8 @@ fn most(brick_size: u32, integration: Integration) -> f64 {
     }
 }
 
-/// Each node owns few bricks and shares nothing: what it decodes for their neighbours' sake shows in full. The share is the
-/// same for all numbers of nodes, as no brick's cost depends on who owns its neighbours.
+/// Each node owns few bricks and shares nothing: what it decodes for their neighbours' sake shows in full. The share is
+/// the same for all numbers of nodes, as no brick's cost depends on who owns its neighbours.
 #[test]
 fn separate_nodes_decode_at_most_half_as_much_again_as_they_own() {
     let _turn = turn(module_path!());

@@ -1,4 +1,5 @@
-//! Real nodes that are cut off, stall, lie, hang and die in the middle of a frame: it completes with the bits of one node.
+//! Real nodes that are cut off, stall, lie, hang and die in the middle of a frame: it completes with the bits of one
+//! node.
 
 use std::time::{Duration, Instant};
 
@@ -195,8 +196,8 @@ fn sigterm_mid_frame_finishes_the_frame_and_leaves_before_the_next() {
     let _turn = turn(module_path!());
     run(async {
         let mut rig = Rig::new(2).await;
-        // Slow itself, not the way to it: what is sent already would arrive from a process that is gone, too. It hurries
-        // when it is told to go.
+        // Slow itself, not the way to it: what is sent already would arrive from a process that is gone, too. It
+        // hurries when it is told to go.
         rig.restart(1, &["--throttle", "100"]);
         let mut session = rig.session().await;
         let id = rig.nodes[1].id();

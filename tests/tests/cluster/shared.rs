@@ -1,5 +1,5 @@
-//! Several sessions on one cluster at once: each has the picture that it has alone, what one finds out counts for all, a sink hears of
-//! a frame's tiles, and a frame that nobody waits for any more ends on the nodes.
+//! Several sessions on one cluster at once: each has the picture that it has alone, what one finds out counts for all,
+//! a sink hears of a frame's tiles, and a frame that nobody waits for any more ends on the nodes.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -25,7 +25,8 @@ use tokio::sync::Notify;
 const LIMIT: Duration = Duration::from_secs(120);
 const BUDGET: u64 = 1 << 28;
 
-/// 128 x 64 x 64 voxels in bricks of 16, all of them shown: one half is full of material, in the other a speck in each brick.
+/// 128 x 64 x 64 voxels in bricks of 16, all of them shown: one half is full of material, in the other a speck in each
+/// brick.
 fn store(folder: &Path) -> Store {
     let (file, path) = (folder.join("part.nrrd"), folder.join("part"));
     let mut data = b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 128 64 64\nencoding: raw\n\n".to_vec();
@@ -242,7 +243,8 @@ async fn a_sink_hears_every_tile_once_and_together_they_are_the_picture() {
     }
 }
 
-/// Nodes on a runtime of their own, which can end in the middle of anything; and a cluster on them and on those of the stage.
+/// Nodes on a runtime of their own, which can end in the middle of anything; and a cluster on them and on those of the
+/// stage.
 async fn with_mortal_node(stage: &Stage) -> (Runtime, EmbeddedNodes, Arc<Cluster>) {
     let runtime = Runtime::new().unwrap();
     let (kernel, path) = (Kernel::open(BackendChoice::Cpu).unwrap(), stage.store.path());
@@ -296,7 +298,8 @@ async fn a_node_that_dies_in_one_sessions_frame_is_gone_for_the_other() {
     assert!(bits(&before.picture) == want && bits(&after.picture) == want);
 }
 
-/// Law 3 of the protocol, of several sessions: the table is another for the frames that begin after the change, and for no other.
+/// Law 3 of the protocol, of several sessions: the table is another for the frames that begin after the change, and for
+/// no other.
 #[tokio::test(flavor = "multi_thread")]
 async fn a_frame_ends_with_the_epoch_that_it_began_with() {
     let _turn = turn(module_path!());

@@ -1,8 +1,8 @@
-//! The real compositor and real nodes on a simulated network (turmoil), with faults at many points of a frame: whatever happens to
-//! the network, frames are complete, have the bits of one node, and are not late.
+//! The real compositor and real nodes on a simulated network (turmoil), with faults at many points of a frame: whatever
+//! happens to the network, frames are complete, have the bits of one node, and are not late.
 //!
-//! A seed chooses the victim, the moment and every message's latency. Hash maps and threads are not seeded, so a seed that fails may
-//! have to be run more than once to fail again.
+//! A seed chooses the victim, the moment and every message's latency. Hash maps and threads are not seeded, so a seed
+//! that fails may have to be run more than once to fail again.
 
 use std::rc::Rc;
 use std::time::Duration;
@@ -16,8 +16,8 @@ const CLIENT: &str = "client";
 const SEEDS: u64 = 20;
 /// Of messages: up to this, in any order between connections.
 const LATENCY: Duration = Duration::from_millis(20);
-/// What a frame may take, the share of a lost node included: 80 to 210 ms were seen, 256 bytes a millisecond and latency. Computing
-/// takes no simulated time, so the load of the machine does not matter.
+/// What a frame may take, the share of a lost node included: 80 to 210 ms were seen, 256 bytes a millisecond and
+/// latency. Computing takes no simulated time, so the load of the machine does not matter.
 const CALM: Duration = Duration::from_millis(500);
 
 /// How much longer they may take where a node falls silent: a ping after 1 s, 1 s for its answer.
@@ -56,7 +56,8 @@ impl Fault {
     }
 }
 
-/// When in a frame to strike, 0 to 1: the golden ratio spreads any number of seeds evenly from the order to the last tile.
+/// When in a frame to strike, 0 to 1: the golden ratio spreads any number of seeds evenly from the order to the last
+/// tile.
 fn share_of(seed: u64) -> f64 {
     (seed as f64 * 0.618_034).fract()
 }
@@ -236,7 +237,8 @@ fn messages_that_overtake_each_other() {
     }
 }
 
-/// Frames that are dropped at any moment, faster than an order travels: what is rendered after them is whole, and nobody is lost.
+/// Frames that are dropped at any moment, faster than an order travels: what is rendered after them is whole, and
+/// nobody is lost.
 #[test]
 fn frames_that_are_cancelled() {
     let _turn = turn(module_path!());

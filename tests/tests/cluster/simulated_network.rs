@@ -1,8 +1,9 @@
-//! A cluster on a network that only exists in this process: nodes and compositor are the real ones, clocks and cables are not.
+//! A cluster on a network that only exists in this process: nodes and compositor are the real ones, clocks and cables
+//! are not.
 //!
-//! Every host is ticked in turn by one thread, on a clock that stands still while anything computes: rendering takes no simulated
-//! time, only the network does. A node's queue of parts must therefore hold a whole order ([`SIZE`] is that small): a renderer that
-//! waits for its client would wait for a thread that waits for it.
+//! Every host is ticked in turn by one thread, on a clock that stands still while anything computes: rendering takes no
+//! simulated time, only the network does. A node's queue of parts must therefore hold a whole order ([`SIZE`] is that
+//! small): a renderer that waits for its client would wait for a thread that waits for it.
 
 use std::cell::RefCell;
 use std::io;
@@ -39,8 +40,8 @@ const DIMS: [usize; 3] = [40, 36, 32];
 /// Two tiles.
 const SIZE: (u32, u32) = (128, 64);
 const VIEWS: usize = 4;
-/// What a node sends at once, bytes, and how long that takes: a share of a frame is spread over some 60 ms, so that faults find
-/// it at every stage.
+/// What a node sends at once, bytes, and how long that takes: a share of a frame is spread over some 60 ms, so that
+/// faults find it at every stage.
 const PACKET: usize = 256;
 const PACKET_TIME: Duration = Duration::from_millis(1);
 /// Of every frame.

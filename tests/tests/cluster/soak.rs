@@ -1,7 +1,7 @@
 //! Frames in a row while nodes are killed and started again at random: none is lost, none is wrong.
 //!
-//! Longer in `.ci/run --slow`, or by hand: `BRICKCAST_SOAK_FRAMES=1000 BRICKCAST_SOAK_KILL_SECONDS=5 BRICKCAST_SOAK_CLIENTS=20
-//! cargo test --workspace --test cluster soak -- --nocapture`
+//! Longer in `.ci/run --slow`, or by hand: `BRICKCAST_SOAK_FRAMES=1000 BRICKCAST_SOAK_KILL_SECONDS=5
+//! BRICKCAST_SOAK_CLIENTS=20 cargo test --workspace --test cluster soak -- --nocapture`
 
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -133,8 +133,8 @@ fn nodes_are_killed_and_restarted_and_every_frame_is_right() {
         let [killed, served, failed] = visitors.go();
         eprintln!("visitors: {killed} killed, {served} served, {failed} not served well");
         eprintln!(
-            "{frames} frames, {kills} kills, {hurt} frames reissued, {incomplete} incomplete, {wrong} wrong; client's resident set \
-             {early} KiB at frame {}, {late} KiB at frame {}",
+            "{frames} frames, {kills} kills, {hurt} frames reissued, {incomplete} incomplete, {wrong} wrong; client's \
+             resident set {early} KiB at frame {}, {late} KiB at frame {}",
             frames / 10,
             frames - frames / 10
         );

@@ -1,4 +1,5 @@
-//! Throttled nodes, as processes with one thread that renders: processor time is then the node's own, whatever else runs.
+//! Throttled nodes, as processes with one thread that renders: processor time is then the node's own, whatever else
+//! runs.
 
 use std::path::Path;
 use std::time::{Duration, Instant};

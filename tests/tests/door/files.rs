@@ -1,5 +1,5 @@
-//! Files that are not what they should be: pipes, devices, files without end, headers that promise more than there is memory, names that
-//! speak to terminals, two outputs of one name.
+//! Files that are not what they should be: pipes, devices, files without end, headers that promise more than there is
+//! memory, names that speak to terminals, two outputs of one name.
 
 use std::fs::File;
 use std::os::unix::fs::{PermissionsExt as _, symlink};

@@ -1,5 +1,5 @@
-//! Floods: what one client can do to a node by sheer number or size, while another is served all along. The other comes from
-//! another address: that is what makes it another client.
+//! Floods: what one client can do to a node by sheer number or size, while another is served all along. The other comes
+//! from another address: that is what makes it another client.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -24,8 +24,8 @@ use tokio::task::{JoinHandle, JoinSet};
 use tonic::Code;
 use wire::render_client::RenderClient;
 
-/// The victim's frames take longer than this only where the flood gets through: it waits for at most one frame of the flood, of
-/// some milliseconds, on a machine that the flood keeps busy too.
+/// The victim's frames take longer than this only where the flood gets through: it waits for at most one frame of the
+/// flood, of some milliseconds, on a machine that the flood keeps busy too.
 const PATIENCE: Duration = Duration::from_secs(20);
 /// Resident memory that a flood may add, MiB: receive windows and orders of all connections that are let in.
 const MAY_GROW: u64 = 700;
@@ -61,8 +61,8 @@ impl Victim {
         Self { stop, frames, task }
     }
 
-    /// Every frame was complete, and some more come while what the flood holds is held: by count, not by time, since a loaded
-    /// machine may need seconds for the one that the flood itself delays.
+    /// Every frame was complete, and some more come while what the flood holds is held: by count, not by time, since a
+    /// loaded machine may need seconds for the one that the flood itself delays.
     async fn served(self, what: &str) {
         let wanted = self.frames.load(Ordering::SeqCst) + 3;
         while self.frames.load(Ordering::SeqCst) < wanted && !self.task.is_finished() {
@@ -185,7 +185,8 @@ struct Flood {
 }
 
 impl Flood {
-    /// Over each of 20 connections, two orders after two, again and again; frames that are let in are read, or else held.
+    /// Over each of 20 connections, two orders after two, again and again; frames that are let in are read, or else
+    /// held.
     async fn start(self: &Arc<Self>, target: &Target, order: &wire::RenderOrder, reads: bool) -> JoinSet<Vec<Unread>> {
         let mut tasks = JoinSet::new();
         for _ in 0..20 {
@@ -259,8 +260,8 @@ fn a_client_that_holds_frames_open_gets_nobody_else_refused() {
     });
 }
 
-/// The node serves clients in turn, not orders: a flood that takes its frames as fast as they come gets about one for each of
-/// the victim's. In the order of their coming it would be as many as it may have open, for two of the victim's.
+/// The node serves clients in turn, not orders: a flood that takes its frames as fast as they come gets about one for
+/// each of the victim's. In the order of their coming it would be as many as it may have open, for two of the victim's.
 #[test]
 fn a_flood_of_orders_gets_one_frame_for_each_of_another_client() {
     let _turn = turn(module_path!());

@@ -1,4 +1,5 @@
-//! Inputs through the command line: the cache notices every file that a volume is read from, and notes stay with the volume.
+//! Inputs through the command line: the cache notices every file that a volume is read from, and notes stay with the
+//! volume.
 
 use std::path::Path;
 
@@ -27,7 +28,8 @@ fn write_data(at: &Path, names: &[&str], data: &[u8]) {
     }
 }
 
-/// Other data of the same length, behind headers as people and tools write them: the picture is the new one, as with an empty cache.
+/// Other data of the same length, behind headers as people and tools write them: the picture is the new one, as with an
+/// empty cache.
 #[test]
 fn replaced_data_of_a_detached_header_is_noticed_however_it_is_named() {
     let _turn = turn(module_path!());

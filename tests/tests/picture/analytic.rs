@@ -28,8 +28,9 @@ fn facing(eye_offset: [f64; 2], lens: Lens) -> Camera {
     Camera { position: center + offset, focal_point: center, view_up: DVec3::Y, lens }
 }
 
-/// `|alpha - (1 - (1-o)^(L/unit))| <= (1-o)^(L/unit) ((1-o)^(-Delta/unit) - 1) + 1/255`, and `alpha = 1 - (1-o)^(n Delta/unit)`
-/// within 1/255 for the n samples with `t_in <= k Delta < t_out`. Chords by similar triangles, not by the referee's clipping.
+/// `|alpha - (1 - (1-o)^(L/unit))| <= (1-o)^(L/unit) ((1-o)^(-Delta/unit) - 1) + 1/255`, and
+/// `alpha = 1 - (1-o)^(n Delta/unit)` within 1/255 for the n samples with `t_in <= k Delta < t_out`. Chords by similar
+/// triangles, not by the referee's clipping.
 #[test]
 fn constant_boxes_have_the_opacity_of_their_chord() {
     let lenses = [Lens::Parallel { parallel_scale: 5.0 }, Lens::Perspective { view_angle: 14.0 }];
@@ -70,8 +71,8 @@ fn constant_boxes_have_the_opacity_of_their_chord() {
     }
 }
 
-/// As above with one voxel of chord more or less, for rays that meet the ball's surface at an angle; those that graze it pass
-/// through the voxelised surface over a length that no bound of one voxel holds for.
+/// As above with one voxel of chord more or less, for rays that meet the ball's surface at an angle; those that graze
+/// it pass through the voxelised surface over a length that no bound of one voxel holds for.
 #[test]
 fn balls_have_the_opacity_of_their_chord() {
     for (opacity, step) in [(0.03, 0.25), (0.05, 0.5), (0.1, 1.0), (0.05, 2.0)] {
@@ -100,8 +101,8 @@ fn balls_have_the_opacity_of_their_chord() {
                 error += (1.0 - pixel[3]).ln() / (1.0 - opacity).ln() - chord;
             }
             assert!(judged > 400, "{who}: only {judged} rays were judged");
-            // Signed, so that a radius off by a tenth of a voxel shows. Interpolating the curved surface and the opacity
-            // within its one-voxel slope cost 0.08 to 0.1 by themselves.
+            // Signed, so that a radius off by a tenth of a voxel shows. Interpolating the curved surface and the
+            // opacity within its one-voxel slope cost 0.08 to 0.1 by themselves.
             let mean = error / f64::from(judged);
             eprintln!("{who}, {opacity}, step {step}: mean chord error {mean:.4} voxels over {judged} rays");
             assert!(mean.abs() < 0.15, "{who}, {opacity}, step {step}: chords are off by {mean} voxels on average");

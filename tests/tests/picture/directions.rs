@@ -1,4 +1,5 @@
-//! Volumes that lie turned, mirrored or permuted in the world: drawn where they lie, by the referee that computes there.
+//! Volumes that lie turned, mirrored or permuted in the world: drawn where they lie, by the referee that computes
+//! there.
 
 use brickcast_tests::compare::{Tolerance, assert_within_where, compare};
 use brickcast_tests::placed::{storages, stored, turned, turns};
@@ -105,7 +106,8 @@ fn turned_volumes_agree_with_the_referee_on_the_gpu() {
     check_turned(Backend::Gpu);
 }
 
-/// However the voxels are stored, the object is the same: one picture, from the same camera, light and clip in the world.
+/// However the voxels are stored, the object is the same: one picture, from the same camera, light and clip in the
+/// world.
 #[test]
 fn all_48_orders_of_storage_give_one_picture() {
     let Some(raycaster) = product::raycaster(Backend::Cpu, "orders of storage") else { return };

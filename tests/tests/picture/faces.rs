@@ -3,9 +3,9 @@
 use brickcast_tests::product::{Backend, load, raycaster};
 use brickcast_tests::scenes;
 
-/// Millions of crossings, so that samples come within rounding of some: planes computed from one another (`t_hi = t_lo + size
-/// inverse`) place such a crossing differently in two bricks, and samples are counted twice or not at all. With one global
-/// expression the count does not depend on the bricks.
+/// Millions of crossings, so that samples come within rounding of some: planes computed from one another
+/// (`t_hi = t_lo + size inverse`) place such a crossing differently in two bricks, and samples are counted twice or not
+/// at all. With one global expression the count does not depend on the bricks.
 #[test]
 fn no_brick_size_changes_the_number_of_samples() {
     for backend in Backend::ALL {

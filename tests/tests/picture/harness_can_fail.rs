@@ -154,7 +154,8 @@ fn scenes_have_something_to_show() {
     }
 }
 
-/// Without a mistake, bricks change nothing: what the sabotaged pictures show is the mistake and not the way they are made.
+/// Without a mistake, bricks change nothing: what the sabotaged pictures show is the mistake and not the way they are
+/// made.
 #[test]
 fn bricks_without_a_mistake_are_the_whole_volume() {
     for scene in scenes::all(1.0) {
@@ -167,8 +168,8 @@ fn bricks_without_a_mistake_are_the_whole_volume() {
     }
 }
 
-/// Every mistake shows on some scene, in bricks as the product's tests use them and with the pixels excused that are excused
-/// there. Which scenes those are is printed.
+/// Every mistake shows on some scene, in bricks as the product's tests use them and with the pixels excused that are
+/// excused there. Which scenes those are is printed.
 #[test]
 fn every_sabotage_exceeds_the_tolerance() {
     let mut scenes = scenes::all(0.5);
@@ -195,8 +196,8 @@ fn every_sabotage_exceeds_the_tolerance() {
     }
 }
 
-/// What the product makes of inputs with a mistake in them differs from the referee's picture of the right ones: the path from
-/// a scene through the product to the comparison can fail, too.
+/// What the product makes of inputs with a mistake in them differs from the referee's picture of the right ones: the
+/// path from a scene through the product to the comparison can fail, too.
 #[test]
 fn the_product_fed_with_mistakes_turns_red() {
     for backend in Backend::ALL {

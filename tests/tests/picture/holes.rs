@@ -29,7 +29,8 @@ fn field(folder: &Path) -> PathBuf {
     let path = folder.join("field.nrrd");
     let [nx, ny, nz] = DIMS;
     let mut data = format!(
-        "NRRD0004\ntype: float\ndimension: 3\nsizes: {nx} {ny} {nz}\nspacings: 1 1.25 0.8\nencoding: raw\nendian: little\n\n"
+        "NRRD0004\ntype: float\ndimension: 3\nsizes: {nx} {ny} {nz}\nspacings: 1 1.25 0.8\nencoding: raw\nendian: \
+         little\n\n"
     )
     .into_bytes();
     for z in 0..nz {
@@ -117,7 +118,8 @@ fn what_shortens_rays_changes_nothing_beside_holes() {
                     scene = scene.with(|s| s.quality.acceleration = with(true, Leap::Regions)).unwrap();
                     let leapt = rig.render(&scene).await;
                     let d = worst(&plain, &leapt.picture);
-                    // Bricks in which data is missing show V' voxel by voxel. Of the range, 3 % may go astray, in opacities of at most 0.06 a step; what is lit has other gradients in V'.
+                    // Bricks in which data is missing show V' voxel by voxel. Of the range, 3 % may go astray, in
+                    // opacities of at most 0.06 a step; what is lit has other gradients in V'.
                     let is_lit = scene.look.style.shading.is_some();
                     assert!(is_lit || d <= 6.0 / 255.0, "{what}, leaping: {d}");
                     scene = scene.with(|s| s.quality.acceleration = with(true, Leap::Macrocells(0.03))).unwrap();
@@ -129,7 +131,8 @@ fn what_shortens_rays_changes_nothing_beside_holes() {
     });
 }
 
-/// Where all data is opaque, a ray that meets none is clear to the bit, in every view of regions and through either filter.
+/// Where all data is opaque, a ray that meets none is clear to the bit, in every view of regions and through either
+/// filter.
 #[test]
 fn no_view_of_regions_shows_a_hole() {
     let folder = tempfile::tempdir().unwrap();

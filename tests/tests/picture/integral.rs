@@ -133,7 +133,8 @@ fn scenes_of(step: f64) -> Vec<Scene> {
 
 /// Where a sample may lie on either side of a plane, or a slab hold several crossings, single pixels may differ.
 fn tolerance(backend: Backend, filter: Filter) -> Tolerance {
-    // A sample within rounding of a voxel's face may be either voxel's: some in a hundred thousand, of each of three axes.
+    // A sample within rounding of a voxel's face may be either voxel's: some in a hundred thousand, of each of three
+    // axes.
     let outlier_share = if filter == Filter::Nearest { 1e-2 } else { 2e-3 };
     match backend {
         Backend::Cpu => Tolerance { outlier_share, ..Tolerance::CPU_AGAINST_REFEREE },
@@ -155,7 +156,8 @@ fn check_all(backend: Backend, step: f64) {
                     product::load_styled(raycaster, &scene, brick_size, &style).with_filter(filter).render(&scene);
                 let mut tolerance = tolerance(backend, filter);
                 if scene.has_holes {
-                    // Light ends at once where a gradient meets no data: rounding of its place decides (4 of 1,279 pixels).
+                    // Light ends at once where a gradient meets no data: rounding of its place decides (4 of 1,279
+                    // pixels).
                     tolerance.outlier_share = 8e-3;
                 }
                 let d = assert_within_where(&what, &want.picture, &picture, &tolerance, |i| !excused[i]);
@@ -185,8 +187,8 @@ fn gpu_styles_agree_at_a_whole_step() {
     check_all(Backend::Gpu, 1.0);
 }
 
-/// Functions that no table of evenly spaced entries carries, in a volume of ramps and in one of alloys: sampled, in slabs, lit
-/// in each way.
+/// Functions that no table of evenly spaced entries carries, in a volume of ramps and in one of alloys: sampled, in
+/// slabs, lit in each way.
 fn check_functions(backend: Backend, step: f64, filter: Filter, tolerance: &Tolerance) {
     let Some(raycaster) = product::raycaster(backend, "functions against the referee") else { return };
     let mut shown = 0;
@@ -204,7 +206,8 @@ fn check_functions(backend: Backend, step: f64, filter: Filter, tolerance: &Tole
                 let loaded = product::load_styled(raycaster, &scene, 16, &style).with_filter(filter);
                 let what = format!("{backend:?}, {filter:?}, {function}, {name}: {}", scene.name);
                 let (picture, _) = loaded.render(&scene);
-                // A single sample within rounding (1e-5 voxel) of a jump is on either side of it, and on a peak's flank elsewhere.
+                // A single sample within rounding (1e-5 voxel) of a jump is on either side of it, and on a peak's flank
+                // elsewhere.
                 let tolerance = if name == "sampled" { &Tolerance::STEEP_HARDWARE_FILTER } else { tolerance };
                 let d = assert_within_where(&what, &want.picture, &picture, tolerance, |i| !excused[i]);
                 eprintln!("{what}: max {:.3}/255, mean {:.4}/255", d.max * 255.0, d.mean * 255.0);

@@ -124,7 +124,8 @@ fn leaping_depends_on_no_partition() {
     });
 }
 
-/// Every pore that the plain raycast shows, the accelerated one shows: the same part with and without its pores, in both ways.
+/// Every pore that the plain raycast shows, the accelerated one shows: the same part with and without its pores, in
+/// both ways.
 #[test]
 fn no_defect_is_lost() {
     const PORES: u32 = 1000;
@@ -192,7 +193,8 @@ fn views_and_region_transfer_functions_split_the_picture() {
                     regions > 0.0 && residual > 0.0 && all > regions && all > residual,
                     "{all} {regions} {residual}"
                 );
-                // A region function that is clear is the residual view; one that is the main function is the whole view.
+                // A region function that is clear is the residual view; one that is the main function is the whole
+                // view.
                 let split = |opacity| {
                     let two = |s: &mut SceneParts| {
                         (s.look.region_view, s.look.region_transfer_function) = (All, Some(function(opacity)));

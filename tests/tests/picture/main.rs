@@ -1,4 +1,5 @@
-//! What the picture must be: kernels against the referee and against formulas, and the same bits from any number of nodes.
+//! What the picture must be: kernels against the referee and against formulas, and the same bits from any number of
+//! nodes.
 
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 

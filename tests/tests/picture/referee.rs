@@ -16,8 +16,8 @@ fn tolerance(backend: Backend) -> Tolerance {
     }
 }
 
-/// One backend on all scenes of one step, in all brick sizes: each picture against the referee, and against the same kernel's
-/// picture in the largest bricks.
+/// One backend on all scenes of one step, in all brick sizes: each picture against the referee, and against the same
+/// kernel's picture in the largest bricks.
 fn check_all(backend: Backend, step: f64) {
     let Some(raycaster) = product::raycaster(backend, "kernel against referee") else { return };
     let holed = [scenes::oblique(step), scenes::parallel_oblique(step), scenes::eye_inside(step)].map(scenes::holed);
@@ -111,9 +111,9 @@ fn random_scenes_agree() {
     }
 }
 
-/// Long lenses, the last near the farthest that is allowed: distance costs no precision, since rays start near the volume. So
-/// the pixels that may differ are the near eye's few, not the 0.4 % (at 56,000 voxels) to 1 % (at the limit) that f32 would
-/// round to the other side of the volume's faces from the eye.
+/// Long lenses, the last near the farthest that is allowed: distance costs no precision, since rays start near the
+/// volume. So the pixels that may differ are the near eye's few, not the 0.4 % (at 56,000 voxels) to 1 % (at the limit)
+/// that f32 would round to the other side of the volume's faces from the eye.
 #[test]
 fn far_eyes_agree() {
     for backend in Backend::ALL {
@@ -135,8 +135,8 @@ fn far_eyes_agree() {
     }
 }
 
-/// Each job of a call has an accumulator of its own, from zero: joined with over, runs of bricks are the whole picture, and no
-/// run's opacity darkens another's.
+/// Each job of a call has an accumulator of its own, from zero: joined with over, runs of bricks are the whole picture,
+/// and no run's opacity darkens another's.
 #[test]
 fn jobs_of_one_call_are_layers() {
     for backend in Backend::ALL {
@@ -196,7 +196,8 @@ fn gpu_and_cpu_agree() {
     }
 }
 
-/// Early termination may cost what is left behind an opacity of 0.999, and must stop at it: a threshold of a half is seen.
+/// Early termination may cost what is left behind an opacity of 0.999, and must stop at it: a threshold of a half is
+/// seen.
 #[test]
 fn early_termination_stops_where_it_says() {
     for backend in Backend::ALL {
@@ -214,8 +215,8 @@ fn early_termination_stops_where_it_says() {
             if threshold == 0.999 {
                 assert_within(&what, &all.0, &picture, &Tolerance::EARLY_TERMINATION);
             }
-            // A ray that is within f32 rounding of the threshold may take one sample more or less: at a threshold below one
-            // this shows, in few pixels.
+            // A ray that is within f32 rounding of the threshold may take one sample more or less: at a threshold below
+            // one this shows, in few pixels.
             let few = Tolerance { outlier_share: 0.005, ..Tolerance::GPU_AGAINST_TWIN };
             assert_within_where(&what, &truth.picture, &picture, &few, |i| !truth.doubtful[i]);
             assert!(

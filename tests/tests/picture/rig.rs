@@ -98,8 +98,8 @@ pub(crate) fn worst(a: &Picture, b: &Picture) -> f32 {
     pairs.flat_map(|(p, q)| (0..4).map(move |c| (p.to_array()[c] - q.to_array()[c]).abs())).fold(0.0, f32::max)
 }
 
-/// Pixels in which the pores show plainly (opacity with them against without, by more than noise could), and those of them in
-/// which the fast pictures show less than half of it.
+/// Pixels in which the pores show plainly (opacity with them against without, by more than noise could), and those of
+/// them in which the fast pictures show less than half of it.
 pub(crate) fn contrast(
     plain_with: &Picture,
     plain_without: &Picture,

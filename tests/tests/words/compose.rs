@@ -7,8 +7,8 @@ use brickcast_tests::process::brickcast_ok;
 
 const FRAMES: usize = 60;
 
-/// Three nodes; one is killed and started again, one paused and resumed, one cut from the network and healed, during one orbit:
-/// every frame is complete and has the bits of a single node.
+/// Three nodes; one is killed and started again, one paused and resumed, one cut from the network and healed, during
+/// one orbit: every frame is complete and has the bits of a single node.
 #[test]
 fn sixty_frames_survive_a_killed_a_paused_and_a_cut_node() {
     let Some(project) = Project::new("sixty_frames_survive_a_killed_a_paused_and_a_cut_node", "faults") else { return };

@@ -1,4 +1,5 @@
-//! Settings: flag over environment over configuration file over default, told by `brickcast config` and obeyed by the others.
+//! Settings: flag over environment over configuration file over default, told by `brickcast config` and obeyed by the
+//! others.
 
 use std::path::Path;
 use std::process::{Command, Output};

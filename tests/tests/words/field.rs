@@ -151,7 +151,8 @@ fn whoever_gets_an_empty_picture_is_told_why() {
     assert!(!is_empty(&pixels) && !said.contains("nothing"), "{said}");
 }
 
-/// As in a batch job: no desktop, no `XDG_RUNTIME_DIR`, standard error into a file. The GPU's driver is opened where there is one.
+/// As in a batch job: no desktop, no `XDG_RUNTIME_DIR`, standard error into a file. The GPU's driver is opened where
+/// there is one.
 #[test]
 fn a_quiet_command_is_silent_whatever_drivers_print() {
     let folder = tempfile::tempdir().unwrap();

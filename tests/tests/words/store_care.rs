@@ -49,7 +49,8 @@ fn force_never_removes_its_own_input_or_what_others_put_into_the_folder() {
     brickcast_ok(at, &["verify", "s"]);
 }
 
-/// Noise that does not compress, with the bright half on either side: the indices of both stores' shards are the same bytes.
+/// Noise that does not compress, with the bright half on either side: the indices of both stores' shards are the same
+/// bytes.
 fn twin(at: &Path, name: &str, bright_first: bool) {
     let mut state = 1u32;
     let mut voxels = Vec::with_capacity(64 * 64 * 64 * 2);

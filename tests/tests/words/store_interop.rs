@@ -119,7 +119,8 @@ fn zarrs_reads_equal_voxels() {
     zarrs_reads(VoxelType::I16, &signed, |v| v.to_le_bytes().to_vec());
 }
 
-/// Opens the store at argv[1] by its metadata alone, and compares its voxels with the raw file at argv[2] of dtype argv[3].
+/// Opens the store at argv[1] by its metadata alone, and compares its voxels with the raw file at argv[2] of dtype
+/// argv[3].
 const PYTHON: &str = r#"
 import sys, numpy, zarr
 store, raw, dtype, labels, distances = sys.argv[1:6]

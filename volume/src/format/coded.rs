@@ -64,7 +64,8 @@ impl Coding {
         short.then_some(why)
     }
 
-    /// The stream's voxels as little-endian bytes (hex: in the file's byte order); `file` stands at its first byte. Nothing for raw.
+    /// The stream's voxels as little-endian bytes (hex: in the file's byte order); `file` stands at its first byte.
+    /// Nothing for raw.
     pub(super) fn decoder(self, file: File, voxel_type: VoxelType) -> io::Result<Option<Box<dyn Decoder>>> {
         let file = BufReader::with_capacity(1 << 17, file);
         let (mut decoder, skip): (Box<dyn Decoder>, u64) = match self {
@@ -93,8 +94,8 @@ fn skip_exactly(reader: &mut dyn Read, skip: u64) -> io::Result<()> {
 
 /// Decoded voxels. No bytes are read where the data end.
 pub(super) trait Decoder: Read + std::fmt::Debug + Send {
-    /// Asked once all voxels were read: true where the data go on. Checksums that stand behind the voxels are checked. What follows the
-    /// end of compressed data is not looked at: tools pad to blocks, and `gzip` does not mind.
+    /// Asked once all voxels were read: true where the data go on. Checksums that stand behind the voxels are checked.
+    /// What follows the end of compressed data is not looked at: tools pad to blocks, and `gzip` does not mind.
     fn goes_on(&mut self) -> io::Result<bool> {
         Ok(self.read(&mut [0])? > 0)
     }

@@ -2,7 +2,8 @@
 
 use glam::{DMat3, DVec3};
 
-/// How far, of length one, an axis may be from the directions that it is snapped to: rounding and calibration, no shear.
+/// How far, of length one, an axis may be from the directions that it is snapped to: rounding and calibration, no
+/// shear.
 const SNAP: f64 = 1e-3;
 /// Axes that all are this near to x, y, z, in any order and sign, are meant to be these.
 const ON_AXIS: f64 = 1e-4;
@@ -24,8 +25,8 @@ pub(super) enum AxesError {
     #[error("axis {axis} has the vector {vector}: it must be finite and not zero")]
     Length { axis: usize, vector: DVec3 },
     #[error(
-        "the axes are sheared: they are at angles of {xy:.2} (x, y), {yz:.2} (y, z) and {zx:.2} (z, x) degrees, not 90; resample the \
-         volume to axes at right angles"
+        "the axes are sheared: they are at angles of {xy:.2} (x, y), {yz:.2} (y, z) and {zx:.2} (z, x) degrees, not \
+         90; resample the volume to axes at right angles"
     )]
     Sheared { xy: f64, yz: f64, zx: f64 },
 }

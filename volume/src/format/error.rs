@@ -19,7 +19,8 @@ pub enum FormatError {
     #[error("{path} is empty (0 bytes); copy or export it again")]
     Empty { path: PathBuf },
     #[error(
-        "{path}: unknown format (it starts with `{start}`). Read are: {}. For a headerless file of another name give --dims",
+        "{path}: unknown format (it starts with `{start}`). Read are: {}. For a headerless file of another name give \
+         --dims",
         supported()
     )]
     Unknown { path: PathBuf, start: String },
@@ -29,26 +30,27 @@ pub enum FormatError {
     #[error("{path}: {reason}")]
     Geometry { path: PathBuf, reason: GeometryError },
     #[error(
-        "{header} names the data file {data_file}, which cannot be opened: {reason}. Put it there or correct `data file`"
+        "{header} names the data file {data_file}, which cannot be opened: {reason}. Put it there or correct `data \
+         file`"
     )]
     DataFile { header: PathBuf, data_file: PathBuf, reason: io::Error },
     #[error("data file {number} of the {count} that {header} names: {reason}")]
     Part { header: PathBuf, number: usize, count: usize, reason: Box<FormatError> },
     #[error(
-        "{path}: too short: {present} bytes of voxels from byte {start} on, but {dims:?} voxels of {voxel_type} are {expected} \
-         bytes; {} are missing. Copy the file again or correct dims, type or skip",
+        "{path}: too short: {present} bytes of voxels from byte {start} on, but {dims:?} voxels of {voxel_type} are \
+         {expected} bytes; {} are missing. Copy the file again or correct dims, type or skip",
         expected - present
     )]
     TooShort { path: PathBuf, start: u64, present: u64, expected: u64, dims: [u32; 3], voxel_type: VoxelType },
     #[error(
-        "{path}: oversized: {present} bytes of voxels from byte {start} on, but {dims:?} voxels of {voxel_type} are {expected} \
-         bytes; {} are too many. Correct dims or type, or skip a header in front of the voxels",
+        "{path}: oversized: {present} bytes of voxels from byte {start} on, but {dims:?} voxels of {voxel_type} are \
+         {expected} bytes; {} are too many. Correct dims or type, or skip a header in front of the voxels",
         present - expected
     )]
     TooLong { path: PathBuf, start: u64, present: u64, expected: u64, dims: [u32; 3], voxel_type: VoxelType },
     #[error(
-        "{path}: the {coding} data ends after {present} bytes of voxels, but {dims:?} voxels of {voxel_type} are {expected} bytes. \
-         The file is truncated (copy it again) or its sizes are wrong"
+        "{path}: the {coding} data ends after {present} bytes of voxels, but {dims:?} voxels of {voxel_type} are \
+         {expected} bytes. The file is truncated (copy it again) or its sizes are wrong"
     )]
     CodedTooShort {
         path: PathBuf,
@@ -59,8 +61,8 @@ pub enum FormatError {
         voxel_type: VoxelType,
     },
     #[error(
-        "{path}: {present} bytes of {coding} data cannot hold the {expected} bytes that {dims:?} voxels of {voxel_type} are \
-         ({why}). The file is truncated or its sizes are wrong"
+        "{path}: {present} bytes of {coding} data cannot hold the {expected} bytes that {dims:?} voxels of \
+         {voxel_type} are ({why}). The file is truncated or its sizes are wrong"
     )]
     CodedImpossible {
         path: PathBuf,
@@ -72,8 +74,8 @@ pub enum FormatError {
         why: &'static str,
     },
     #[error(
-        "{path}: the {coding} data goes on after the {expected} bytes that {dims:?} voxels of {voxel_type} are. Its sizes or type \
-         are wrong, or it was appended to"
+        "{path}: the {coding} data goes on after the {expected} bytes that {dims:?} voxels of {voxel_type} are. Its \
+         sizes or type are wrong, or it was appended to"
     )]
     CodedTooLong { path: PathBuf, coding: &'static str, expected: u64, dims: [u32; 3], voxel_type: VoxelType },
     #[error("{path}: broken {coding} data after {position} bytes of voxels: {reason}. Copy or export the file again")]

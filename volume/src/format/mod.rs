@@ -49,7 +49,8 @@ static FORMATS: [Format; 2] = [
     Format { known: &known::RAW, recognises: None, open: raw::open },
 ];
 
-/// Opens an input volume. A format's own mark decides, then the extension; a file of neither is raw where `hints` say its dims.
+/// Opens an input volume. A format's own mark decides, then the extension; a file of neither is raw where `hints` say
+/// its dims.
 ///
 /// # Errors
 /// No such file, not a regular file, an empty file, an unknown format, or what the format's own reader finds wrong.

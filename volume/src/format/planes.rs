@@ -1,4 +1,5 @@
-//! The one reader behind all formats that end in voxels in file order, raw or coded: planes or pieces of them, little endian.
+//! The one reader behind all formats that end in voxels in file order, raw or coded: planes or pieces of them, little
+//! endian.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -46,7 +47,8 @@ pub(super) struct PlaneSource {
 }
 
 impl PlaneSource {
-    /// Checks the file's length against dims x type before anything is allocated. `files` are all that the volume is read from.
+    /// Checks the file's length against dims x type before anything is allocated. `files` are all that the volume is
+    /// read from.
     pub(super) fn new(header: SourceHeader, location: DataLocation, files: Vec<PathBuf>) -> Result<Self, FormatError> {
         let file = open_regular(&location.path)?;
         let file_bytes = file.metadata().map_err(|reason| FormatError::io(&location.path, "read", reason))?.len();

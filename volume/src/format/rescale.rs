@@ -1,6 +1,7 @@
 //! From the numbers of voxels to values.
 
-/// `value = slope * number + intercept`, as DICOM and NIfTI say what their voxels' numbers mean. Values rise with the numbers.
+/// `value = slope * number + intercept`, as DICOM and NIfTI say what their voxels' numbers mean. Values rise with the
+/// numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rescale {
     slope: f64,

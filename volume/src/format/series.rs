@@ -31,8 +31,8 @@ pub(super) struct SeriesSource {
 }
 
 impl SeriesSource {
-    /// Finds every file, and checks its length against its share of the voxels. The number of files divides the volume's planes.
-    /// `files` is the header's file alone.
+    /// Finds every file, and checks its length against its share of the voxels. The number of files divides the
+    /// volume's planes. `files` is the header's file alone.
     pub(super) fn new<F: FnOnce() -> Result<DataLocation, FormatError>>(
         header: SourceHeader,
         mut files: Vec<PathBuf>,

@@ -30,7 +30,8 @@ pub struct SourceHeader {
     pub format: &'static str,
     /// Unit of spacing and origin where the file names one, e.g. `mm`.
     pub space_unit: Option<String>,
-    /// Numbers that stand for no data (fill values), as voxels hold them; the file or the user declares them. NaN always does.
+    /// Numbers that stand for no data (fill values), as voxels hold them; the file or the user declares them. NaN
+    /// always does.
     pub no_data: Vec<f64>,
     /// What was guessed or left aside (a raw file's name read as dims, axes of another space), for people.
     pub notes: Vec<String>,
@@ -57,8 +58,8 @@ impl SourceHeader {
 pub trait VolumeSource: Send + std::fmt::Debug {
     fn header(&self) -> &SourceHeader;
 
-    /// Every file that the volume is read from, its header first: while none of them changes, nor does the volume. None where it is
-    /// in memory.
+    /// Every file that the volume is read from, its header first: while none of them changes, nor does the volume. None
+    /// where it is in memory.
     fn files(&self) -> &[PathBuf] {
         &[]
     }
@@ -69,14 +70,15 @@ pub trait VolumeSource: Send + std::fmt::Debug {
     /// The file cannot be opened again.
     fn rewind(&mut self) -> Result<(), FormatError>;
 
-    /// Replaces `planes` by the next `count` z-planes (fewer only at the volume's end), voxels little endian, x fastest.
+    /// Replaces `planes` by the next `count` z-planes (fewer only at the volume's end), voxels little endian, x
+    /// fastest.
     ///
     /// # Errors
     /// Truncated data, a broken compressed stream.
     fn read_planes(&mut self, count: u32, planes: &mut Vec<u8>) -> Result<(), FormatError>;
 
-    /// Replaces `piece` by the voxels that come next: whole voxels, `most` bytes where so many are left. A source that cannot
-    /// stop within a plane gives the whole next one.
+    /// Replaces `piece` by the voxels that come next: whole voxels, `most` bytes where so many are left. A source that
+    /// cannot stop within a plane gives the whole next one.
     ///
     /// # Errors
     /// As [`VolumeSource::read_planes`].
@@ -85,8 +87,8 @@ pub trait VolumeSource: Send + std::fmt::Debug {
         self.read_planes(1, piece)
     }
 
-    /// Makes `voxel`, counted x fastest, the next one that [`VolumeSource::read_piece`] gives. False where the source goes in
-    /// order only; then nothing has changed.
+    /// Makes `voxel`, counted x fastest, the next one that [`VolumeSource::read_piece`] gives. False where the source
+    /// goes in order only; then nothing has changed.
     ///
     /// # Errors
     /// The file cannot be opened again.

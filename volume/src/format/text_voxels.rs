@@ -1,4 +1,5 @@
-//! Voxels written as text: numbers between white space, or two hexadecimal digits a byte. Memory does not grow with the text.
+//! Voxels written as text: numbers between white space, or two hexadecimal digits a byte. Memory does not grow with the
+//! text.
 
 use std::fs::File;
 use std::io::{self, BufRead as _, BufReader, Read};

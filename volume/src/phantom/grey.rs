@@ -70,8 +70,8 @@ impl<'a> Grey<'a> {
     }
 }
 
-/// Grey value of full material, part space. Cupping: rays through the middle have lost their soft part (beam hardening), so
-/// the middle looks lighter than it is; two percent of it are left, as after a usual correction.
+/// Grey value of full material, part space. Cupping: rays through the middle have lost their soft part (beam
+/// hardening), so the middle looks lighter than it is; two percent of it are left, as after a usual correction.
 pub(super) fn material_at(p: DVec3) -> f64 {
     let from_axis = (p.x * p.x + p.z * p.z).min(1.5);
     MATERIAL * (0.99 + 0.02 * from_axis)

@@ -1,6 +1,7 @@
 //! The phantom: a made CT scan of a machined part with known pores, streamed to an NRRD file with the truth beside it.
 //!
-//! Every voxel is a function of its place, the dims and the seed alone, so the file does not depend on the number of threads.
+//! Every voxel is a function of its place, the dims and the seed alone, so the file does not depend on the number of
+//! threads.
 
 mod grey;
 mod part;
@@ -64,7 +65,9 @@ pub struct PhantomReport {
 
 #[derive(Debug, thiserror::Error)]
 pub enum PhantomError {
-    #[error("phantom dims {dims:?}: every axis must have between {} and {} voxels", DIMS_LIMITS.start(), DIMS_LIMITS.end())]
+    #[error(
+        "phantom dims {dims:?}: every axis must have between {} and {} voxels", DIMS_LIMITS.start(), DIMS_LIMITS.end()
+    )]
     Dims { dims: [u32; 3] },
     #[error("phantom: {0}")]
     Geometry(#[from] GeometryError),
@@ -73,8 +76,8 @@ pub enum PhantomError {
     #[error("phantom noise {0} %: must lie between 0 and 20 (percent of the material's grey value)")]
     Noise(f64),
     #[error(
-        "only {placed} of {wanted} pores fit apart from each other into the material of a phantom of {dims:?} voxels; ask for \
-         at most {placed} or larger dims"
+        "only {placed} of {wanted} pores fit apart from each other into the material of a phantom of {dims:?} voxels; \
+         ask for at most {placed} or larger dims"
     )]
     PoresDoNotFit { placed: u32, wanted: u32, dims: [u32; 3] },
     #[error("{0}: a phantom is written as an NRRD file; give a name that ends in .nrrd")]
@@ -85,8 +88,9 @@ pub enum PhantomError {
     Write { path: PathBuf, reason: io::Error },
 }
 
-/// Writes the phantom to `out` (`.nrrd`: attached, raw, u16) and its pores to `<stem>.pores.json` beside it. Both files are
-/// finished or absent; the volume comes last. `progress` is told the planes written, and their number, after every slab.
+/// Writes the phantom to `out` (`.nrrd`: attached, raw, u16) and its pores to `<stem>.pores.json` beside it. Both files
+/// are finished or absent; the volume comes last. `progress` is told the planes written, and their number, after every
+/// slab.
 ///
 /// # Errors
 /// Unusable options, an existing file without `force`, pores that do not fit, a failed write.

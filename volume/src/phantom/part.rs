@@ -1,13 +1,14 @@
 //! The part: a flanged hub with ribs, a side boss, bores and an internal thread, as a signed distance.
 //!
-//! Distances are 1-Lipschitz everywhere (a test measures it): inside, `-distance` is at most the way to the surface. That is
-//! what keeps pores inside the material and lets rows leap over what is far from the surface.
+//! Distances are 1-Lipschitz everywhere (a test measures it): inside, `-distance` is at most the way to the surface.
+//! That is what keeps pores inside the material and lets rows leap over what is far from the surface.
 
 use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3, dvec2, dvec3};
 
-/// The part in the middle of a volume, as large as its shortest axis allows. Part space: the shortest half axis is 1, y is up.
+/// The part in the middle of a volume, as large as its shortest axis allows. Part space: the shortest half axis is 1, y
+/// is up.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Part {
     dims: DVec3,
@@ -61,8 +62,8 @@ fn solid(p: DVec3) -> f64 {
 /// Gussets between hub and flange on the three sides without the boss.
 fn ribs(p: DVec3) -> f64 {
     let rib = |along: f64, across: f64| {
-        // Under the line from the hub's upper part to the flange's edge, inside the plate's outline, above its foot; within
-        // the hub it must not reach the face.
+        // Under the line from the hub's upper part to the flange's edge, inside the plate's outline, above its foot;
+        // within the hub it must not reach the face.
         let slope = dvec2(0.92, 0.39);
         let under = dvec2(along - 0.44, p.y - 0.50).dot(slope.normalize());
         let profile = under.max(along - 0.76).max(-along).max(-0.6 - p.y).max(p.y - 0.5);
@@ -120,7 +121,8 @@ fn extruded(outline: f64, height: f64, round: f64) -> f64 {
     w.max_element().min(0.0) + w.max(DVec2::ZERO).length() - round
 }
 
-/// Union with a fillet of about `k` (Quilez's polynomial smooth minimum; its gradient is a mean of both, so 1-Lipschitz stays).
+/// Union with a fillet of about `k` (Quilez's polynomial smooth minimum; its gradient is a mean of both, so 1-Lipschitz
+/// stays).
 fn smooth_min(a: f64, b: f64, k: f64) -> f64 {
     let h = (k - (a - b).abs()).max(0.0) / k;
     a.min(b) - h * h * k * 0.25

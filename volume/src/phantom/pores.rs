@@ -16,8 +16,8 @@ pub struct Pore {
     pub radii_voxel: DVec3,
 }
 
-/// Material around each pore: to the surface, and to the next pore, in voxels. More than the width over which a voxel can mix,
-/// where the part is large enough; small parts have thin walls.
+/// Material around each pore: to the surface, and to the next pore, in voxels. More than the width over which a voxel
+/// can mix, where the part is large enough; small parts have thin walls.
 const WALLS_VOXELS: [f64; 3] = [2.5, 1.5, 1.0];
 /// After so many places that are taken or no material, a pore is said not to fit.
 const TRIES: u32 = 20_000;
@@ -29,7 +29,8 @@ impl Pore {
         4.0 / 3.0 * PI * self.radii_voxel.element_product()
     }
 
-    /// Share of the voxel around `center` (index space) that the pore takes, from 8^3 points for small pores, 4^3 for others.
+    /// Share of the voxel around `center` (index space) that the pore takes, from 8^3 points for small pores, 4^3 for
+    /// others.
     pub(super) fn share_of_voxel(&self, center: DVec3) -> f64 {
         let reach = 0.75f64.sqrt() / self.radii_voxel.min_element();
         let away = ((center - self.center_voxel) / self.radii_voxel).length();

@@ -2,8 +2,8 @@
 
 use super::{Element, Elements};
 
-/// Premultiplied r, g, b and opacity of the slab from entry `front` to entry `back`, `length` opacity units long, and its
-/// back-weighted part: colour and opacity of every element times how far from the front its light comes from, 0..1.
+/// Premultiplied r, g, b and opacity of the slab from entry `front` to entry `back`, `length` opacity units long, and
+/// its back-weighted part: colour and opacity of every element times how far from the front its light comes from, 0..1.
 ///
 /// Elements are composited one behind the other, from the front. A slab of one entry is that entry itself.
 #[must_use]
@@ -37,8 +37,8 @@ pub fn slab(elements: &Elements, length: f64, front: usize, back: usize) -> [[f6
     [total, weighted]
 }
 
-/// Where the light of a homogeneous element comes from on average, as a share of its length from the front: the mean of u under
-/// `exp(-tau u)`, `1 / tau - 1 / (exp(tau) - 1)`, by its series (Bernoulli's numbers) where the two cancel.
+/// Where the light of a homogeneous element comes from on average, as a share of its length from the front: the mean of
+/// u under `exp(-tau u)`, `1 / tau - 1 / (exp(tau) - 1)`, by its series (Bernoulli's numbers) where the two cancel.
 fn mean_depth(element: &Element, length: f64) -> f64 {
     let tau = -element.log_transparency * length;
     if tau > 0.5 {

@@ -45,16 +45,17 @@ pub struct Elements {
 const WIDEST: u32 = 64 * PARTS;
 
 impl Elements {
-    /// `function` over the store's `range` (lo, hi in data units) with up to `entries` nodes, at least 2, where slabs of `length`
-    /// opacity units need them.
+    /// `function` over the store's `range` (lo, hi in data units) with up to `entries` nodes, at least 2, where slabs
+    /// of `length` opacity units need them.
     #[must_use]
     pub fn of(function: &TransferFunction, range: (f64, f64), length: f64, entries: usize) -> Self {
         let codes = Codes::new(range);
         Self::at(function, codes, place(function, codes, length, entries.max(2)).nodes)
     }
 
-    /// With these nodes. The mean of an element is that of the function itself, not of its two ends: a spike between them counts
-    /// with its area. Optical depth is averaged, and colour weighted by it: what finer and finer elements tend to.
+    /// With these nodes. The mean of an element is that of the function itself, not of its two ends: a spike between
+    /// them counts with its area. Optical depth is averaged, and colour weighted by it: what finer and finer elements
+    /// tend to.
     pub(super) fn at(function: &TransferFunction, codes: Codes, nodes: Vec<u32>) -> Self {
         let x = |place: u32| codes.x(f64::from(place) / f64::from(PARTS));
         let mut kinks: Vec<f64> = points(function).collect();

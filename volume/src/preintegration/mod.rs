@@ -1,11 +1,11 @@
 //! Pre-integration: the volume rendering integral over a slab, for each pair of values at its front and back, so that
-//! features of the transfer function which lie between two samples are seen (Lum, Wilson and Ma 2004, "High-Quality Lighting
-//! Efficiently for Pre-Integrated Volume Rendering").
+//! features of the transfer function which lie between two samples are seen (Lum, Wilson and Ma 2004, "High-Quality
+//! Lighting Efficiently for Pre-Integrated Volume Rendering").
 //!
-//! Within a slab the value is taken as linear from front to back, through the whole function, its constant ends included. Entries
-//! stand at *nodes*, which are dense where the function needs them and reach over all codes. The function is cut into *elements*
-//! between nodes; each takes a share of the slab's length D (in opacity units) that goes by its width. All n^2 integrals are made in
-//! O(n^2). docs/adr/0007-tables.md says why.
+//! Within a slab the value is taken as linear from front to back, through the whole function, its constant ends
+//! included. Entries stand at *nodes*, which are dense where the function needs them and reach over all codes. The
+//! function is cut into *elements* between nodes; each takes a share of the slab's length D (in opacity units) that
+//! goes by its width. All n^2 integrals are made in O(n^2). docs/adr/0007-tables.md says why.
 
 pub mod brute_force;
 mod elements;
@@ -49,43 +49,43 @@ impl TableSize {
     }
 }
 
-/// Integrals of slabs of one length. The slab with node `f` at its front and node `b` at its back stands at index `f * size + b`;
-/// bilinear between nodes, whose coordinates go by `warp`.
+/// Integrals of slabs of one length. The slab with node `f` at its front and node `b` at its back stands at index
+/// `f * size + b`; bilinear between nodes, whose coordinates go by `warp`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Preintegrated {
     /// Nodes, entries of each side: at least 2.
     pub size: usize,
-    /// By block of `65536 / warp.len()` codes (a power of two): the node coordinate at its start, and what it grows by to its end;
-    /// linear between.
+    /// By block of `65536 / warp.len()` codes (a power of two): the node coordinate at its start, and what it grows by
+    /// to its end; linear between.
     pub warp: Vec<[f32; 2]>,
     /// Premultiplied r, g, b and opacity of the slab.
     pub total: Vec<[f32; 4]>,
     /// The tables of interpolated lighting, where asked for.
     pub lit: Option<Lit>,
     /// At x, how many of the nodes before node x and of the elements behind them show anything; `size + 1` counts.
-    /// Where those at `min(f, b)` and `max(f, b) + 2` are equal, slabs of values from node f to f + 1 in front and from b
-    /// to b + 1 at the back show nothing.
+    /// Where those at `min(f, b)` and `max(f, b) + 2` are equal, slabs of values from node f to f + 1 in front and from
+    /// b to b + 1 at the back show nothing.
     pub shown_before: Vec<u32>,
 }
 
 /// The two tables of interpolated pre-integrated lighting, as the paper packs them (section "Implementation"): the
 /// light at a slab's front sample falls on `front`, that at its back sample on `back`.
 ///
-/// Weights run linearly through the slab, 1 at one end and 0 at the other; only colour is weighted, what lies behind is hidden
-/// by all of the slab. `front.rgb + back.rgb` is `total.rgb` (to f32's rounding).
+/// Weights run linearly through the slab, 1 at one end and 0 at the other; only colour is weighted, what lies behind is
+/// hidden by all of the slab. `front.rgb + back.rgb` is `total.rgb` (to f32's rounding).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Lit {
     /// Front-weighted diffuse r, g, b; the slab's whole opacity.
     pub front: Vec<[f32; 4]>,
-    /// Back-weighted diffuse r, g, b; back-weighted opacity, which is the back-weighted integral of white: the weight of the
-    /// specular light at the back sample. That of the front sample is `front.a - back.a`, since the integral of white is the
-    /// opacity.
+    /// Back-weighted diffuse r, g, b; back-weighted opacity, which is the back-weighted integral of white: the weight
+    /// of the specular light at the back sample. That of the front sample is `front.a - back.a`, since the integral of
+    /// white is the opacity.
     pub back: Vec<[f32; 4]>,
 }
 
 impl Preintegrated {
-    /// The integrals of `function` over the store's `range` (lo, hi in data units) for slabs of `delta_over_unit` opacity
-    /// units (positive).
+    /// The integrals of `function` over the store's `range` (lo, hi in data units) for slabs of `delta_over_unit`
+    /// opacity units (positive).
     #[must_use]
     pub fn build(
         function: &TransferFunction,
@@ -128,8 +128,8 @@ pub struct Coarse {
     pub values: [f64; 2],
 }
 
-/// The worst of a table of `size`, where its nodes do not suffice to be as close as a picture shows; for slabs of `delta_over_unit`
-/// opacity units. What happens within a code is not looked at: no volume tells it apart.
+/// The worst of a table of `size`, where its nodes do not suffice to be as close as a picture shows; for slabs of
+/// `delta_over_unit` opacity units. What happens within a code is not looked at: no volume tells it apart.
 #[must_use]
 pub fn coarse(function: &TransferFunction, range: (f64, f64), delta_over_unit: f64, size: TableSize) -> Option<Coarse> {
     let codes = Codes::new(range);

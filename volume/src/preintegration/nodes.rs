@@ -1,7 +1,7 @@
 //! Where the nodes of a table of slabs stand: where the function needs them (docs/adr/0007-tables.md).
 //!
-//! Nodes cut the codes into cells, each a power of two wide and at a multiple of its width. The cell in which the table would be
-//! furthest from the integral is halved, again and again, until all are close enough or the nodes are used up.
+//! Nodes cut the codes into cells, each a power of two wide and at a multiple of its width. The cell in which the table
+//! would be furthest from the integral is halved, again and again, until all are close enough or the nodes are used up.
 
 use std::collections::{BTreeSet, BinaryHeap};
 
@@ -14,7 +14,8 @@ use crate::transfer_function::empty::Empty;
 pub const PARTS: u32 = 4;
 /// All of a table, in parts.
 pub(super) const ALL: u32 = ALL_CODES * PARTS;
-/// Below this error of opacity or premultiplied colour a cell is left as it is: 1/200 of what a picture of 8 bits tells apart.
+/// Below this error of opacity or premultiplied colour a cell is left as it is: 1/200 of what a picture of 8 bits tells
+/// apart.
 const CLOSE: f64 = 2e-5;
 /// Points of the function of which a cell is measured at, at most.
 const MOST_POINTS: usize = 32;
@@ -67,8 +68,8 @@ pub(crate) fn place(function: &TransferFunction, codes: Codes, length: f64, most
     Placed { nodes: nodes.into_iter().collect(), worst }
 }
 
-/// By block of codes: the node coordinate at its start, and what it grows by to its end. Linear between: every node lies on the
-/// end of a block, or on one of the equal parts of a block of one code.
+/// By block of codes: the node coordinate at its start, and what it grows by to its end. Linear between: every node
+/// lies on the end of a block, or on one of the equal parts of a block of one code.
 pub(super) fn warp(nodes: &[u32]) -> Vec<[f32; 2]> {
     let block = nodes.windows(2).map(|w| w[1] - w[0]).min().unwrap_or(ALL).max(PARTS);
     let mut i = 0;

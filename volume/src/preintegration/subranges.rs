@@ -1,13 +1,13 @@
-//! All slabs between n nodes in O(n^2), after Lum, Wilson and Ma 2004 ("Incremental subrange integration"), for nodes that do not
-//! stand at equal distances.
+//! All slabs between n nodes in O(n^2), after Lum, Wilson and Ma 2004 ("Incremental subrange integration"), for nodes
+//! that do not stand at equal distances.
 //!
-//! Where two slabs are of one width, an element has one opacity in both, so that sums over elements can be shared. Widths differ
-//! here from pair to pair, so they are taken in bands: for the widths at both ends of a band all slabs of the band are
-//! integrated, as if each were that wide, and between the two the straight colour (colour over opacity), which is all but
-//! constant within a band, is interpolated. Opacity is known in closed form.
+//! Where two slabs are of one width, an element has one opacity in both, so that sums over elements can be shared.
+//! Widths differ here from pair to pair, so they are taken in bands: for the widths at both ends of a band all slabs of
+//! the band are integrated, as if each were that wide, and between the two the straight colour (colour over opacity),
+//! which is all but constant within a band, is interpolated. Opacity is known in closed form.
 //!
-//! For one width, cells are gathered in bins no wider than the narrowest slab. A slab is the end of a bin, up to two whole
-//! bins, and the start of another; ends and starts are summed once.
+//! For one width, cells are gathered in bins no wider than the narrowest slab. A slab is the end of a bin, up to two
+//! whole bins, and the start of another; ends and starts are summed once.
 
 use rayon::prelude::*;
 
@@ -38,8 +38,8 @@ const BANDS: u32 = 8;
 /// Rows that a thread takes at once.
 const ROWS: usize = 16;
 
-/// What a run of elements gives off from the front on, per channel (r, g, b, 1 and, where lit, the same times its place), and what
-/// it lets through.
+/// What a run of elements gives off from the front on, per channel (r, g, b, 1 and, where lit, the same times its
+/// place), and what it lets through.
 #[derive(Clone, Copy)]
 struct Run<const N: usize> {
     light: [f64; N],
@@ -90,8 +90,8 @@ fn bands(narrowest: u32) -> impl Iterator<Item = Band> {
     })
 }
 
-/// The tables of all n^2 slabs, index front * n + back. `<4, 1>`: total; `<8, 3>`: total, front-weighted, back-weighted, packed
-/// as [`super::Lit`] says.
+/// The tables of all n^2 slabs, index front * n + back. `<4, 1>`: total; `<8, 3>`: total, front-weighted,
+/// back-weighted, packed as [`super::Lit`] says.
 pub(super) fn integrate<const N: usize, const K: usize, E: Entry>(elements: &Elements, length: f64) -> [Vec<E>; K] {
     let nodes = &elements.nodes;
     let n = nodes.len();
@@ -139,8 +139,8 @@ fn glow_of<const N: usize>([r, g, b]: [f64; 3]) -> [f64; N] {
 }
 
 /// How far from its front, as a share of its length, the light of a homogeneous slab comes from on average:
-/// `1 / tau - 1 / (exp(tau) - 1)` for optical depth tau, a half for a clear one. Elements in their middles, as in the paper, would
-/// let the light at the back shine through an opaque slab.
+/// `1 / tau - 1 / (exp(tau) - 1)` for optical depth tau, a half for a clear one. Elements in their middles, as in the
+/// paper, would let the light at the back shine through an opaque slab.
 #[inline(always)]
 pub(super) fn mean_depth(depth: f64, opacity: f64) -> f64 {
     // The two terms cancel: the series is good to 1e-13 here.

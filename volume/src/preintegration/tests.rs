@@ -234,8 +234,8 @@ fn functions() -> Vec<(&'static str, TransferFunction)> {
     ]
 }
 
-/// What the table holds between any two values is the integral through the whole function: from afar, from nearby, and within a
-/// feature.
+/// What the table holds between any two values is the integral through the whole function: from afar, from nearby, and
+/// within a feature.
 #[test]
 fn looked_up_slabs_are_the_integral() {
     for (name, f) in functions() {
@@ -258,7 +258,8 @@ fn looked_up_slabs_are_the_integral() {
             let [mean, mean_back] = sums.map(|sum| sum / f64::from(count) * 255.0);
             let [worst, worst_back] = worst.map(|w| w * 255.0);
             eprintln!(
-                "{name}, {length}: {} nodes, {} blocks; mean {mean:.4} {mean_back:.4}, worst {worst:.3} {worst_back:.3} of 255",
+                "{name}, {length}: {} nodes, {} blocks; mean {mean:.4} {mean_back:.4}, worst {worst:.3} \
+                 {worst_back:.3} of 255",
                 p.size,
                 p.warp.len()
             );

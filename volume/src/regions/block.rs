@@ -107,7 +107,8 @@ pub(crate) struct BlockSpace {
 #[derive(Debug)]
 pub(crate) struct BlockNodes {
     pub(crate) nodes: Vec<Part>,
-    /// For the low and high side of each axis the nodes of the face's voxels, lower axis fastest; empty at the volume's edge.
+    /// For the low and high side of each axis the nodes of the face's voxels, lower axis fastest; empty at the volume's
+    /// edge.
     pub(crate) faces: [[Vec<u32>; 2]; 3],
 }
 

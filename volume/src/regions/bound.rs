@@ -1,11 +1,11 @@
 //! How far the picture of V' can be from that of the volume: a bound per brick.
 //!
-//! Let every sample's value change by at most the brick's deviation. Replace the samples of a ray one after the other, front to
-//! back. Replacing sample j changes what is seen by `T_j |d(alpha c) - d(alpha) B|`, where `T_j` is the transparency before
-//! it and B, the colour behind, lies in 0..=1 like c. That is at most `T_j w` with `w = d(alpha) + alpha d(c)`, and
-//! `T_j <= (1 - a)^j` with a the least opacity that a sample of the brick can have. Summed: `w (1 - (1 - a)^n) / a` for n
-//! samples. (docs/algorithms.md, The bound.) What is in
-//! front of the brick only makes it less, so a pixel's bound is the sum over the bricks on its ray.
+//! Let every sample's value change by at most the brick's deviation. Replace the samples of a ray one after the other,
+//! front to back. Replacing sample j changes what is seen by `T_j |d(alpha c) - d(alpha) B|`, where `T_j` is the
+//! transparency before it and B, the colour behind, lies in 0..=1 like c. That is at most `T_j w` with
+//! `w = d(alpha) + alpha d(c)`, and `T_j <= (1 - a)^j` with a the least opacity that a sample of the brick can have.
+//! Summed: `w (1 - (1 - a)^n) / a` for n samples. (docs/algorithms.md, The bound.) What is in front of the brick only
+//! makes it less, so a pixel's bound is the sum over the bricks on its ray.
 
 use std::collections::VecDeque;
 
@@ -65,8 +65,8 @@ pub fn change_rate(table: &TransferTable, range: [u16; 2], deviation: u16) -> Ch
     ChangeRate { sample: worst, opacity: least }
 }
 
-/// Minimum and maximum of a channel over every run of `window + 1` entries, in one pass (two queues of candidates); over all
-/// of them where they are fewer.
+/// Minimum and maximum of a channel over every run of `window + 1` entries, in one pass (two queues of candidates);
+/// over all of them where they are fewer.
 fn windows_of(entries: &[[f32; 4]], channel: usize, window: usize) -> Vec<[f32; 2]> {
     let (mut low, mut high) = (VecDeque::<usize>::new(), VecDeque::<usize>::new());
     let value = |i: usize| entries[i][channel];

@@ -36,14 +36,15 @@ pub enum ClassifyError {
     #[error("a voxel has the label {label}, but there are {regions} regions; prepare the store again")]
     Label { label: u32, regions: usize },
     #[error(
-        "more than {MAX_SLOTS} regions with leap voxels in one brick of {dims:?} voxels; prepare the store with smaller \
-         bricks or a larger smallest region"
+        "more than {MAX_SLOTS} regions with leap voxels in one brick of {dims:?} voxels; prepare the store with \
+         smaller bricks or a larger smallest region"
     )]
     Slots { dims: [u32; 3] },
 }
 
 /// Classifies the voxels of a stored box for rays whose step needs `guard` (see [`super::guard_width`]);
-/// `gradient_radius` is 0 for density alone. `regions` covers the stored box and at least `1 + gradient_radius` voxels more.
+/// `gradient_radius` is 0 for density alone. `regions` covers the stored box and at least `1 + gradient_radius` voxels
+/// more.
 ///
 /// # Errors
 /// Boxes and voxels that do not fit each other, labels that the table lacks, too many regions for the slots.

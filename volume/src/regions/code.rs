@@ -38,10 +38,10 @@ pub const fn density_texel(density: Density, inner: bool) -> u16 {
     density << 1 | inner as u16
 }
 
-/// A voxel is a leap voxel iff all voxels within this Chebyshev distance have its label: wide enough that a ray of steps up
-/// to `step` voxels meets two samples among guards alone before any support holds a leap voxel, whatever its direction.
-/// `g = max(2 (1 + r), ceil(2 + r + 2 s) - 1)` (derived in `docs/adr/0002-leaping.md`); `gradient_radius` r is 0 for
-/// density alone, 1 with central differences.
+/// A voxel is a leap voxel iff all voxels within this Chebyshev distance have its label: wide enough that a ray of
+/// steps up to `step` voxels meets two samples among guards alone before any support holds a leap voxel, whatever its
+/// direction. `g = max(2 (1 + r), ceil(2 + r + 2 s) - 1)` (derived in `docs/adr/0002-leaping.md`); `gradient_radius` r
+/// is 0 for density alone, 1 with central differences.
 #[must_use]
 pub fn guard_width(step: f64, gradient_radius: u32) -> u32 {
     let by_step = (2.0 + f64::from(gradient_radius) + 2.0 * step).ceil() as u32 - 1;

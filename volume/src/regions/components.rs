@@ -1,9 +1,10 @@
-//! Components of equal window label, 6-connected, found slab by slab: memory holds the nodes of one slab, the components
-//! that cross its last plane, and those that are kept.
+//! Components of equal window label, 6-connected, found slab by slab: memory holds the nodes of one slab, the
+//! components that cross its last plane, and those that are kept.
 //!
-//! Every slab leaves a *record*: what became of each of its nodes. Most are dropped when their component ends without a leap
-//! voxel; those of components that go on say "see the next slab", which [`resolve`] answers in a pass from the last record to
-//! the first. A component's root is its smallest voxel index, so labels in the order of roots depend on nothing but voxels.
+//! Every slab leaves a *record*: what became of each of its nodes. Most are dropped when their component ends without a
+//! leap voxel; those of components that go on say "see the next slab", which [`resolve`] answers in a pass from the
+//! last record to the first. A component's root is its smallest voxel index, so labels in the order of roots depend on
+//! nothing but voxels.
 
 use rayon::prelude::*;
 
@@ -11,7 +12,8 @@ use super::block::{BlockNodes, BlockSpace, CodeTables, Part, Slab};
 use super::runs::{BLOCK_EDGE, find, join};
 use super::table::{NO_REGION, Region, RegionTable};
 
-/// What became of a node: 0 dropped, 1 + n the n-th kept component, with this bit the n-th that the next slab goes on with.
+/// What became of a node: 0 dropped, 1 + n the n-th kept component, with this bit the n-th that the next slab goes on
+/// with.
 const OPEN: u32 = 1 << 31;
 
 /// Fates of all nodes of a slab, first those that came from the slab before.

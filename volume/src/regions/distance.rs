@@ -1,10 +1,11 @@
 //! Chebyshev distances to the nearest voxel of another label, exact, in one sweep forward and one backward.
 //!
-//! A voxel is *flat* where its 26 neighbours have its label, else a *border*. `D = 1 + (distance to the nearest border)`: on
-//! the way to the nearest voxel of another label, the last voxel of the own label is a border, and a nearer border would
-//! mean a nearer voxel of another label. So labels are compared once, for borders, and the sweeps are those of an ordinary
-//! distance transform (Rosenfeld & Pfaltz 1966), whose minima over 3 x 3 neighbours separate by axis. Beyond the volume's
-//! edge voxels have the label of the nearest one inside, which never makes a border.
+//! A voxel is *flat* where its 26 neighbours have its label, else a *border*.
+//! `D = 1 + (distance to the nearest border)`: on the way to the nearest voxel of another label, the last voxel of the
+//! own label is a border, and a nearer border would mean a nearer voxel of another label. So labels are compared once,
+//! for borders, and the sweeps are those of an ordinary distance transform (Rosenfeld & Pfaltz 1966), whose minima over
+//! 3 x 3 neighbours separate by axis. Beyond the volume's edge voxels have the label of the nearest one inside, which
+//! never makes a border.
 
 use rayon::prelude::*;
 

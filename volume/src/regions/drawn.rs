@@ -1,5 +1,5 @@
-//! What of a brick is drawn in a scene: from V' or from the volume, and whether it shows anything at all. Compositor and nodes
-//! decide by this one function, so that what is ordered is what is rendered.
+//! What of a brick is drawn in a scene: from V' or from the volume, and whether it shows anything at all. Compositor
+//! and nodes decide by this one function, so that what is ordered is what is rendered.
 
 use super::bound::{ChangeRate, change_rate};
 use super::table::{BrickFacts, NO_REGION};
@@ -9,8 +9,8 @@ use crate::space::Geometry;
 use crate::style::Mode;
 use crate::transfer_function::TransferTable;
 
-/// Codes by which what a brick draws of V' can differ from the codes that its facts speak of: half a density where voxels of no
-/// region keep their 16 bits or lose two, and the inner bit, another half.
+/// Codes by which what a brick draws of V' can differ from the codes that its facts speak of: half a density where
+/// voxels of no region keep their 16 bits or lose two, and the inner bit, another half.
 const CODED_SLACK: u16 = 4;
 
 /// The tables by which the samples of a scene are classified.
@@ -50,8 +50,8 @@ impl<'a> SceneTables<'a> {
         self.region.unwrap_or(self.main)
     }
 
-    /// True where no sample with a code in `range` shows anything; `facts` may rule out one of the tables. Without facts the
-    /// store has no regions.
+    /// True where no sample with a code in `range` shows anything; `facts` may rule out one of the tables. Without
+    /// facts the store has no regions.
     #[must_use]
     pub fn is_empty_over(&self, [min, max]: [u16; 2], facts: Option<&BrickFacts>) -> bool {
         if self.mode != Mode::Composite || self.surfaces.first().is_some_and(|&lowest| max >= lowest) {
@@ -86,8 +86,8 @@ fn surface_in(tables: &SceneTables<'_>, [min, max]: [u16; 2]) -> bool {
     tables.surfaces.iter().any(between)
 }
 
-/// How the brick `owned` is drawn; `None` where it shows nothing. `raw` is its range of codes in the volume (the first above the
-/// second where none holds data), `facts` what the store says of its regions, if it has any.
+/// How the brick `owned` is drawn; `None` where it shows nothing. `raw` is its range of codes in the volume (the first
+/// above the second where none holds data), `facts` what the store says of its regions, if it has any.
 #[must_use]
 pub fn drawn(
     scene: &Scene,
@@ -186,7 +186,8 @@ mod tests {
         assert!(decide(Leap::Regions, Some(0.0), RegionView::All, bright, flat).is_some_and(|d| d.flattened));
     }
 
-    /// A region that is flattened loses the surface in it, and a brick below or above all surfaces need not know of them.
+    /// A region that is flattened loses the surface in it, and a brick below or above all surfaces need not know of
+    /// them.
     #[test]
     fn isosurfaces_send_the_bricks_that_they_may_cross_to_the_volume_itself() {
         let (scene, geometry) = scene(Leap::Regions, None, RegionView::All);

@@ -1,16 +1,18 @@
-//! The seeded flood fill of Frey & Ertl (2009), for comparison: regions grow from seeds in raster order as long as their
-//! values' range allows. What belongs to a region depends on the order, and the whole volume must be in memory.
+//! The seeded flood fill of Frey & Ertl (2009), for comparison: regions grow from seeds in raster order as long as
+//! their values' range allows. What belongs to a region depends on the order, and the whole volume must be in memory.
 
 use std::collections::{TryReserveError, VecDeque};
 
 use super::code::Density;
 
-/// The most voxels that a flood fill takes. It holds 6 bytes a voxel (density and label), and 4 for each voxel in the queue:
-/// a region's growing front, usually a surface, at the very worst as many as there are voxels (twice that while it grows).
+/// The most voxels that a flood fill takes. It holds 6 bytes a voxel (density and label), and 4 for each voxel in the
+/// queue: a region's growing front, usually a surface, at the very worst as many as there are voxels (twice that while
+/// it grows).
 pub const MAX_FLOOD_VOXELS: u64 = 1 << 30;
 
-/// Labels 1, 2, ... in the order of seeds; 0 for regions too small to hold a leap voxel. `width` is the largest difference
-/// between two voxels of a region. Labels and voxel numbers above `u32::MAX` cannot come about below [`MAX_FLOOD_VOXELS`].
+/// Labels 1, 2, ... in the order of seeds; 0 for regions too small to hold a leap voxel. `width` is the largest
+/// difference between two voxels of a region. Labels and voxel numbers above `u32::MAX` cannot come about below
+/// [`MAX_FLOOD_VOXELS`].
 ///
 /// # Errors
 /// Memory that the system does not give.

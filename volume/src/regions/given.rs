@@ -6,7 +6,8 @@ use rayon::prelude::*;
 
 use super::block::{CodeTables, Part, Slab};
 
-/// Voxels whose labels are told apart at once by a thread: the most that a map of its own can hold, unless a row is longer.
+/// Voxels whose labels are told apart at once by a thread: the most that a map of its own can hold, unless a row is
+/// longer.
 const PIECE_VOXELS: usize = 1 << 16;
 
 /// More labels than were allowed.
@@ -26,8 +27,8 @@ impl GivenParts {
         Self { parts: HashMap::new(), max }
     }
 
-    /// Takes in a slab of whole planes and its labels. Where every voxel has a label of its own, no more is held than the
-    /// labels that are allowed and a piece of rows for each thread.
+    /// Takes in a slab of whole planes and its labels. Where every voxel has a label of its own, no more is held than
+    /// the labels that are allowed and a piece of rows for each thread.
     ///
     /// # Errors
     /// More labels than are allowed, as soon as a batch of pieces shows it.

@@ -1,8 +1,8 @@
 //! Regions: connected voxels of nearly one value (Frey & Ertl 2009), which rays leap through.
 //!
-//! The invariant that everything here serves (`docs/adr/0002-leaping.md`): the accelerated picture *is* the plain raycast of
-//! the flattened volume V', in which each voxel of a region has the region's mean and every other voxel its own value.
-//! V' is fixed when the store is made; bricks, nodes, steps and entry points change nothing of it.
+//! The invariant that everything here serves (`docs/adr/0002-leaping.md`): the accelerated picture *is* the plain
+//! raycast of the flattened volume V', in which each voxel of a region has the region's mean and every other voxel its
+//! own value. V' is fixed when the store is made; bricks, nodes, steps and entry points change nothing of it.
 
 pub(crate) mod block;
 mod bound;

@@ -4,9 +4,9 @@ use super::table::{BrickFacts, NO_REGION};
 use crate::brick::{BrickGrid, RANGE_MARGIN};
 use crate::ids::BrickIndex;
 
-/// The range of codes, and what is known of regions, over the brick's owned box grown by what positions up to `reach` voxels
-/// beyond it read: the brick's own where the store's margin covers that (steps up to one voxel), else joined with those of
-/// all bricks so far.
+/// The range of codes, and what is known of regions, over the brick's owned box grown by what positions up to `reach`
+/// voxels beyond it read: the brick's own where the store's margin covers that (steps up to one voxel), else joined
+/// with those of all bricks so far.
 #[must_use]
 pub fn within_reach(
     grid: &BrickGrid,

@@ -66,7 +66,8 @@ pub struct BrickFacts {
     pub only_region: u32,
 }
 
-/// Labels and distances of a box of voxels, x fastest; beyond the volume's edge they are those of the nearest voxel inside.
+/// Labels and distances of a box of voxels, x fastest; beyond the volume's edge they are those of the nearest voxel
+/// inside.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BrickRegions {
     /// The brick's stored box, grown by the margin that was asked for.

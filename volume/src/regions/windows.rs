@@ -6,8 +6,9 @@ const DENSITIES: usize = MAX_DENSITY as usize + 1;
 
 /// Which window each density belongs to. No window is wider than the segmentation range, so no region is either.
 ///
-/// The window with the most voxels is taken first, then the one with the most of what is left, and so on; ties go to the
-/// lower values. What is left is always made of gaps further apart than a window is wide, so a window takes from one gap only.
+/// The window with the most voxels is taken first, then the one with the most of what is left, and so on; ties go to
+/// the lower values. What is left is always made of gaps further apart than a window is wide, so a window takes from
+/// one gap only.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Windows {
     of_density: Vec<u16>,

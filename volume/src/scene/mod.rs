@@ -28,8 +28,8 @@ pub struct SceneParts {
     pub quality: Quality,
 }
 
-/// A look, a view of it and a quality that were checked together: there is no other way to a scene than [`Scene::new`]. Its
-/// parts are read as fields (`scene.look.style`) and changed by [`Scene::with`], which checks again.
+/// A look, a view of it and a quality that were checked together: there is no other way to a scene than [`Scene::new`].
+/// Its parts are read as fields (`scene.look.style`) and changed by [`Scene::with`], which checks again.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene(SceneParts);
 

@@ -14,7 +14,8 @@ words!(
         (
             Nearest,
             "nearest",
-            "The value of the nearest voxel, never one between: for labels. Takes samples, without light and isosurfaces"
+            "The value of the nearest voxel, never one between: for labels. Takes samples, without light and \
+             isosurfaces"
         ),
     ]
 );

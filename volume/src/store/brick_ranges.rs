@@ -10,7 +10,8 @@ use super::voxel::Voxel;
 use crate::brick::{BrickGrid, RANGE_MARGIN};
 
 /// Per brick, in the grid's linear order: smallest and largest stretched code over the owned box grown by
-/// [`crate::brick::RANGE_MARGIN`], inside the volume; voxels without data left out. [`BrickRanges::NONE`] where none holds any.
+/// [`crate::brick::RANGE_MARGIN`], inside the volume; voxels without data left out. [`BrickRanges::NONE`] where none
+/// holds any.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct BrickRanges(pub Vec<[u16; 2]>);
 
@@ -69,8 +70,8 @@ impl RangeBuilder {
         Self { grid, table: vec![BrickRanges::NONE; grid.brick_count() as usize], no_data }
     }
 
-    /// Takes a tile's planes that start at `z0`, x fastest. Tiles and planes may come in any pieces; voxels on a margin count for all
-    /// bricks that they touch.
+    /// Takes a tile's planes that start at `z0`, x fastest. Tiles and planes may come in any pieces; voxels on a margin
+    /// count for all bricks that they touch.
     pub(super) fn add<T: Voxel>(&mut self, tile: &Tile, z0: u32, slab: &[T]) {
         let (n, bricks, size) = (self.grid.volume_dims(), self.grid.dims(), self.grid.brick_size());
         let [nx, ny] = tile.size();

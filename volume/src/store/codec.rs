@@ -1,4 +1,5 @@
-//! An inner chunk's bytes: a zstd frame and its crc32c. Records of halos: such a frame alone, its crc32c in their index.
+//! An inner chunk's bytes: a zstd frame and its crc32c. Records of halos: such a frame alone, its crc32c in their
+//! index.
 
 use std::cell::RefCell;
 use std::io;

@@ -20,8 +20,8 @@ pub enum StoreError {
     )]
     NotAStore { path: PathBuf },
     #[error(
-        "{} lies behind a link that leads out of the data root, which is never followed, or that was put there just now; copy \
-         the file itself",
+        "{} lies behind a link that leads out of the data root, which is never followed, or that was put there just \
+         now; copy the file itself",
         file.display()
     )]
     Outside {
@@ -57,7 +57,8 @@ pub enum StoreError {
     #[error("shard {array}/{shard} ({}): its index {fault}; the store is damaged: prepare it again", path.display())]
     ShardIndex { array: StoreArray, shard: ShardIndex, path: PathBuf, fault: IndexFault },
     #[error(
-        "shard {array}/{shard} ({}): inner chunk {chunk}, bytes {start}..{end}: {fault}; the store is damaged: prepare it again",
+        "shard {array}/{shard} ({}): inner chunk {chunk}, bytes {start}..{end}: {fault}; the store is damaged: prepare \
+         it again",
         path.display()
     )]
     Chunk {
@@ -70,16 +71,19 @@ pub enum StoreError {
         fault: ChunkFault,
     },
     #[error(
-        "halo index: entry of brick {brick}, layer {layer}, says {bytes} bytes, which no halo has; prepare the store again"
+        "halo index: entry of brick {brick}, layer {layer}, says {bytes} bytes, which no halo has; prepare the store \
+         again"
     )]
     HaloIndex { brick: BrickIndex, layer: u32, bytes: u64 },
     #[error(
-        "{}: {got} bytes, its index promises {want}; cut from the halo of brick {brick}, layer {layer}, on: prepare the store again",
+        "{}: {got} bytes, its index promises {want}; cut from the halo of brick {brick}, layer {layer}, on: prepare \
+         the store again",
         path.display()
     )]
     HaloCut { path: PathBuf, brick: BrickIndex, layer: u32, got: u64, want: u64 },
     #[error(
-        "{}: halo of brick {brick}, layer {layer}, bytes {start}..{end}: {fault}; the store is damaged: prepare it again",
+        "{}: halo of brick {brick}, layer {layer}, bytes {start}..{end}: {fault}; the store is damaged: prepare it \
+         again",
         path.display()
     )]
     Halo {
@@ -104,20 +108,21 @@ pub enum StoreError {
     )]
     Range { lo: f64, hi: f64 },
     #[error(
-        "none of the {voxels} voxels holds data ({nan} are NaN, {fill} have a declared fill value): there is nothing to show; \
-         check the file, and the value given with --no-data"
+        "none of the {voxels} voxels holds data ({nan} are NaN, {fill} have a declared fill value): there is nothing \
+         to show; check the file, and the value given with --no-data"
     )]
     NothingHoldsData { voxels: u64, nan: u64, fill: u64 },
     #[error("{} exists already; choose another name, or pass --force to replace it", path.display())]
     Exists { path: PathBuf },
     #[error(
-        "{} is not a brickcast store ({why}), so --force does not replace it; remove it yourself or choose another name",
+        "{} is not a brickcast store ({why}), so --force does not replace it; remove it yourself or choose another \
+         name",
         path.display()
     )]
     NotOurs { path: PathBuf, why: &'static str },
     #[error(
-        "{} holds what is not of the store in it: {what}; nothing of that is ever removed, so --force does not replace the store: move \
-         it elsewhere, or choose another name",
+        "{} holds what is not of the store in it: {what}; nothing of that is ever removed, so --force does not replace \
+         the store: move it elsewhere, or choose another name",
         path.display()
     )]
     Foreign {
@@ -126,7 +131,8 @@ pub enum StoreError {
         what: String,
     },
     #[error(
-        "the input {} lies in {}, which the new store would replace; move it out of there, or choose another name for the store",
+        "the input {} lies in {}, which the new store would replace; move it out of there, or choose another name for \
+         the store",
         input.display(),
         target.display()
     )]
@@ -146,13 +152,13 @@ pub enum StoreError {
     )]
     SourceLength { plane: u32, got: usize, want: usize },
     #[error(
-        "preparing needs {bytes} bytes of memory at once, which the system does not give; end other programs, or use a machine \
-         with more"
+        "preparing needs {bytes} bytes of memory at once, which the system does not give; end other programs, or use a \
+         machine with more"
     )]
     Memory { bytes: u64 },
     #[error(
-        "preparing this volume needs at least {need} bytes of memory, and {available} are free ({by}); end other programs, raise the \
-         limit, or use a machine with more"
+        "preparing this volume needs at least {need} bytes of memory, and {available} are free ({by}); end other \
+         programs, raise the limit, or use a machine with more"
     )]
     TooLittleMemory { need: u64, available: u64, by: String },
     #[error("zstd: {0}")]

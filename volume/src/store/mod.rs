@@ -1,7 +1,8 @@
 //! The brick store: a volume on disk, cut so that a node reads the bricks it needs and nothing else.
 //!
-//! [`prepare`] streams an input into a store, [`Store::open`] checks one, [`Store::read_brick`] reads a brick with its ghost
-//! layers. On disk it is OME-Zarr 0.5 in one Zarr v3 profile, beside a manifest of our own: `docs/reference/store-format.md`.
+//! [`prepare`] streams an input into a store, [`Store::open`] checks one, [`Store::read_brick`] reads a brick with its
+//! ghost layers. On disk it is OME-Zarr 0.5 in one Zarr v3 profile, beside a manifest of our own:
+//! `docs/reference/store-format.md`.
 
 mod brick_ranges;
 mod codec;

@@ -1,5 +1,5 @@
-//! Voxels that hold no data: NaN and declared fill values. They are one stored number, and code 0 once bricks are loaded; data
-//! have codes from 1 on (docs/adr/0008-no-data.md).
+//! Voxels that hold no data: NaN and declared fill values. They are one stored number, and code 0 once bricks are
+//! loaded; data have codes from 1 on (docs/adr/0008-no-data.md).
 
 use serde::{Deserialize, Serialize};
 

@@ -6,8 +6,8 @@ use glam::UVec3;
 
 /// Voxels per edge of a shard: one file.
 pub const SHARD_EDGE: u32 = 256;
-/// Voxels per edge of an inner chunk: the unit of compression, checksum and decoding. Without a halo, a ghost layer of one voxel
-/// costs a layer of whole chunks: docs/figures/benchmarks.md has the figures that chose it.
+/// Voxels per edge of an inner chunk: the unit of compression, checksum and decoding. Without a halo, a ghost layer of
+/// one voxel costs a layer of whole chunks: docs/figures/benchmarks.md has the figures that chose it.
 pub const CHUNK_EDGE: u32 = 16;
 /// Voxels of an inner chunk; those at the volume's high edges are padded with the fill value 0.
 pub(super) const CHUNK_VOXELS: usize = (CHUNK_EDGE as usize).pow(3);

@@ -1,7 +1,8 @@
-//! Parts of a volume's planes that are prepared one after the other, each through all z, so that memory does not follow the plane.
+//! Parts of a volume's planes that are prepared one after the other, each through all z, so that memory does not follow
+//! the plane.
 //!
-//! Tiles begin and end at faces of shards and bricks, or at the volume's end: every shard and brick is written from one tile. A
-//! volume whose planes are small enough is one tile.
+//! Tiles begin and end at faces of shards and bricks, or at the volume's end: every shard and brick is written from one
+//! tile. A volume whose planes are small enough is one tile.
 
 use std::ops::Range;
 

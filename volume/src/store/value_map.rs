@@ -23,7 +23,8 @@ pub(super) fn check_range(lo: f64, hi: f64) -> Result<(), StoreError> {
     if good { Ok(()) } else { Err(StoreError::Range { lo, hi }) }
 }
 
-/// The bounds of the data; a constant volume gets a width of one, or of what a large value needs to have a width at all.
+/// The bounds of the data; a constant volume gets a width of one, or of what a large value needs to have a width at
+/// all.
 pub(super) fn default_range(min: f64, max: f64) -> (f64, f64) {
     if min < max && check_range(min, max).is_ok() { (min, max) } else { (min, min + (min.abs() * 1e-6).max(1.0)) }
 }

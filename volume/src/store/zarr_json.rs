@@ -67,7 +67,8 @@ pub(super) fn label_image(m: &Manifest) -> Vec<u8> {
     image(m, "regions", source)
 }
 
-/// An attribute of ours: OME-Zarr 0.5 knows scale and translation only, which are true of straight volumes. Columns as in the manifest.
+/// An attribute of ours: OME-Zarr 0.5 knows scale and translation only, which are true of straight volumes. Columns as
+/// in the manifest.
 fn directions(m: &Manifest) -> String {
     if m.geometry.is_straight() {
         return String::new();

@@ -24,7 +24,7 @@ pub enum StyleError {
     Nearest { what: &'static str },
     #[error(
         "a projection (maximum, minimum, average) shows values alone: leave out shading, isosurfaces, region views and \
-             region transfer functions"
+         region transfer functions"
     )]
     Projection,
     #[error("clip box: the lower corner {lo} must lie below the upper corner {hi} on every axis")]

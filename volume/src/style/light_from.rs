@@ -3,10 +3,12 @@
 
 use super::{Phong, Style};
 
-/// Light fades in from a gradient of this many standard deviations of the noise a voxel. Central differences of independent
-/// noise exceed it at 0.04 % of all voxels' centres; between them interpolation smooths noise, and a few in a million do.
+/// Light fades in from a gradient of this many standard deviations of the noise a voxel. Central differences of
+/// independent noise exceed it at 0.04 % of all voxels' centres; between them interpolation smooths noise, and a few in
+/// a million do.
 pub const NOISE_DEVIATIONS: f64 = 3.0;
-/// A gradient below this share of the range per smallest spacing is none, whatever the noise: codes may be rounded to 14 bits.
+/// A gradient below this share of the range per smallest spacing is none, whatever the noise: codes may be rounded to
+/// 14 bits.
 pub const LEAST_GRADIENT: f64 = 1.0 / 16383.0;
 
 impl Phong {
@@ -20,7 +22,8 @@ impl Phong {
 }
 
 impl Style {
-    /// With light that fades in above a volume's noise (standard deviation, data units), where no other length was asked for.
+    /// With light that fades in above a volume's noise (standard deviation, data units), where no other length was
+    /// asked for.
     #[must_use]
     pub fn above_noise(mut self, noise: Option<f64>) -> Self {
         if let Some(phong) = &mut self.shading {

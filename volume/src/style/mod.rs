@@ -66,8 +66,8 @@ pub enum Lighting {
     Interpolated,
     /// In its middle.
     Center,
-    /// Where what it emits comes from on average: near the front of an opaque one. Light there is what falls on what is seen,
-    /// however it changes along the ray; one gradient a slab.
+    /// Where what it emits comes from on average: near the front of an opaque one. Light there is what falls on what is
+    /// seen, however it changes along the ray; one gradient a slab.
     Centroid,
 }
 
@@ -89,10 +89,10 @@ impl Lighting {
     }
 }
 
-/// Phong's model. The colour of a sample is multiplied by `ambient + diffuse |n l|`, and `specular (n h)^shininess` of white is
-/// added; both sides of a surface are lit. n is the gradient by central differences over one voxel, interpolated. Light fades in
-/// with its length: where it is no longer than the volume's noise makes it, the factor is 1 and nothing is added. The first
-/// slab or sample behind a clip plane is lit by that plane's normal, in full.
+/// Phong's model. The colour of a sample is multiplied by `ambient + diffuse |n l|`, and `specular (n h)^shininess` of
+/// white is added; both sides of a surface are lit. n is the gradient by central differences over one voxel,
+/// interpolated. Light fades in with its length: where it is no longer than the volume's noise makes it, the factor is
+/// 1 and nothing is added. The first slab or sample behind a clip plane is lit by that plane's normal, in full.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Phong {
     pub lighting: Lighting,
@@ -147,8 +147,8 @@ words!(
 );
 
 impl Mode {
-    /// The code of samples that change no pixel, whatever else lies on the ray; a macrocell that holds nothing else is skipped.
-    /// For the average they count, each as zero.
+    /// The code of samples that change no pixel, whatever else lies on the ray; a macrocell that holds nothing else is
+    /// skipped. For the average they count, each as zero.
     #[must_use]
     pub const fn neutral_code(self) -> u16 {
         match self {
@@ -157,8 +157,9 @@ impl Mode {
         }
     }
 
-    /// Joins what lies in front with what lies behind. Of a projection, pixels hold `r` = code (0..=1; the average: their sum),
-    /// `g` = number of samples (average only), `a` = 1 where there is a sample; [`Premul::CLEAR`] elsewhere.
+    /// Joins what lies in front with what lies behind. Of a projection, pixels hold `r` = code (0..=1; the average:
+    /// their sum), `g` = number of samples (average only), `a` = 1 where there is a sample; [`Premul::CLEAR`]
+    /// elsewhere.
     #[must_use]
     #[inline]
     pub fn join(self, front: Premul, back: Premul) -> Premul {
@@ -206,7 +207,8 @@ impl Style {
         *self == Self::default()
     }
 
-    /// True where what lies between two samples matters: the last slab of a brick then ends at the first sample of the next.
+    /// True where what lies between two samples matters: the last slab of a brick then ends at the first sample of the
+    /// next.
     #[must_use]
     pub fn has_slabs(&self) -> bool {
         self.mode == Mode::Composite && (self.integration != Integration::Sampled || !self.surfaces.is_empty())
@@ -231,14 +233,15 @@ impl Style {
         u32::from(self.shading.is_some())
     }
 
-    /// Ghost layers that a brick needs (docs/algorithms.md, Ghost layers and halos): what its last back sample and its gradients read.
+    /// Ghost layers that a brick needs (docs/algorithms.md, Ghost layers and halos): what its last back sample and its
+    /// gradients read.
     #[must_use]
     pub fn ghost(&self, step: f64) -> u32 {
         crate::brick::GHOST_SAMPLED + self.reach(step) + self.gradient_radius()
     }
 
-    /// Nodes, at most, of the tables of slabs by which the scene's empty space is told; without pre-integration there are none to
-    /// keep to.
+    /// Nodes, at most, of the tables of slabs by which the scene's empty space is told; without pre-integration there
+    /// are none to keep to.
     #[must_use]
     pub fn table_entries(&self) -> usize {
         match self.integration {
@@ -247,8 +250,8 @@ impl Style {
         }
     }
 
-    /// The 16-bit codes (of `range`, data units) of the isosurfaces, ascending, each rounded down by more than kernels round: a
-    /// voxel below shows nothing of the surface nor of what it encloses.
+    /// The 16-bit codes (of `range`, data units) of the isosurfaces, ascending, each rounded down by more than kernels
+    /// round: a voxel below shows nothing of the surface nor of what it encloses.
     #[must_use]
     pub fn surface_codes(&self, range: (f64, f64)) -> Vec<u16> {
         let code = |s: &Isosurface| (f64::from(s.code(range)) * 65535.0).floor().clamp(1.0, 65535.0) as u16 - 1;

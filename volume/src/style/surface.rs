@@ -2,8 +2,8 @@
 
 use super::error::StyleError;
 
-/// Where the volume has one value. A ray meets it between two samples on either side of the value, and where it enters the
-/// volume (or what clipping leaves of it) at the value or above.
+/// Where the volume has one value. A ray meets it between two samples on either side of the value, and where it enters
+/// the volume (or what clipping leaves of it) at the value or above.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Isosurface {
     /// Data units.
@@ -23,8 +23,8 @@ impl Isosurface {
         Err(StyleError::Surface { value: self.value })
     }
 
-    /// The value as a stretched code: 0 and 1 at the ends of `range` (data units), beyond them outside. In a volume without
-    /// range everything is code 0.
+    /// The value as a stretched code: 0 and 1 at the ends of `range` (data units), beyond them outside. In a volume
+    /// without range everything is code 0.
     #[must_use]
     pub fn code(&self, (lo, hi): (f64, f64)) -> f32 {
         if hi > lo {

@@ -39,8 +39,8 @@ impl Codes {
     }
 }
 
-/// Entry i stands at code `first + i * stride`. Strides are powers of two and entries stand at multiples of them: with a stride
-/// of 1 or less every whole code has an entry of its own.
+/// Entry i stands at code `first + i * stride`. Strides are powers of two and entries stand at multiples of them: with
+/// a stride of 1 or less every whole code has an entry of its own.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct EntryGrid {
     pub(crate) first: f64,
@@ -57,8 +57,9 @@ const LEAST_WIDTH: f64 = 16.0;
 const DEVIATION: f64 = 2e-4;
 
 impl EntryGrid {
-    /// The entries for `function` with opacities as `step` makes them, over the codes between which it changes: beyond, single
-    /// samples are those of the ends. As few as carry it at every code, where there are more than codes all of them.
+    /// The entries for `function` with opacities as `step` makes them, over the codes between which it changes: beyond,
+    /// single samples are those of the ends. As few as carry it at every code, where there are more than codes all of
+    /// them.
     pub(crate) fn new(function: &TransferFunction, codes: Codes, step: impl Fn(f64) -> f64) -> Self {
         let (first, last) = changes(function, codes);
         let fitting = (last - first).max(LEAST_WIDTH) / PIECES;

@@ -118,7 +118,8 @@ fn msh_to_lab([m, s, h]: [f64; 3]) -> [f64; 3] {
     [m * s.cos(), m * s.sin() * h.cos(), m * s.sin() * h.sin()]
 }
 
-/// A hue for the unsaturated end (magnitude `m`) of a way that starts at the saturated `msh` (Moreland 2009, AdjustHue).
+/// A hue for the unsaturated end (magnitude `m`) of a way that starts at the saturated `msh` (Moreland 2009,
+/// AdjustHue).
 fn adjusted_hue(msh: [f64; 3], m: f64) -> f64 {
     if msh[0] >= m - 0.1 {
         return msh[2];

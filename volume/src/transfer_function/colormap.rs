@@ -29,7 +29,8 @@ pub struct UnknownColormap {
 /// The ends of the cool-to-warm map (Moreland 2009, table 1).
 const COOL: [f64; 3] = [0.230, 0.299, 0.754];
 const WARM: [f64; 3] = [0.706, 0.016, 0.150];
-/// Pieces into which cool-to-warm is cut: linear between them it stays within 0.003 (the kink where a negative channel is cut off is the worst place).
+/// Pieces into which cool-to-warm is cut: linear between them it stays within 0.003 (the kink where a negative channel
+/// is cut off is the worst place).
 const COOL_TO_WARM_PIECES: u32 = 128;
 
 impl Colormap {
@@ -64,8 +65,8 @@ impl Colormap {
         Self::ALL.into_iter().find(|m| m.name() == name).ok_or_else(|| UnknownColormap { name: name.to_owned() })
     }
 
-    /// The map's points over 0..=1, first at 0 and last at 1: piecewise linear, within 0.005 of the published map in every
-    /// channel.
+    /// The map's points over 0..=1, first at 0 and last at 1: piecewise linear, within 0.005 of the published map in
+    /// every channel.
     #[must_use]
     pub fn points(self) -> Vec<ColorPoint> {
         match self {

@@ -1,8 +1,9 @@
-//! The named maps as knots, sampled from matplotlib's 256-entry tables (viridis, plasma, inferno, magma: van der Walt and
-//! Smith 2015; cividis: Nuñez, Anderton and Renslow 2018; turbo: Mikhailov 2019).
+//! The named maps as knots, sampled from matplotlib's 256-entry tables (viridis, plasma, inferno, magma: van der Walt
+//! and Smith 2015; cividis: Nuñez, Anderton and Renslow 2018; turbo: Mikhailov 2019).
 //!
-//! Each knot is `0xIIRRGGBB`: the index of the 256-entry table, then the colour in 8 bits. Linear between knots, they stay
-//! within 0.0042 of every entry of the table in every channel (knots chosen by dynamic programming for that bound).
+//! Each knot is `0xIIRRGGBB`: the index of the 256-entry table, then the colour in 8 bits. Linear between knots, they
+//! stay within 0.0042 of every entry of the table in every channel (knots chosen by dynamic programming for that
+//! bound).
 
 #[rustfmt::skip]
 pub(super) const VIRIDIS: [u32; 16] = [

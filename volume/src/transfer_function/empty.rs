@@ -1,8 +1,8 @@
 //! Which codes show nothing, of single samples and of slabs between them.
 //!
-//! A table is linear between entries, so what lies beside an entry with opacity shows something of it. Tables of slabs place
-//! their entries (nodes) freely: those at the ends of what is empty are placed here, whatever else they need. So compositor and
-//! nodes tell emptiness from the function alone, in exact arithmetic.
+//! A table is linear between entries, so what lies beside an entry with opacity shows something of it. Tables of slabs
+//! place their entries (nodes) freely: those at the ends of what is empty are placed here, whatever else they need. So
+//! compositor and nodes tell emptiness from the function alone, in exact arithmetic.
 
 use std::collections::BTreeSet;
 
@@ -19,16 +19,17 @@ const FIRST_CELLS: usize = 32;
 /// What is empty, and the nodes that this takes.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Empty {
-    /// Codes of the nodes of a table of slabs, 0 and 65536 among them; every cell between two of them is a power of two wide and
-    /// lies on a multiple of its width.
+    /// Codes of the nodes of a table of slabs, 0 and 65536 among them; every cell between two of them is a power of two
+    /// wide and lies on a multiple of its width.
     pub(crate) nodes: BTreeSet<u32>,
     /// Codes, ends included, ascending and apart: what lies in one of them is empty.
     pub(crate) codes: Vec<[u16; 2]>,
 }
 
 impl Empty {
-    /// For tables of slabs with `most` nodes (at least 2), and one of samples with an entry at every multiple of `stride` codes.
-    /// Half of the nodes at most are spent: where there are more empty ranges, the shortest count as not empty.
+    /// For tables of slabs with `most` nodes (at least 2), and one of samples with an entry at every multiple of
+    /// `stride` codes. Half of the nodes at most are spent: where there are more empty ranges, the shortest count as
+    /// not empty.
     pub(crate) fn new(function: &TransferFunction, codes: Codes, most: usize, stride: u32) -> Self {
         let cells = (most / 4).clamp(1, FIRST_CELLS).next_power_of_two().min(FIRST_CELLS);
         let width = ALL_CODES / cells as u32;
@@ -106,8 +107,8 @@ fn zeros(function: &TransferFunction, codes: Codes) -> Vec<[u32; 2]> {
     zeros
 }
 
-/// By code: numbers of which the second at the largest code of a range equals the first at the smallest where the range is empty,
-/// and is greater where it is not.
+/// By code: numbers of which the second at the largest code of a range equals the first at the smallest where the range
+/// is empty, and is greater where it is not.
 pub(crate) fn counts(empty: &[[u16; 2]]) -> Vec<[u32; 2]> {
     let mut rest = empty.iter().copied().enumerate().peekable();
     (0..=u16::MAX)

@@ -14,8 +14,8 @@ pub struct OpacityPoint {
     pub opacity: f64,
 }
 
-/// Piecewise linear between its points, clamped outside. `x` is within [`MAX_X`] and strictly increasing in both lists, which have at
-/// least one point and at most [`MAX_POINTS`].
+/// Piecewise linear between its points, clamped outside. `x` is within [`MAX_X`] and strictly increasing in both lists,
+/// which have at least one point and at most [`MAX_POINTS`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct TransferFunction {
     pub(super) colors: Vec<ColorPoint>,

@@ -1,9 +1,9 @@
 //! A transfer function from a histogram: multi-level Otsu thresholding.
 //!
-//! Values are divided into classes so that the variance between the classes is largest (Otsu 1979, "A Threshold Selection
-//! Method from Gray-Level Histograms", section V; the exact maximum by dynamic programming, as in Liao, Chen and Chung 2001,
-//! "A Fast Algorithm for Multilevel Thresholding"). As many classes are taken as are needed to explain [`ENOUGH`] of the whole
-//! variance: Otsu's criterion of separability, eta.
+//! Values are divided into classes so that the variance between the classes is largest (Otsu 1979, "A Threshold
+//! Selection Method from Gray-Level Histograms", section V; the exact maximum by dynamic programming, as in Liao, Chen
+//! and Chung 2001, "A Fast Algorithm for Multilevel Thresholding"). As many classes are taken as are needed to explain
+//! [`ENOUGH`] of the whole variance: Otsu's criterion of separability, eta.
 
 use super::colormap::Colormap;
 use super::function::{ColorPoint, OpacityPoint, TransferFunction, TransferFunctionError};
@@ -61,12 +61,12 @@ struct Bin {
     count: f64,
 }
 
-/// A function for a volume whose voxels fall into `histogram`, equal bins over the codes of `range` (lo, hi in data units).
-/// `classes` of [`CLASSES`], or as many as are needed; fewer where fewer bins are filled.
+/// A function for a volume whose voxels fall into `histogram`, equal bins over the codes of `range` (lo, hi in data
+/// units). `classes` of [`CLASSES`], or as many as are needed; fewer where fewer bins are filled.
 ///
-/// The lowest class (air, background) is clear up to its threshold. From there opacity rises linearly over the means of the other
-/// classes, to [`DEFAULT_OPACITY`] at the highest one, each by the same amount; `colormap` spans the threshold to the highest
-/// mean.
+/// The lowest class (air, background) is clear up to its threshold. From there opacity rises linearly over the means of
+/// the other classes, to [`DEFAULT_OPACITY`] at the highest one, each by the same amount; `colormap` spans the
+/// threshold to the highest mean.
 ///
 /// # Errors
 /// A number of classes outside [`CLASSES`], a histogram of less than two bins, values too close for the map's points.
@@ -146,7 +146,8 @@ fn divided(bins: &[Bin], count: usize) -> (Vec<usize>, f64) {
         sums.push(sums[i] + bin.count * v);
         squares += bin.count * v * v;
     }
-    // Of one class: its count times the square of its mean. The sum over classes is largest where the variance between is.
+    // Of one class: its count times the square of its mean. The sum over classes is largest where the variance between
+    // is.
     let score = |from: usize, to: usize| (sums[to] - sums[from]).powi(2) / (counts[to] - counts[from]);
     // best[k][to]: of the first `to` bins in k + 1 classes, and where the last of them starts.
     let mut best: Vec<Vec<(f64, usize)>> =

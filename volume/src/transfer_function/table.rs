@@ -1,5 +1,5 @@
-//! The table that the kernels read for single samples: straight colour and the opacity of one step, and which value ranges are
-//! empty.
+//! The table that the kernels read for single samples: straight colour and the opacity of one step, and which value
+//! ranges are empty.
 
 use super::codes::{Codes, EntryGrid, LAST_CODE};
 use super::empty::{Empty, counts};
@@ -10,10 +10,10 @@ pub const ENTRIES: usize = 4096;
 
 /// A transfer function sampled for one step length.
 ///
-/// Kernels read value codes `c` in 0..=1 (the stretched 16-bit code / 65535, i.e. `(v - lo) / (hi - lo)` over the store's
-/// range). Entry i of n stands at code `c_first + (c_last - c_first) i / (n - 1)`; between entries the table is linear,
-/// outside clamped. `[c_first, c_last]` covers where the function changes. Where 4,096 entries over that do not carry the
-/// function there are more, up to one for every code: it may be defined code by code.
+/// Kernels read value codes `c` in 0..=1 (the stretched 16-bit code / 65535, i.e. `(v - lo) / (hi - lo)` over the
+/// store's range). Entry i of n stands at code `c_first + (c_last - c_first) i / (n - 1)`; between entries the table is
+/// linear, outside clamped. `[c_first, c_last]` covers where the function changes. Where 4,096 entries over that do not
+/// carry the function there are more, up to one for every code: it may be defined code by code.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TransferTable {
     /// Straight r, g, b and `1 - (1 - opacity)^(Delta / unit)`.
@@ -27,16 +27,17 @@ pub struct TransferTable {
 }
 
 impl TransferTable {
-    /// Samples `function` over the store's `range` (lo, hi in data units, lo < hi) for steps of `delta_over_unit` opacity
-    /// units, positive: `a' = 1 - (1 - a)^(Delta / unit)` (Engel et al. 2006, 1.4.2). A range without width (a constant
-    /// volume) reads the function at `lo` for every code.
+    /// Samples `function` over the store's `range` (lo, hi in data units, lo < hi) for steps of `delta_over_unit`
+    /// opacity units, positive: `a' = 1 - (1 - a)^(Delta / unit)` (Engel et al. 2006, 1.4.2). A range without width (a
+    /// constant volume) reads the function at `lo` for every code.
     #[must_use]
     pub fn build(function: &TransferFunction, range: (f64, f64), delta_over_unit: f64) -> Self {
         Self::with_entries(function, range, delta_over_unit, ENTRIES)
     }
 
-    /// The same beside a [`Preintegrated`](crate::preintegration::Preintegrated) of up to `entries` on each side (at least 2): what is
-    /// empty here is empty there, too. Slabs whose ends both lie in an empty range of codes read exactly 0, in either direction.
+    /// The same beside a [`Preintegrated`](crate::preintegration::Preintegrated) of up to `entries` on each side (at
+    /// least 2): what is empty here is empty there, too. Slabs whose ends both lie in an empty range of codes read
+    /// exactly 0, in either direction.
     #[must_use]
     pub fn with_entries(function: &TransferFunction, range: (f64, f64), delta_over_unit: f64, entries: usize) -> Self {
         let codes = Codes::new(range);
@@ -62,8 +63,8 @@ impl TransferTable {
         self.entries.len().saturating_sub(1) as f32 / (self.c_last - self.c_first)
     }
 
-    /// True where every stretched code in `min..=max` (0..=65535), and every value between, has opacity 0, as far as f32 kernels
-    /// may err.
+    /// True where every stretched code in `min..=max` (0..=65535), and every value between, has opacity 0, as far as
+    /// f32 kernels may err.
     #[must_use]
     pub fn is_empty_over(&self, min: u16, max: u16) -> bool {
         let (min, max) = (min.min(max), min.max(max));
@@ -71,8 +72,8 @@ impl TransferTable {
         self.empty.get(next).is_some_and(|[first, _]| *first <= min)
     }
 
-    /// The same for tables of ranges: codes `min..=max` are empty iff `counts[max][1] == counts[min][0]`. Sums of the counts
-    /// of several tables say whether a range is empty under all of them.
+    /// The same for tables of ranges: codes `min..=max` are empty iff `counts[max][1] == counts[min][0]`. Sums of the
+    /// counts of several tables say whether a range is empty under all of them.
     #[must_use]
     pub fn opaque_counts(&self) -> Vec<[u32; 2]> {
         counts(&self.empty)

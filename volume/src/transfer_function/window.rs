@@ -20,8 +20,9 @@ impl TransferFunction {
         })
     }
 
-    /// The function for a volume of which nothing else is known: opacity 0 up to Otsu's threshold of all voxels, then linear to
-    /// [`DEFAULT_OPACITY`] at the 99.9 % quantile; black to white over the same range (docs/definition.md, Transfer function 4).
+    /// The function for a volume of which nothing else is known: opacity 0 up to Otsu's threshold of all voxels, then
+    /// linear to [`DEFAULT_OPACITY`] at the 99.9 % quantile; black to white over the same range (docs/definition.md,
+    /// Transfer function 4).
     ///
     /// Where the threshold is not below the quantile (a constant volume, or less than 0.1 % of the voxels above the
     /// threshold), there is no range: the function steps up right above the threshold, within a thousandth of its
@@ -62,14 +63,14 @@ pub fn describe_default_opacities(otsu: f64, q999: f64) -> String {
         )
     } else {
         format!(
-            "opacity {DEFAULT_OPACITY} above {lo} (Otsu's threshold), 0 below, since the 99.9 % quantile {q999} leaves no \
-             range above it"
+            "opacity {DEFAULT_OPACITY} above {lo} (Otsu's threshold), 0 below, since the 99.9 % quantile {q999} leaves \
+             no range above it"
         )
     }
 }
 
-/// Where the default function rises, and whether the two numbers leave a range of their own. Bounded, so that the points
-/// made of it are always valid.
+/// Where the default function rises, and whether the two numbers leave a range of their own. Bounded, so that the
+/// points made of it are always valid.
 fn default_range(otsu: f64, q999: f64) -> (f64, f64, bool) {
     let bounded = |v: f64| if v.is_finite() { v.clamp(-MAX_X, MAX_X) } else { 0.0 };
     let (lo, hi) = (bounded(otsu), bounded(q999));

@@ -329,7 +329,8 @@ fn an_axis_of_length_1_that_is_no_direction_of_space_is_left_out_with_its_entrie
         }
     }
     // Two such axes, one of them between the others.
-    let lines = "dimension: 5\nsizes: 1 6 5 1 4\nkinds: vector domain domain time domain\nspace directions: none (1,0,0)(0,2,0) none (0,0,3)";
+    let lines = "dimension: 5\nsizes: 1 6 5 1 4\nkinds: vector domain domain time domain\nspace directions: none \
+                 (1,0,0)(0,2,0) none (0,0,3)";
     assert_eq!(opened(lines).0, [6, 5, 4]);
     // A slice has length 1 along a direction of space, which stays.
     let lines = "dimension: 4\nsizes: 1 6 20 1\nspace directions: none (1,0,0) (0,2,0) (0,0,3)";
@@ -371,7 +372,8 @@ fn longer_axes_stay_refused_and_entries_must_fit() {
     refused("dimension: 18446744073709551615\nsizes: 1 6 5 4", &["18446744073709551615 whole numbers"]);
     refused("dimension: 4\nsizes: 1 6 5 4\nkinds: list RGB-color domain domain", &["RGB-color"]);
     let folder = Folder::new(
-        "type: uint16\ndimension: 4\nsizes: 6 5 4 1\nspacings: 1 1 1 nan\nendian: little\nencoding: raw\ndata file: LIST\nall\n",
+        "type: uint16\ndimension: 4\nsizes: 6 5 4 1\nspacings: 1 1 1 nan\nendian: little\nencoding: raw\ndata file: \
+         LIST\nall\n",
     );
     folder.write("all", &le(&values()));
     assert_eq!(folder.read(9).unwrap(), le(&values()));

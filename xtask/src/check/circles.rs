@@ -11,8 +11,10 @@ const MOST: usize = 2;
 
 pub(super) const CHECK: Check = Check {
     name: "circles",
-    law: "no more than 2 files of a crate's src import each other in a circle (tests apart; a folder's mod.rs is a file)",
-    remedy: "move what all of them need into a file of its own below them; import a sibling from its file, not through mod.rs",
+    law: "no more than 2 files of a crate's src import each other in a circle (tests apart; a folder's mod.rs is a \
+          file)",
+    remedy: "move what all of them need into a file of its own below them; import a sibling from its file, not through \
+             mod.rs",
     run: |tree| Ok(run(tree)),
 };
 

@@ -8,8 +8,10 @@ use crate::tree::{SourceFile, Tree};
 
 pub(super) const CHECK: Check = Check {
     name: "documents",
-    law: "the documents exist, and all that links, prose and comments name; docs/reference/protocol.md names every message",
-    remedy: "write the missing document or section, or mend its name; comments name documents from the repository's root",
+    law: "the documents exist, and all that links, prose and comments name; docs/reference/protocol.md names every \
+          message",
+    remedy: "write the missing document or section, or mend its name; comments name documents from the repository's \
+             root",
     run: |tree| Ok(run(tree)),
 };
 
@@ -74,7 +76,8 @@ fn behind_hashes(text: &str) -> String {
     text.lines().map(comment).collect::<Vec<_>>().join("\n")
 }
 
-/// `(line, path)` of every path that ends as documents do; of links, whose targets are checked, and addresses of the web none.
+/// `(line, path)` of every path that ends as documents do; of links, whose targets are checked, and addresses of the
+/// web none.
 fn named_documents(text: &str) -> Vec<(usize, String)> {
     let in_path = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.' | '/');
     let mut found = Vec::new();

@@ -82,7 +82,8 @@ fn quotes(text: &str) -> (Vec<(usize, &str)>, Vec<String>) {
     (quotes, problems)
 }
 
-/// What stands between one or two backticks on either side; blanks at the ends keep backticks apart and are no part of it.
+/// What stands between one or two backticks on either side; blanks at the ends keep backticks apart and are no part of
+/// it.
 fn unquoted(cell: &str) -> Option<&str> {
     let marks = cell.len() - cell.trim_start_matches('`').len();
     let inner = cell.get(marks..cell.len().checked_sub(marks)?)?;

@@ -7,7 +7,8 @@ use crate::tree::Tree;
 pub(super) const CHECK: Check = Check {
     name: "flags",
     law: "in compositor/src, only cli/ and main.rs name clap, Failure, a word that ends in Arg or Args, or cli itself",
-    remedy: "take values of our own (a number, a path, an enum without clap) and fail with the folder's own error; flags become values in cli/",
+    remedy: "take values of our own (a number, a path, an enum without clap) and fail with the folder's own error; \
+             flags become values in cli/",
     run: |tree| Ok(run(tree)),
 };
 

@@ -7,7 +7,8 @@ use crate::tree::{SourceFile, Tree};
 pub(super) const CHECK: Check = Check {
     name: "line-width",
     law: "no line of .rs, .wgsl, .proto and .toml is wider than 120 characters, no prose in .md than 130",
-    remedy: "wrap the comment or paragraph, end a string's line with a backslash, take an argument to a line of its own",
+    remedy: "wrap the comment or paragraph, end a string's line with a backslash, take an argument to a line of its \
+             own",
     run: |tree| Ok(run(tree)),
 };
 

@@ -11,7 +11,8 @@ use crate::tree::Tree;
 pub(super) const CHECK: Check = Check {
     name: "dependency-law",
     law: "crates depend only on those that the table of ARCHITECTURE.md allows",
-    remedy: "move the code to the crate that may know both, or change the table (xtask/src/check/manifests.rs) with a reason",
+    remedy: "move the code to the crate that may know both, or change the table (xtask/src/check/manifests.rs) with a \
+             reason",
     run: |tree| Ok(problems(&metadata(tree)?)),
 };
 

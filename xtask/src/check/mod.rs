@@ -6,8 +6,6 @@ mod error_texts;
 mod file_length;
 mod flags;
 mod law;
-// Not among ALL before comments and strings of sources are wrapped.
-#[allow(dead_code)]
 mod line_width;
 mod machine_paths;
 mod manifests;
@@ -16,7 +14,7 @@ mod shaders;
 
 pub(crate) use law::Check;
 
-pub(crate) const ALL: [Check; 9] = [
+pub(crate) const ALL: [Check; 10] = [
     manifests::CHECK,
     circles::CHECK,
     names::CHECK,
@@ -26,4 +24,5 @@ pub(crate) const ALL: [Check; 9] = [
     error_texts::CHECK,
     machine_paths::CHECK,
     file_length::CHECK,
+    line_width::CHECK,
 ];

@@ -6,7 +6,8 @@ use crate::tree::Tree;
 
 pub(super) const CHECK: Check = Check {
     name: "names",
-    law: "wgpu only in node/src/gpu/, wire types only in proto and service.rs, the node in the compositor only in embedded.rs",
+    law: "wgpu only in node/src/gpu/, wire types only in proto and service.rs, the node in the compositor only in \
+          embedded.rs",
     remedy: "convert at the door (proto, service.rs, gpu/, embedded.rs) and pass our own types on",
     run: |tree| Ok(run(tree)),
 };

@@ -61,8 +61,8 @@ fn run(tree: &Tree) -> Vec<String> {
     problems.into_iter().collect()
 }
 
-/// Completes `chosen` until every name that some part declares is declared; where several parts declare it (variants of one
-/// function), each of them is a choice, unless it declares again what is declared already.
+/// Completes `chosen` until every name that some part declares is declared; where several parts declare it (variants of
+/// one function), each of them is a choice, unless it declares again what is declared already.
 fn choose(kernel: &Part<'_>, shared: &[Part<'_>], chosen: BTreeSet<usize>, choices: &mut Vec<BTreeSet<usize>>) {
     let joined = || chosen.iter().map(|i| &shared[*i]).chain([kernel]);
     let open = joined().flat_map(|p| &p.names).find(|name| {

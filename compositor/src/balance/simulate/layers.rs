@@ -1,4 +1,5 @@
-//! The merge tree over a grid of chunks (as [`brickcast_volume::merge`], for grids of any number): order, and the layers of a division.
+//! The merge tree over a grid of chunks (as [`brickcast_volume::merge`], for grids of any number): order, and the
+//! layers of a division.
 
 use glam::UVec3;
 
@@ -37,7 +38,8 @@ impl Tree {
         order
     }
 
-    /// The largest subtrees that one node renders whole: their chunks. `owner`: `None` where a chunk is cut or out of view.
+    /// The largest subtrees that one node renders whole: their chunks. `owner`: `None` where a chunk is cut or out of
+    /// view.
     pub(super) fn layers(
         &self,
         in_view: &impl Fn(usize) -> bool,

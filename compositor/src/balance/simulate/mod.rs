@@ -1,7 +1,8 @@
 //! A modelled cluster in a modelled clock, to see what the decisions come to with nodes that nobody has.
 //!
-//! Chunks on a grid with a hidden density, a camera, nodes with a speed. The very same [`Balancer`](super::Balancer) as in a session
-//! divides the views; rivals divide the same views with the same costs. Equal specifications give equal numbers.
+//! Chunks on a grid with a hidden density, a camera, nodes with a speed. The very same [`Balancer`](super::Balancer) as
+//! in a session divides the views; rivals divide the same views with the same costs. Equal specifications give equal
+//! numbers.
 
 mod adaptive;
 mod lattice;

@@ -59,7 +59,8 @@ pub struct Row {
     pub handovers: u64,
     pub bytes_loaded: u64,
     pub recoveries: Vec<Recovery>,
-    /// Of our own predictions: the mean of the largest load over the lower bound; what is above it in `mean` was not foreseen.
+    /// Of our own predictions: the mean of the largest load over the lower bound; what is above it in `mean` was not
+    /// foreseen.
     pub predicted: Option<f64>,
     /// Per view.
     pub ratios: Vec<f64>,

@@ -54,7 +54,8 @@ impl Rival {
         }
     }
 
-    /// One view: who renders what, how many chunks changed their owner, bytes that the new owners have to load for that.
+    /// One view: who renders what, how many chunks changed their owner, bytes that the new owners have to load for
+    /// that.
     pub(super) fn divide(&mut self, world: &World, picture: &Picture, machines: &[Machine]) -> (Owners, u64, u64) {
         let present: Vec<usize> = (0..machines.len()).filter(|&n| machines[n].present).collect();
         let owner = match self.kind {

@@ -57,8 +57,8 @@ pub enum SpecError {
     #[error("--simulate: `{0}` is not of the form key=value; an example: {EXAMPLE}")]
     NoValue(String),
     #[error(
-        "--simulate: there is no `{0}`; there are nodes, chunks, views, throttle, kill, join, seed, path, memory, size, replicas; \
-         an example: {EXAMPLE}"
+        "--simulate: there is no `{0}`; there are nodes, chunks, views, throttle, kill, join, seed, path, memory, \
+         size, replicas; an example: {EXAMPLE}"
     )]
     UnknownKey(String),
     #[error("--simulate: {key}={value}: must be {wanted}; an example: {EXAMPLE}")]

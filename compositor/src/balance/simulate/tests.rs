@@ -16,8 +16,8 @@ fn equal_specifications_give_equal_numbers() {
     assert_ne!(once.rows, run(&format!("{text},seed=2")).rows);
 }
 
-/// The goal: 1.06 on average and 1.70 at worst were simulated before it was built; k-d trees with perfect knowledge come to 2.16,
-/// blocks to 3.64.
+/// The goal: 1.06 on average and 1.70 at worst were simulated before it was built; k-d trees with perfect knowledge
+/// come to 2.16, blocks to 3.64.
 #[test]
 fn eight_nodes_are_even_while_the_camera_dives_in_and_out() {
     for seed in 1..=3 {

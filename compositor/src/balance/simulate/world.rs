@@ -102,8 +102,8 @@ impl World {
         ((spec.memory * all as f64 / spec.nodes as f64) as u64).max(16 * CHUNK_BYTES)
     }
 
-    /// Contiguous runs of the tree's order with nearly equal numbers of shown bricks, as a session deals chunks at first: the run
-    /// of every chunk.
+    /// Contiguous runs of the tree's order with nearly equal numbers of shown bricks, as a session deals chunks at
+    /// first: the run of every chunk.
     pub(super) fn runs(&self, runs: usize) -> Vec<usize> {
         let total = self.shown.iter().sum::<f64>().max(1e-9);
         let mut owner = vec![0; self.count()];

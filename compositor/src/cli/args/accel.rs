@@ -32,12 +32,12 @@ pub struct AccelArgs {
     /// How rays are shortened: one of these, or several with commas
     #[arg(long, value_enum, value_delimiter = ',', default_values_t = [AccelArg::All])]
     pub accel: Vec<AccelArg>,
-    /// Bricks whose error bound under the transfer function exceeds this (0..1) do not leap [default: none; the segmentation
-    /// range is the tolerance]
+    /// Bricks whose error bound under the transfer function exceeds this (0..1) do not leap [default: none; the
+    /// segmentation range is the tolerance]
     #[arg(long, value_name = "T")]
     pub leap_tolerance: Option<f32>,
-    /// What macrocells may span with --accel macro, as a share of the store's range [default: the store's segmentation range,
-    /// else 0.03]
+    /// What macrocells may span with --accel macro, as a share of the store's range [default: the store's segmentation
+    /// range, else 0.03]
     #[arg(long, value_name = "W")]
     pub macro_range: Option<f32>,
     /// Voxels per edge of a macrocell: 4 or 8

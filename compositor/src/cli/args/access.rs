@@ -13,15 +13,15 @@ use crate::cluster::{Access, Dial};
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "Nodes")]
 pub struct AccessArgs {
-    /// Folder with ca.pem, client.pem, client.key and token (made by `brickcast tls init`): nodes must hold a certificate of
-    /// the same authority
+    /// Folder with ca.pem, client.pem, client.key and token (made by `brickcast tls init`): nodes must hold a
+    /// certificate of the same authority
     #[arg(long, value_name = "DIR", env = "BRICKCAST_TLS")]
     pub tls: Option<PathBuf>,
     /// The token that nodes want, on the file's first line [default: `token` in the folder of --tls]
     #[arg(long, value_name = "FILE", env = "BRICKCAST_TOKEN_FILE")]
     pub token_file: Option<PathBuf>,
-    /// A node that takes longer to answer anything but a frame, loading included, is given up: what it would have rendered goes to the
-    /// others [default: 10m]
+    /// A node that takes longer to answer anything but a frame, loading included, is given up: what it would have
+    /// rendered goes to the others [default: 10m]
     #[arg(long, value_name = "TIME", value_parser = deadline)]
     pub load_deadline: Option<Duration>,
 }

@@ -15,9 +15,10 @@ pub struct BalanceArgs {
     /// A store, an input volume, or the name of a store that the nodes know
     #[arg(required_unless_present = "simulate")]
     pub path: Option<PathBuf>,
-    /// No PATH and no nodes: divide the views of a modelled cluster, as nodes=64,chunks=512,views=60,throttle=3@0,kill=30@1,join=40,
-    /// seed=1,path=dive|random,memory=3,size=1024,replicas=2; what is left out has a default, throttle, kill and join may be given
-    /// several times
+    /// No PATH and no nodes: divide the views of a modelled cluster, as
+    /// nodes=64,chunks=512,views=60,throttle=3@0,kill=30@1,join=40,
+    /// seed=1,path=dive|random,memory=3,size=1024,replicas=2; what is left out has a default, throttle, kill and join
+    /// may be given several times
     #[arg(long, value_name = "KEY=VALUE,...", conflicts_with_all = ["path", "nodes", "local"])]
     pub simulate: Option<String>,
     /// Frames of the sequence
@@ -29,7 +30,8 @@ pub struct BalanceArgs {
     /// Degrees that it turns around the focal point
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, default_value_t = 360.0)]
     pub orbit: f64,
-    /// Loads, moves and bytes of every frame, and a hash of its pixels (with --simulate figures and every view's ratios), as JSON
+    /// Loads, moves and bytes of every frame, and a hash of its pixels (with --simulate figures and every view's
+    /// ratios), as JSON
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
     #[command(flatten)]

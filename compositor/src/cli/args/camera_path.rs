@@ -9,7 +9,8 @@ pub enum CameraPath {
     /// Around the focal point
     #[default]
     Orbit,
-    /// Towards the focal point, half a turn around it on the way, and back: close views put most of the work into few chunks
+    /// Towards the focal point, half a turn around it on the way, and back: close views put most of the work into few
+    /// chunks
     Dive,
 }
 

@@ -16,16 +16,19 @@ pub struct SceneArgs {
     #[arg(long, value_name = "WxH", value_parser = picture_size, default_value = "512x512")]
     pub size: (u32, u32),
     /// ParaView colour-map preset (JSON or XML), or 3D Slicer volume property (.vp)
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["window", "opacity", "colormap"], help_heading = "Transfer function")]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["window", "opacity", "colormap"])]
+    #[arg(help_heading = "Transfer function")]
     pub transfer_function: Option<PathBuf>,
     /// Which preset of a file that holds several: its name, or #3 for the third [default: the first]
     #[arg(long, value_name = "NAME", requires = "transfer_function", help_heading = "Transfer function")]
     pub preset: Option<String>,
     /// Rescale the preset to this range of data values
-    #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true, requires = "transfer_function", help_heading = "Transfer function")]
+    #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true, requires = "transfer_function")]
+    #[arg(help_heading = "Transfer function")]
     pub transfer_function_range: Option<[f64; 2]>,
     /// Data values at which the opacity ramp starts and ends [default: Otsu's threshold, 99.9 % quantile]
-    #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true, help_heading = "Transfer function")]
+    #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true)]
+    #[arg(help_heading = "Transfer function")]
     pub window: Option<[f64; 2]>,
     /// Opacity at the window's end, per opacity unit [default: 0.5]
     #[arg(long, value_name = "X", help_heading = "Transfer function")]
@@ -36,29 +39,38 @@ pub struct SceneArgs {
     /// World length to which opacities refer [default: the smallest spacing]
     #[arg(long, value_name = "LENGTH", help_heading = "Transfer function")]
     pub opacity_unit: Option<f64>,
-    /// Camera file, or the manifest of a picture (JSON: position, focalPoint, viewUp, viewAngle | parallelProjection, parallelScale)
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["azimuth", "elevation", "zoom", "position", "focal_point", "view_up", "view_angle", "parallel_scale"], help_heading = "Camera")]
+    /// Camera file, or the manifest of a picture (JSON: position, focalPoint, viewUp, viewAngle | parallelProjection,
+    /// parallelScale)
+    #[arg(long, value_name = "FILE", help_heading = "Camera")]
+    #[arg(conflicts_with_all = ["azimuth", "elevation", "zoom", "position", "focal_point"])]
+    #[arg(conflicts_with_all = ["view_up", "view_angle", "parallel_scale"])]
     pub camera: Option<PathBuf>,
     /// Degrees around the volume [default: 0]
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true, conflicts_with_all = ["position", "focal_point"], help_heading = "Camera")]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, conflicts_with_all = ["position", "focal_point"])]
+    #[arg(help_heading = "Camera")]
     pub azimuth: Option<f64>,
     /// Degrees above the volume [default: 0]
-    #[arg(long, value_name = "DEG", allow_hyphen_values = true, conflicts_with_all = ["position", "focal_point"], help_heading = "Camera")]
+    #[arg(long, value_name = "DEG", allow_hyphen_values = true, conflicts_with_all = ["position", "focal_point"])]
+    #[arg(help_heading = "Camera")]
     pub elevation: Option<f64>,
     /// Times closer [default: 1]
-    #[arg(long, value_name = "X", allow_hyphen_values = true, conflicts_with_all = ["position", "focal_point"], help_heading = "Camera")]
+    #[arg(long, value_name = "X", allow_hyphen_values = true, conflicts_with_all = ["position", "focal_point"])]
+    #[arg(help_heading = "Camera")]
     pub zoom: Option<f64>,
     /// Vertical angle of the picture in degrees [default: 30]
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, help_heading = "Camera")]
     pub view_angle: Option<f64>,
     /// Eye, world units
-    #[arg(long, value_name = "X,Y,Z", value_parser = triple::<f64>, allow_hyphen_values = true, help_heading = "Camera")]
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple::<f64>, allow_hyphen_values = true)]
+    #[arg(help_heading = "Camera")]
     pub position: Option<[f64; 3]>,
     /// Point looked at, world units [default: the volume's centre]
-    #[arg(long, value_name = "X,Y,Z", value_parser = triple::<f64>, allow_hyphen_values = true, requires = "position", help_heading = "Camera")]
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple::<f64>, allow_hyphen_values = true, requires = "position")]
+    #[arg(help_heading = "Camera")]
     pub focal_point: Option<[f64; 3]>,
     /// Up [default: 0,1,0]
-    #[arg(long, value_name = "X,Y,Z", value_parser = triple::<f64>, allow_hyphen_values = true, help_heading = "Camera")]
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple::<f64>, allow_hyphen_values = true)]
+    #[arg(help_heading = "Camera")]
     pub view_up: Option<[f64; 3]>,
     /// Parallel projection: half the picture's height, world units
     #[arg(

@@ -41,12 +41,12 @@ pub struct StyleArgs {
     /// How narrow glints are
     #[arg(long, value_name = "N", default_value_t = Phong::default().shininess)]
     pub shininess: f32,
-    /// Light fades in from a gradient of this length to twice it, data units per voxel; below, it would be light on noise
-    /// [default: three times the noise that the store tells]
+    /// Light fades in from a gradient of this length to twice it, data units per voxel; below, it would be light on
+    /// noise [default: three times the noise that the store tells]
     #[arg(long, value_name = "LENGTH", allow_hyphen_values = true)]
     pub light_from: Option<f64>,
-    /// An isosurface, with its colour and opacity (0..1 each); several are possible. Without any flag of the transfer function
-    /// nothing else shows
+    /// An isosurface, with its colour and opacity (0..1 each); several are possible. Without any flag of the transfer
+    /// function nothing else shows
     #[arg(long, value_name = "VALUE[:R,G,B[,A]]", allow_hyphen_values = true)]
     pub isosurface: Vec<String>,
     /// What a pixel shows of its ray
@@ -96,7 +96,7 @@ impl StyleArgs {
                 (Some(IntegrationKind::Preintegrated), Filter::Nearest) => {
                     return Err(
                         "--integration preintegrated: a slab from one label to another would run through labels \
-                                that are not there; leave it out, or --filter nearest"
+                         that are not there; leave it out, or --filter nearest"
                             .to_owned(),
                     );
                 }

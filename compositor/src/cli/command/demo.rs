@@ -71,7 +71,8 @@ pub async fn run(args: DemoArgs, quiet: bool) -> Result<(), Failure> {
     if frame.complete { Ok(()) } else { Err(Failure::Incomplete(frame.problems.join("; "))) }
 }
 
-/// The phantom part's store, an entry of the cache as any other: made under its lock, counted and removed with the rest.
+/// The phantom part's store, an entry of the cache as any other: made under its lock, counted and removed with the
+/// rest.
 fn phantom_store(args: &DemoArgs, quiet: bool) -> Result<Store, Failure> {
     let cache = args.cache.open()?;
     let phantom = PhantomOptions { dims: args.dims, force: true, ..PhantomOptions::default() };
@@ -147,9 +148,9 @@ fn scene(store: &Store, size: PictureSize) -> Result<Scene, Failure> {
 fn next(store: &Path) -> String {
     let store = store.display();
     format!(
-        "Next:\n  brickcast render YOUR_SCAN.nrrd -o scan.png\n  brickcast render {store} -o turn.apng --frames 24 --colormap viridis\n  \
-         brickcast-node --listen 127.0.0.1:7001 --data FOLDER   (one on each machine)\n  \
-         brickcast render {store} -o part.png --nodes 127.0.0.1:7001,127.0.0.1:7002\n  \
-         brickcast info {store}\n  brickcast --help"
+        "Next:\n  brickcast render YOUR_SCAN.nrrd -o scan.png\n  brickcast render {store} -o turn.apng --frames 24 \
+         --colormap viridis\n  brickcast-node --listen 127.0.0.1:7001 --data FOLDER   (one on each machine)\n  \
+         brickcast render {store} -o part.png --nodes 127.0.0.1:7001,127.0.0.1:7002\n  brickcast info {store}\n  \
+         brickcast --help"
     )
 }

@@ -46,7 +46,11 @@ fn describe(m: &Manifest, store: Option<&Store>) -> Value {
         "otsu": m.otsu,
         "quantiles": quantiles,
         "histogram": m.histogram,
-        "not_finite": { "nan": m.not_finite.nan, "negative_infinity": m.not_finite.negative_infinity, "positive_infinity": m.not_finite.positive_infinity },
+        "not_finite": {
+            "nan": m.not_finite.nan,
+            "negative_infinity": m.not_finite.negative_infinity,
+            "positive_infinity": m.not_finite.positive_infinity,
+        },
         "notes": m.notes,
     });
     if let Some(no_data) = &m.no_data {

@@ -42,7 +42,9 @@ pub async fn run(args: NodesArgs) -> Result<(), Failure> {
                     "throttle": n.throttle.get(),
                     "memory_budget": n.memory_budget, "memory_used": n.memory_used,
                     "resident_bricks": n.resident_bricks, "max_resident_set": n.max_resident_set, "notes": n.notes,
-                    "stores": n.stores.iter().map(|s| json!({ "name": s.name, "hash": s.hash.to_string() })).collect::<Vec<_>>(),
+                    "stores": n.stores.iter()
+                        .map(|s| json!({ "name": s.name, "hash": s.hash.to_string() }))
+                        .collect::<Vec<_>>(),
                 }),
             })
             .collect();

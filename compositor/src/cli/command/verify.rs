@@ -37,7 +37,8 @@ pub fn run(args: &VerifyArgs, quiet: bool) -> Result<(), Failure> {
         say(quiet, &format!("{name}: store {hash}, {size}: every byte is as the manifest says"))?;
         if !found.binds_chunks {
             let version = found.version.unwrap_or_default();
-            let note = "renders would not notice where parts of another store take the place of its own later; prepare it again for that";
+            let note = "renders would not notice where parts of another store take the place of its own later; prepare \
+                        it again for that";
             say(quiet, &format!("  of format version {version}: {note}"))?;
         }
     }

@@ -62,8 +62,8 @@ pub(crate) fn afterwards(empty: usize, frames: usize, told: Option<&Outlook>) ->
         }
         _ if empty < frames => Some(format!("nothing shows in {empty} of {frames} frames")),
         _ => Some(
-            "nothing shows: no ray meets a value that has opacity and is in view; brickcast info tells the volume's values, \
-             size and spacing"
+            "nothing shows: no ray meets a value that has opacity and is in view; brickcast info tells the volume's \
+             values, size and spacing"
                 .to_owned(),
         ),
     }
@@ -83,7 +83,8 @@ fn clipped(clip: &Clip, geometry: &Geometry) -> Option<String> {
     })
 }
 
-/// True where a point of the box is inside all half spaces `n . p >= w`: then a corner of what is left lies on three planes.
+/// True where a point of the box is inside all half spaces `n . p >= w`: then a corner of what is left lies on three
+/// planes.
 fn leaves_something(planes: &[DVec4], lo: DVec3, hi: DVec3) -> bool {
     let faces = [DVec3::X, DVec3::Y, DVec3::Z].into_iter().zip([0, 1, 2]);
     let faces = faces.flat_map(|(axis, a)| [axis.extend(lo[a]), (-axis).extend(-hi[a])]);
@@ -188,8 +189,8 @@ fn clear_projection(scene: &Scene, store: &Manifest) -> Option<String> {
     };
     (scene.look.transfer_function.opacity(shown) == 0.0).then(|| {
         format!(
-            "{what}, and the transfer function is clear at {shown}; choose a window from the volume's smallest value on: \
-             --window {lo},{hi}"
+            "{what}, and the transfer function is clear at {shown}; choose a window from the volume's smallest value \
+             on: --window {lo},{hi}"
         )
     })
 }

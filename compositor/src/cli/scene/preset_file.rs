@@ -23,9 +23,9 @@ pub struct Wanted<'a> {
     pub range: Option<[f64; 2]>,
 }
 
-/// Reads a ParaView preset (JSON or the older XML) or a 3D Slicer volume property (`.vp`). On a volume, a preset without
-/// opacities gets the default ones, and one written for other values is stretched or told of: [`Preset::notes`] says all of
-/// that. Without a volume such opacities are 0.
+/// Reads a ParaView preset (JSON or the older XML) or a 3D Slicer volume property (`.vp`). On a volume, a preset
+/// without opacities gets the default ones, and one written for other values is stretched or told of: [`Preset::notes`]
+/// says all of that. Without a volume such opacities are 0.
 ///
 /// # Errors
 /// A file that cannot be read or is none of them, a name that it does not hold, a preset that cannot be used.

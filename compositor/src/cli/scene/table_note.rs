@@ -4,8 +4,8 @@ use brickcast_volume::preintegration::coarse;
 use brickcast_volume::scene::Scene;
 use brickcast_volume::style::{Integration, TableSize};
 
-/// One line where a function of the scene has more narrow features than nodes of its table; `range` and `spacing` (the smallest) of
-/// the store.
+/// One line where a function of the scene has more narrow features than nodes of its table; `range` and `spacing` (the
+/// smallest) of the store.
 #[must_use]
 pub(crate) fn table_note(scene: &Scene, range: (f64, f64), spacing: f64) -> Option<String> {
     let Integration::Preintegrated(size) = scene.look.style.integration else { return None };
@@ -20,8 +20,8 @@ pub(crate) fn table_note(scene: &Scene, range: (f64, f64), spacing: f64) -> Opti
     let larger = if size == TableSize::N256 { "--table-size 1024, or " } else { "" };
     let [from, to] = worst.values;
     Some(format!(
-        "the transfer function has more narrow features than a table of {} nodes carries: slabs that end between {from} and {to} may \
-         be off by {:.2} of 1; {larger}--integration sampled reads every grey value for itself",
+        "the transfer function has more narrow features than a table of {} nodes carries: slabs that end between \
+         {from} and {to} may be off by {:.2} of 1; {larger}--integration sampled reads every grey value for itself",
         size.entries(),
         worst.error
     ))

@@ -1,6 +1,7 @@
 //! Which tiles of the picture are finished: told as the frame goes, to whom it concerns.
 //!
-//! A tile is finished when no layer owes an answer for it and nothing in it waits to be ordered: the ledger's completeness, tile by tile.
+//! A tile is finished when no layer owes an answer for it and nothing in it waits to be ordered: the ledger's
+//! completeness, tile by tile.
 
 use brickcast_proto::{LayerOrder, TileRect};
 use brickcast_volume::View;
@@ -58,7 +59,8 @@ impl<'a> Finished<'a> {
         self.tell(index, tile, ledger);
     }
 
-    /// The ledger, read anew: at the beginning, when tiles that nothing shows in are finished, and where layers became void.
+    /// The ledger, read anew: at the beginning, when tiles that nothing shows in are finished, and where layers became
+    /// void.
     pub(super) fn recount(&mut self, ledger: &Ledger) {
         self.waits.fill(0);
         for tile in ledger.unanswered() {

@@ -1,10 +1,11 @@
 //! The ledger: what a frame is still owed, and by whom. Completeness is counted, never guessed.
 //!
-//! Invariants (docs/reference/protocol.md, laws 1, 2 and 5; docs/adr/0004-faults.md, docs/adr/0005-balance.md): every tile of every chunk in view is at any
-//! time either in exactly one layer, owed by one ticket, or ordered from nobody. A layer is a subtree for a rectangle of tiles: subtrees
-//! of different nodes are disjoint, and only a single chunk may be shared out to several tickets, each with tiles of its own. Every (layer,
-//! tile) pair is answered once, with pixels or explicitly empty; an answer of another frame, epoch or ticket, to something not owed, or a
-//! second time, changes nothing. A layer that was made void leaves nothing behind.
+//! Invariants (docs/reference/protocol.md, laws 1, 2 and 5; docs/adr/0004-faults.md, docs/adr/0005-balance.md): every
+//! tile of every chunk in view is at any time either in exactly one layer, owed by one ticket, or ordered from nobody.
+//! A layer is a subtree for a rectangle of tiles: subtrees of different nodes are disjoint, and only a single chunk may
+//! be shared out to several tickets, each with tiles of its own. Every (layer, tile) pair is answered once, with pixels
+//! or explicitly empty; an answer of another frame, epoch or ticket, to something not owed, or a second time, changes
+//! nothing. A layer that was made void leaves nothing behind.
 
 use std::collections::{BTreeMap, HashMap};
 

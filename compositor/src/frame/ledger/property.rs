@@ -1,4 +1,5 @@
-//! Any order of answers, duplicates, losses and reissues at other tree nodes: nothing doubled, nothing lost, the same bits.
+//! Any order of answers, duplicates, losses and reissues at other tree nodes: nothing doubled, nothing lost, the same
+//! bits.
 
 use std::collections::BTreeMap;
 
@@ -50,7 +51,8 @@ impl World {
         layers.into_iter().map(layer).collect()
     }
 
-    /// What any honest node answers: the fold of its chunks at the tree's nodes; `None` where none of them touches the tile.
+    /// What any honest node answers: the fold of its chunks at the tree's nodes; `None` where none of them touches the
+    /// tile.
     fn answer(&self, layer: &LayerOrder, tile: [u32; 2]) -> Option<TilePixels> {
         let count = TileRect::tile_pixels(tile, self.size).pixel_count();
         let leaf = |chunk: u32| -> TilePixels {
@@ -115,7 +117,8 @@ proptest! {
         let mut tickets: Vec<Vec<(LayerOrder, [u32; 2])>> = Vec::new();
         let order = |ledger: &mut Ledger, tickets: &mut Vec<Vec<_>>, share: &dyn Fn(u32) -> usize| {
             let open = ledger.unordered().clone();
-            let is_whole = |c: u32| world.rects.get(&c).is_some_and(|r| open.of(c) == [*r]) && !(c + scatter).is_multiple_of(3);
+            let all_open = |c: u32| world.rects.get(&c).is_some_and(|r| open.of(c) == [*r]);
+            let is_whole = |c: u32| all_open(c) && !(c + scatter).is_multiple_of(3);
             let mut send = |layers: Vec<LayerOrder>| {
                 if !layers.is_empty() {
                     ledger.order(Ticket(tickets.len()), &layers).unwrap();
@@ -187,7 +190,10 @@ proptest! {
         prop_assert_eq!(ledger.missing_tiles(), Vec::<[u32; 2]>::new());
         // Every tile of every chunk is covered exactly once.
         let tiles_of = |d: &Debt| -> Vec<(u32, [u32; 2])> {
-            let of = |chunk: &u32| world.rects[chunk].tiles().filter(|t| d.tiles.contains(*t)).map(|t| (*chunk, t)).collect();
+            let of = |chunk: &u32| {
+                let mine = world.rects[chunk].tiles().filter(|t| d.tiles.contains(*t));
+                mine.map(|t| (*chunk, t)).collect()
+            };
             d.chunks.iter().flat_map(|c: &u32| -> Vec<_> { of(c) }).collect()
         };
         let mut covered: Vec<(u32, [u32; 2])> = ledger.layers_owed().flat_map(tiles_of).collect();

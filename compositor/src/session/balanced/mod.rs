@@ -1,5 +1,6 @@
-//! Load balancing of a cluster: what the balancer decides becomes a table of one frame, what the frame cost becomes what it knows, and
-//! what it wants loaded is loaded beside the frames (docs/adr/0005-balance.md). Frames of several sessions take part, each with its look.
+//! Load balancing of a cluster: what the balancer decides becomes a table of one frame, what the frame cost becomes
+//! what it knows, and what it wants loaded is loaded beside the frames (docs/adr/0005-balance.md). Frames of several
+//! sessions take part, each with its look.
 //!
 //! A node is named to the balancer by its life in the table ([`Member::serial`]): one that comes back is another.
 
@@ -182,7 +183,8 @@ impl Balanced {
         landed
     }
 
-    /// Learns what the frame cost, and begins to load what the balancer wants elsewhere. `clean`: nothing was rendered twice or is missing.
+    /// Learns what the frame cost, and begins to load what the balancer wants elsewhere. `clean`: nothing was rendered
+    /// twice or is missing.
     pub(crate) fn learn(
         &mut self,
         frame: Divided,
@@ -227,8 +229,8 @@ impl Balanced {
         }
     }
 
-    /// What a node is asked for one load: `first` look's bricks, then those of the others that are shown. What it gives up it gives up
-    /// first; bricks that other sessions used, too, it keeps until it needs their room.
+    /// What a node is asked for one load: `first` look's bricks, then those of the others that are shown. What it gives
+    /// up it gives up first; bricks that other sessions used, too, it keeps until it needs their room.
     fn requests(
         &self,
         load: &Load,
@@ -268,7 +270,8 @@ async fn loaded(mut client: NodeClient, requests: Vec<PrepareRequest>) -> LoadOu
     LoadOutcome::Loaded { ms }
 }
 
-/// The facts of all chunks over several looks: of each the most that one of them shows, since most bricks are the same ones.
+/// The facts of all chunks over several looks: of each the most that one of them shows, since most bricks are the same
+/// ones.
 fn chunks(looks: &[Arc<ShownLook>]) -> Vec<ChunkFacts> {
     let count = looks.first().map_or(0, |look| look.bytes.len());
     let most = |chunk: usize| looks.iter().map(|look| look.bytes[chunk]).max().unwrap_or(0);

@@ -44,7 +44,8 @@ fn scene(store: &Store) -> Scene {
     Scene::new(Look::new(function, manifest.geometry.min_spacing()), view, quality).unwrap()
 }
 
-/// A strip that is left out would be dealt to whoever is there once the frame has begun, and show only in the time that it takes.
+/// A strip that is left out would be dealt to whoever is there once the frame has begun, and show only in the time that
+/// it takes.
 #[tokio::test(flavor = "multi_thread")]
 async fn what_is_shared_out_is_ordered_whole_from_the_first_moment() {
     let folder = tempfile::tempdir().unwrap();

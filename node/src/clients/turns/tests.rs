@@ -92,7 +92,8 @@ fn clients_alternate_and_each_is_served_as_it_came() {
     assert_eq!(hall.served, [0, 1, 2, 0, 1, 3, 0, 0]);
 }
 
-/// Whoever had the turn goes behind all that came meanwhile: one that always wants more gets every second turn, no more.
+/// Whoever had the turn goes behind all that came meanwhile: one that always wants more gets every second turn, no
+/// more.
 #[test]
 fn a_flood_gets_every_second_turn() {
     let mut hall = Hall::default();
@@ -159,8 +160,9 @@ fn events() -> impl Strategy<Value = Vec<Event>> {
 }
 
 proptest! {
-    /// After any events: one turn at most, never idle while someone waits; each client's own in the order of their coming; nobody
-    /// sees a client twice while it waits at the head of its queue; and at the end everyone who stayed was served.
+    /// After any events: one turn at most, never idle while someone waits; each client's own in the order of their
+    /// coming; nobody sees a client twice while it waits at the head of its queue; and at the end everyone who stayed
+    /// was served.
     #[test]
     fn nobody_starves_and_no_turn_is_lost(events in events()) {
         let mut hall = Hall::default();

@@ -136,7 +136,8 @@ async fn stores_are_described_prepared_and_refused_by_name() {
     assert_eq!(node.stores[0].name, "ramp");
 }
 
-/// Law 6, the disk's half: a link that leads out is not followed, though it came after the store was opened, and the node goes on.
+/// Law 6, the disk's half: a link that leads out is not followed, though it came after the store was opened, and the
+/// node goes on.
 #[cfg(unix)]
 #[tokio::test(flavor = "multi_thread")]
 async fn links_that_come_after_a_store_was_opened_are_refused() {
@@ -234,8 +235,8 @@ fn mutated(good: &[u8], state: &mut u64) -> RawOrder {
     }
 }
 
-/// Law 6, the network's half: whatever bytes come as an order, the node answers and goes on. Several are under way at once,
-/// fewer than the node lets wait: an order that is turned away unread would test nothing.
+/// Law 6, the network's half: whatever bytes come as an order, the node answers and goes on. Several are under way at
+/// once, fewer than the node lets wait: an order that is turned away unread would test nothing.
 #[tokio::test(flavor = "multi_thread")]
 async fn mutated_orders_keep_the_node_alive() {
     const SENDERS: u64 = 8;

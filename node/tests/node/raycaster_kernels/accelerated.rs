@@ -182,7 +182,8 @@ fn assert_flattened(raycaster: &dyn Raycaster, filters: &[Filter]) {
                     // In so small a volume probes pay where steps are short.
                     assert!(step > 0.5 || few.samples < many.samples, "{what}, {few:?} {many:?}");
                     if way.name == "leap" {
-                        // Rays may end within a leap in place of at a sample; wide steps need guards as wide as this volume's walls.
+                        // Rays may end within a leap in place of at a sample; wide steps need guards as wide as this
+                        // volume's walls.
                         assert!(few.positions >= many.positions, "{what}, {few:?}");
                         assert!(step > 1.0 || few.leapt > few.positions / 4, "{what}, {few:?}");
                     }

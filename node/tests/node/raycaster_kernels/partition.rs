@@ -36,8 +36,8 @@ fn check(raycaster: &dyn Raycaster, filters: &[Filter]) {
     }
 }
 
-/// Samples that lie on brick faces but for rounding: along z the spacing is four steps. Planes computed brick by brick, each
-/// from the last, count such samples twice or not at all.
+/// Samples that lie on brick faces but for rounding: along z the spacing is four steps. Planes computed brick by brick,
+/// each from the last, count such samples twice or not at all.
 fn check_rounded_faces(raycaster: &dyn Raycaster, filters: &[Filter]) {
     for spacing in [1.1, 1.3, 1.7, 1.9, 2.3, 2.9, 3.1] {
         let volume = Volume::ramps([16, 16, 64], [1.0, 1.0, spacing], [0.0; 3]);

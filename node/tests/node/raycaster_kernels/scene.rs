@@ -188,8 +188,8 @@ pub(crate) fn cpu() -> CpuRaycaster {
     CpuRaycaster::new()
 }
 
-/// One GPU raycaster for all tests, doing by kernels all that there are kernels for; `None` where there is no driver, unless
-/// everything is required.
+/// One GPU raycaster for all tests, doing by kernels all that there are kernels for; `None` where there is no driver,
+/// unless everything is required.
 pub(crate) fn gpu(test: &str) -> Option<&'static GpuRaycaster> {
     static GPU: OnceLock<Option<GpuRaycaster>> = OnceLock::new();
     let gpu = GPU.get_or_init(|| open_gpu(GpuOptions { with_map_kernels: true, ..GpuOptions::from_env() })).as_ref();

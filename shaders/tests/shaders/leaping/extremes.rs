@@ -7,7 +7,8 @@ use super::field::Field;
 use super::hazards::{HALF_CODE, noise, rays};
 use super::march::{Broken, compare, ray};
 
-/// One region between two ends of noise, up to the border on four sides: voxels in its middle are 53 from the next label.
+/// One region between two ends of noise, up to the border on four sides: voxels in its middle are 53 from the next
+/// label.
 fn wide_region() -> Field {
     Field::new([120, 24, 24], |p| {
         let inside = (6..113).contains(&p.x);
@@ -43,9 +44,10 @@ fn steps_of_many_voxels() {
     }
 }
 
-/// From an eye 70 000 voxels away (just beyond a power of two, where f32 is coarsest for its size) positions are multiples of
-/// 1/128, and a step of 0.3 divides none of them: a leap's end may lie as far off. A margin of 1/1000 voxel alone lets leaps
-/// take samples whose support reaches another label, by 100 densities; at 1e5 voxels this field shows none.
+/// From an eye 70 000 voxels away (just beyond a power of two, where f32 is coarsest for its size) positions are
+/// multiples of 1/128, and a step of 0.3 divides none of them: a leap's end may lie as far off. A margin of 1/1000
+/// voxel alone lets leaps take samples whose support reaches another label, by 100 densities; at 1e5 voxels this field
+/// shows none.
 #[test]
 fn eyes_a_hundred_thousand_voxels_away() {
     let center = DVec3::new(20.3, 19.1, 20.7);

@@ -127,7 +127,8 @@ fn single_voxel_pore_is_never_skipped() {
     let pore = IVec3::new(21, 17, 19);
     let field = Field::new([40; 3], |p| if p == pore { (0, NOISE) } else { (60_000, 1) });
     assert_exact(&field, &STEPS, DVec3::ONE);
-    // At step 1 a ray through the pore's centre has a sample within half a voxel of it: at least an eighth of its depth.
+    // At step 1 a ray through the pore's centre has a sample within half a voxel of it: at least an eighth of its
+    // depth.
     let (mut met, depth) = (0, field.flattened(IVec3::ZERO));
     for i in 0..200 {
         let from = DVec3::new(f64::from(i % 20) * 4.0 - 20.0, f64::from(i / 20) * 9.0 - 25.0, -40.0);
@@ -138,8 +139,8 @@ fn single_voxel_pore_is_never_skipped() {
     assert_eq!(met, 200);
 }
 
-/// A background at the end of the range (air that the scanner cut off at 0), with a body of noise in it: equal values that
-/// are no region, beside equal values that are one.
+/// A background at the end of the range (air that the scanner cut off at 0), with a body of noise in it: equal values
+/// that are no region, beside equal values that are one.
 #[test]
 fn saturated_flat_background() {
     for background in [0, u16::MAX] {

@@ -1,5 +1,5 @@
-//! Rays that leap see the flattened volume V', sample by sample, wherever a brick or a ray starts: the twin's production
-//! loop, watched, against the plain raycast of V'.
+//! Rays that leap see the flattened volume V', sample by sample, wherever a brick or a ray starts: the twin's
+//! production loop, watched, against the plain raycast of V'.
 
 mod extremes;
 mod field;

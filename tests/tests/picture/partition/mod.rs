@@ -23,7 +23,8 @@ const DIMS: [usize; 3] = [130, 117, 101];
 fn volume_file(folder: &Path) -> PathBuf {
     let path = folder.join("field.nrrd");
     let mut data = format!(
-        "NRRD0004\ntype: uint16\ndimension: 3\nsizes: {} {} {}\nspacings: 1 1.25 0.8\nencoding: raw\nendian: little\n\n",
+        "NRRD0004\ntype: uint16\ndimension: 3\nsizes: {} {} {}\nspacings: 1 1.25 0.8\nencoding: raw\nendian: \
+         little\n\n",
         DIMS[0], DIMS[1], DIMS[2]
     )
     .into_bytes();
@@ -279,9 +280,9 @@ fn styles_have_the_same_bits_from_any_number_of_nodes() {
     });
 }
 
-/// Every sample has one owner, on either kernel: rays along z in steps of a tenth of a voxel meet every brick face with a
-/// sample that f32 places a hair before or behind it. A kernel that adds up t instead of multiplying
-/// counts such samples twice or never, for whole pictures of rays, and by another number in other bricks.
+/// Every sample has one owner, on either kernel: rays along z in steps of a tenth of a voxel meet every brick face with
+/// a sample that f32 places a hair before or behind it. A kernel that adds up t instead of multiplying counts such
+/// samples twice or never, for whole pictures of rays, and by another number in other bricks.
 #[test]
 fn samples_on_faces_are_counted_once_in_any_bricks() {
     let folder = tempfile::tempdir().unwrap();

@@ -1,4 +1,5 @@
-//! Axes of length 1 beside the three of space: lists of one frame, images of one channel. They hold nothing, and are left out.
+//! Axes of length 1 beside the three of space: lists of one frame, images of one channel. They hold nothing, and are
+//! left out.
 
 use super::error::NrrdError;
 use super::fields::{Field, Fields};
@@ -80,7 +81,8 @@ fn is_no_direction(entry: &str) -> bool {
     all(f64::is_nan) || all(|n| n == 0.0)
 }
 
-/// A field's entries as they stand there: vectors with their brackets, texts with their quotes. At most one more than NRRD knows axes.
+/// A field's entries as they stand there: vectors with their brackets, texts with their quotes. At most one more than
+/// NRRD knows axes.
 fn entries(field: &Field) -> Vec<String> {
     let mut found = Vec::new();
     let mut rest = field.value.trim_start();

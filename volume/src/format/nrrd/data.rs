@@ -39,7 +39,8 @@ pub(super) fn source(
     Ok(Box::new(PlaneSource::new(about, location, files)?))
 }
 
-/// A relative name counts from the header's folder; `join` keeps absolute ones. A name in Latin-1 may be on the disk as it stands.
+/// A relative name counts from the header's folder; `join` keeps absolute ones. A name in Latin-1 may be on the disk as
+/// it stands.
 fn beside(path: &Path, name: &str) -> PathBuf {
     let folder = path.parent().unwrap_or(Path::new(""));
     let file = folder.join(name);

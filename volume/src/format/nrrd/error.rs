@@ -16,7 +16,8 @@ pub enum NrrdError {
     )]
     TooLong,
     #[error(
-        "the file ends inside the NRRD header ({bytes} bytes): the blank line before the data, or a `data file` line, is missing"
+        "the file ends inside the NRRD header ({bytes} bytes): the blank line before the data, or a `data file` line, \
+         is missing"
     )]
     NoEnd { bytes: usize },
     #[error("line {line} of the NRRD header, `{text}`, is neither a comment, nor `field: value`, nor `key:=value`")]
@@ -28,19 +29,19 @@ pub enum NrrdError {
     #[error("line {line} of the NRRD header: `{field}: {value}`: {problem}")]
     Value { line: usize, field: &'static str, value: String, problem: String },
     #[error(
-        "line {line} of the NRRD header: type `{value}` is not supported; supported are {}. Convert the file, e.g. with \
-         `unu convert -t float`",
+        "line {line} of the NRRD header: type `{value}` is not supported; supported are {}. Convert the file, e.g. \
+         with `unu convert -t float`",
         VoxelType::NAMES
     )]
     Type { line: usize, value: String },
     #[error(
-        "line {line} of the NRRD header: encoding `{value}` is not supported; supported are raw, gzip, bzip2, ascii and hex. Convert the file, \
-         e.g. with `unu save -f nrrd -e gzip`"
+        "line {line} of the NRRD header: encoding `{value}` is not supported; supported are raw, gzip, bzip2, ascii \
+         and hex. Convert the file, e.g. with `unu save -f nrrd -e gzip`"
     )]
     Encoding { line: usize, value: String },
     #[error(
-        "line {line} of the NRRD header: dimension {value} is not supported, a volume has 3 axes. Take one 3-D part out of \
-         it, e.g. with `unu slice`"
+        "line {line} of the NRRD header: dimension {value} is not supported, a volume has 3 axes. Take one 3-D part \
+         out of it, e.g. with `unu slice`"
     )]
     Dimension { line: usize, value: u64 },
     #[error(
@@ -50,13 +51,13 @@ pub enum NrrdError {
     )]
     ListTooLong,
     #[error(
-        "line {line} of the NRRD header names {count} data files, but files of dimension {subdim} must be {want} for these \
-         sizes. Name each file once, or say the dimension of each file behind LIST or the step of a series"
+        "line {line} of the NRRD header names {count} data files, but files of dimension {subdim} must be {want} for \
+         these sizes. Name each file once, or say the dimension of each file behind LIST or the step of a series"
     )]
     FileCount { line: usize, count: u64, want: u64, subdim: u64 },
     #[error(
-        "line {line} of the NRRD header names {count} data files for {planes} planes; each must hold whole planes, as many as \
-         the others. Join them into one file"
+        "line {line} of the NRRD header names {count} data files for {planes} planes; each must hold whole planes, as \
+         many as the others. Join them into one file"
     )]
     FilePlanes { line: usize, count: u64, planes: u32 },
     #[error("the NRRD header's sizes, spacing or origin: {0}")]

@@ -6,7 +6,8 @@ use super::error::{MAX_HEADER_BYTES, NrrdError};
 use super::files;
 use crate::format::excerpt::excerpt;
 
-/// Every field of NRRD0001 to NRRD0005 under its first spelling. Others come without the space, or as listed in [`ALIASES`].
+/// Every field of NRRD0001 to NRRD0005 under its first spelling. Others come without the space, or as listed in
+/// [`ALIASES`].
 const FIELDS: [&str; 30] = [
     "content",
     "number",

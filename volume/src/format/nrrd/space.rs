@@ -1,4 +1,5 @@
-//! Spacing, origin, directions and unit of an NRRD header, in the world: LPS where the header names an anatomical space.
+//! Spacing, origin, directions and unit of an NRRD header, in the world: LPS where the header names an anatomical
+//! space.
 
 use glam::{DMat3, DVec3};
 

@@ -33,7 +33,8 @@ fn single<T: Copy>(found: &[T]) -> Option<T> {
     }
 }
 
-/// The only `AxBxC` of a name, and the name with all runs of the kind cut out. Four factors or two such runs say nothing.
+/// The only `AxBxC` of a name, and the name with all runs of the kind cut out. Four factors or two such runs say
+/// nothing.
 fn take_dims(stem: &str) -> (Option<[u32; 3]>, String) {
     let (mut runs, mut rest) = (Vec::new(), String::new());
     let mut tail = stem;

@@ -1,4 +1,5 @@
-//! What a store's folder holds: which files there are, what else lies there, and how a folder becomes a store, or stays none.
+//! What a store's folder holds: which files there are, what else lies there, and how a folder becomes a store, or stays
+//! none.
 
 pub(super) mod position;
 pub(super) mod shape;

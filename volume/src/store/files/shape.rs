@@ -63,7 +63,8 @@ pub(crate) fn small_files(manifest: &Manifest) -> Vec<SmallFile> {
     files
 }
 
-/// The manifest's bytes in a folder of whoever runs the program, where there is a file of that name and of a manifest's size.
+/// The manifest's bytes in a folder of whoever runs the program, where there is a file of that name and of a manifest's
+/// size.
 fn read_free(folder: &Path) -> Option<Bytes> {
     StoreFolder::free(folder).open(MANIFEST_FILE).and_then(|file| file.read_at_most(Manifest::MAX_BYTES + 1)).ok()
 }

@@ -73,8 +73,8 @@ impl Found {
         }
     }
 
-    /// Removes the store's own files, then its folders and `root`, as far as they are empty then. The manifest goes last: where this ends
-    /// half way, what is left is known for a store's.
+    /// Removes the store's own files, then its folders and `root`, as far as they are empty then. The manifest goes
+    /// last: where this ends half way, what is left is known for a store's.
     fn remove(&self, root: &Path) -> Result<(), StoreError> {
         let manifest = root.join(MANIFEST_FILE);
         let (last, first): (Vec<_>, Vec<_>) = self.files.iter().partition(|file| **file == manifest);

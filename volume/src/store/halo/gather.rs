@@ -32,8 +32,8 @@ impl Gathered for (Vec<u32>, Vec<u8>) {
     }
 }
 
-/// Gathers the shells of a tile's bricks, a layer of bricks (all those with the same z) at a time. Memory: their shells, which is
-/// seven to thirteen planes of the tile for each layer of voxels of the halo, whatever the brick size.
+/// Gathers the shells of a tile's bricks, a layer of bricks (all those with the same z) at a time. Memory: their
+/// shells, which is seven to thirteen planes of the tile for each layer of voxels of the halo, whatever the brick size.
 #[derive(Debug)]
 pub(crate) struct ShellGatherer<G> {
     grid: BrickGrid,
@@ -67,9 +67,9 @@ impl<G: Gathered> ShellGatherer<G> {
         self.tile.cells(axis, self.grid.brick_size())
     }
 
-    /// Takes planes of the tile grown by the halo's reach (the volume's planes where the tile is all of it), in any pieces but in
-    /// their order. `take` appends the voxels of a run, whose positions count from the first plane's first voxel; `complete`
-    /// gets each layer of bricks when it is, before the next one begins.
+    /// Takes planes of the tile grown by the halo's reach (the volume's planes where the tile is all of it), in any
+    /// pieces but in their order. `take` appends the voxels of a run, whose positions count from the first plane's
+    /// first voxel; `complete` gets each layer of bricks when it is, before the next one begins.
     pub(crate) fn add(
         &mut self,
         planes: Range<u32>,

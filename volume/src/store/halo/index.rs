@@ -1,5 +1,5 @@
-//! The index of a file of halos: where each brick's records lie, and their checksums. Named by the manifest's hash, it binds the
-//! records to the store: a file of another store's halos is found at the first record read.
+//! The index of a file of halos: where each brick's records lie, and their checksums. Named by the manifest's hash, it
+//! binds the records to the store: a file of another store's halos is found at the first record read.
 
 use super::reach::HaloReach;
 use crate::brick::BrickGrid;
@@ -25,8 +25,8 @@ impl HaloRecord {
     }
 }
 
-/// Records lie one after the other: bricks in the grid's linear order, those of a brick from the inside out. So what a read
-/// needs of a brick is one piece of the file.
+/// Records lie one after the other: bricks in the grid's linear order, those of a brick from the inside out. So what a
+/// read needs of a brick is one piece of the file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct HaloIndex {
     /// Records of a brick.
@@ -76,7 +76,8 @@ impl HaloIndex {
         self.starts.last().copied().unwrap_or(0)
     }
 
-    /// Where the records of the brick at a position of the grid's linear order start; of the last brick's successor, where the file ends.
+    /// Where the records of the brick at a position of the grid's linear order start; of the last brick's successor,
+    /// where the file ends.
     pub(crate) fn start(&self, linear: usize) -> u64 {
         self.starts[linear]
     }
@@ -91,8 +92,8 @@ impl HaloIndex {
         })
     }
 
-    /// The first record, as its brick's place in linear order and its number there, that is not whole in a file of `bytes`,
-    /// fewer than there should be.
+    /// The first record, as its brick's place in linear order and its number there, that is not whole in a file of
+    /// `bytes`, fewer than there should be.
     pub(crate) fn first_cut(&self, bytes: u64) -> (usize, usize) {
         let brick = self.starts[1..].partition_point(|end| *end <= bytes);
         (brick, self.of_brick(brick).take_while(|record| record.end() <= bytes).count())

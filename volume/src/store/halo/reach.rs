@@ -2,8 +2,8 @@
 
 use crate::store::profile::CHUNK_EDGE;
 
-/// Records of a brick's halo. Trilinear sampling reads 1 voxel beyond the owned box, slabs up to a step of one voxel another, and
-/// gradients one more (docs/adr/0003-halos.md).
+/// Records of a brick's halo. Trilinear sampling reads 1 voxel beyond the owned box, slabs up to a step of one voxel
+/// another, and gradients one more (docs/adr/0003-halos.md).
 pub(crate) const VOXEL_HALO: HaloReach = HaloReach { first: 1, last: 3 };
 /// The same of labels and distances: inner guards look one voxel beyond what is sampled, and another where there are
 /// gradients. Nothing reads fewer than 2.
@@ -34,8 +34,8 @@ impl HaloReach {
         self.first + nth as u32
     }
 
-    /// How many records, from the first on, hold all that a read of `margin` voxels beyond the owned box needs; nothing where
-    /// they do not, or where the brick's own inner chunks do.
+    /// How many records, from the first on, hold all that a read of `margin` voxels beyond the owned box needs; nothing
+    /// where they do not, or where the brick's own inner chunks do.
     pub(crate) fn serving(self, margin: u32) -> Option<usize> {
         (1..=self.last).contains(&margin).then(|| margin.saturating_sub(self.first) as usize + 1)
     }

@@ -73,8 +73,8 @@ impl Halos {
         }
     }
 
-    /// What a read of `margin` voxels beyond the owned box needs of a brick's halo, through `parse`, which gets a record and its
-    /// voxels; counted by `cache`. Nothing where the halo does not serve such a read.
+    /// What a read of `margin` voxels beyond the owned box needs of a brick's halo, through `parse`, which gets a
+    /// record and its voxels; counted by `cache`. Nothing where the halo does not serve such a read.
     pub(crate) fn read<H>(
         &self,
         brick: BrickIndex,

@@ -1,10 +1,11 @@
 //! A record of a brick's halo of labels and distances.
 //!
-//! A halo meets few regions, so labels are numbers of a palette, in as few bytes as the palette needs: with labels of 32 bits
-//! bricks of 16^3 would decode 1.8 times what they own.
+//! A halo meets few regions, so labels are numbers of a palette, in as few bytes as the palette needs: with labels of
+//! 32 bits bricks of 16^3 would decode 1.8 times what they own.
 //!
-//! Bytes: number of labels n (u32); the labels, ascending (u32 each); per voxel the place of its label, in no byte where n = 1, in one
-//! up to 256, two up to 65,536, else four; per voxel its distance (u8). All little endian, voxels in the order of the shell.
+//! Bytes: number of labels n (u32); the labels, ascending (u32 each); per voxel the place of its label, in no byte
+//! where n = 1, in one up to 256, two up to 65,536, else four; per voxel its distance (u8). All little endian, voxels
+//! in the order of the shell.
 
 use super::bound::RecordBound;
 use crate::regions::NO_REGION;

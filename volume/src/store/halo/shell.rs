@@ -1,10 +1,10 @@
 //! The voxels that a brick needs beside its whole inner chunks: what the records of its halo hold, and in which order.
 //!
-//! **Core**: the inner chunks that lie in the brick's owned box with all of their voxels. **Shell**: what a box about the brick,
-//! cut to the volume, has beyond another one within it. The first shell lies about the core, each further one is a layer of
-//! voxels about the one before. Core and shells are the grown box, each voxel once, so that a brick read from them decodes
-//! no voxel that it does not hold. At the volume's high edges an inner chunk is partly padding; such chunks are not in the
-//! core, and their owned voxels are in the first shell.
+//! **Core**: the inner chunks that lie in the brick's owned box with all of their voxels. **Shell**: what a box about
+//! the brick, cut to the volume, has beyond another one within it. The first shell lies about the core, each further
+//! one is a layer of voxels about the one before. Core and shells are the grown box, each voxel once, so that a brick
+//! read from them decodes no voxel that it does not hold. At the volume's high edges an inner chunk is partly padding;
+//! such chunks are not in the core, and their owned voxels are in the first shell.
 
 use std::ops::Range;
 

@@ -21,8 +21,8 @@ struct Run {
     first: usize,
 }
 
-/// Copies the records to `path` in the grid's linear order, and removes the file that they were written to: tile after tile, bricks
-/// of a tile x fastest.
+/// Copies the records to `path` in the grid's linear order, and removes the file that they were written to: tile after
+/// tile, bricks of a tile x fastest.
 pub(crate) fn sorted(
     mut from: HaloWriter,
     grid: &BrickGrid,

@@ -1,5 +1,5 @@
-//! What a store says of itself. A store is known by the hash of its manifest's bytes, and the manifest names the hash of
-//! every other file, so that equal hashes mean equal stores.
+//! What a store says of itself. A store is known by the hash of its manifest's bytes, and the manifest names the hash
+//! of every other file, so that equal hashes mean equal stores.
 
 pub(super) mod checks;
 pub(super) mod file;
@@ -29,8 +29,8 @@ pub struct Manifest {
     pub version: u64,
     pub geometry: Geometry,
     pub grid: BrickGrid,
-    /// Data values (file's units) that codes 0 and 65535 stand for; lo < hi. Where voxels lack data, lo is a code's width below
-    /// [`Manifest::data_range`].
+    /// Data values (file's units) that codes 0 and 65535 stand for; lo < hi. Where voxels lack data, lo is a code's
+    /// width below [`Manifest::data_range`].
     pub range: (f64, f64),
     /// Otsu's threshold of all voxels, data units.
     pub otsu: f64,
@@ -61,16 +61,16 @@ pub struct Manifest {
     pub quantiles: [f64; 9],
     /// Voxels in [`HISTOGRAM_BINS`] equal bins over `range`; those outside count in the end bins.
     pub histogram: Vec<u64>,
-    /// Standard deviation of what differs from voxel to voxel in homogeneous material, data units; nothing where there is none,
-    /// or where it was not measured.
+    /// Standard deviation of what differs from voxel to voxel in homogeneous material, data units; nothing where there
+    /// is none, or where it was not measured.
     pub noise: Option<f64>,
     pub files: FileHashes,
     /// Nothing where bricks are smaller than inner chunks.
     pub halo: Option<HaloEntry>,
     /// Nothing where the store was made without regions.
     pub regions: Option<RegionsEntry>,
-    /// What was guessed, mapped, counted or left aside on the way from the input, for people: harmless for a terminal, at most
-    /// [`crate::store::MAX_NOTES`] of [`crate::store::MAX_NOTE_BYTES`].
+    /// What was guessed, mapped, counted or left aside on the way from the input, for people: harmless for a terminal,
+    /// at most [`crate::store::MAX_NOTES`] of [`crate::store::MAX_NOTE_BYTES`].
     pub notes: Vec<String>,
 }
 
@@ -86,8 +86,8 @@ pub struct Source {
     pub voxel_type: VoxelType,
 }
 
-/// Voxels of the source that were no finite numbers: NaN holds no data, -Inf is stored as the smallest value, +Inf as the
-/// largest.
+/// Voxels of the source that were no finite numbers: NaN holds no data, -Inf is stored as the smallest value, +Inf as
+/// the largest.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct NotFinite {
     pub nan: u64,

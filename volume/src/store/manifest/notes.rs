@@ -1,5 +1,5 @@
-//! What was guessed, mapped, counted or left aside on the way from an input: it belongs to the volume, so stores carry it. Texts come
-//! from foreign files and nodes, and go to terminals.
+//! What was guessed, mapped, counted or left aside on the way from an input: it belongs to the volume, so stores carry
+//! it. Texts come from foreign files and nodes, and go to terminals.
 
 use super::checks::{MAX_TEXT, field};
 use crate::store::error::ManifestError;

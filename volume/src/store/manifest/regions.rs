@@ -36,7 +36,8 @@ impl SegmentationMethod {
 #[derive(Debug, Clone, PartialEq)]
 pub struct RegionsEntry {
     pub method: SegmentationMethod,
-    /// The largest difference between two voxels of a region, as a share of the store's range; nothing for given labels.
+    /// The largest difference between two voxels of a region, as a share of the store's range; nothing for given
+    /// labels.
     pub segmentation_range: Option<f64>,
     /// The fewest voxels of a region, as asked for.
     pub min_region_asked: u64,

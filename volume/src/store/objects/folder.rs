@@ -76,7 +76,8 @@ impl Objects for StoreFolder {
 }
 
 impl Jail {
-    /// The folder of a store; `relative` to the root. Whether it is there, and inside, is seen when something is opened in it.
+    /// The folder of a store; `relative` to the root. Whether it is there, and inside, is seen when something is opened
+    /// in it.
     #[must_use]
     pub fn folder(&self, relative: &Path) -> StoreFolder {
         StoreFolder::jailed(self, relative)

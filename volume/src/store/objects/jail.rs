@@ -10,9 +10,10 @@ use crate::store::error::StoreError;
 
 /// A data root. Links below it are followed where they stay inside, and refused where they lead out.
 ///
-/// On Unix the way to a file is gone from a held descriptor, in one call or one component at a time, and no step follows a
-/// link: what is swapped for a link between looking and opening is an error. Elsewhere the place is looked up, checked and opened, so that
-/// a link swapped in between is followed. Hard links and mounts count as content of the root. Cheap to clone.
+/// On Unix the way to a file is gone from a held descriptor, in one call or one component at a time, and no step
+/// follows a link: what is swapped for a link between looking and opening is an error. Elsewhere the place is looked
+/// up, checked and opened, so that a link swapped in between is followed. Hard links and mounts count as content of the
+/// root. Cheap to clone.
 #[derive(Debug, Clone)]
 pub struct Jail {
     inner: Arc<Inner>,

@@ -1,4 +1,5 @@
-//! What a store is read from: named objects (files, blobs), read by ranges of bytes. A folder is one such place, memory another.
+//! What a store is read from: named objects (files, blobs), read by ranges of bytes. A folder is one such place, memory
+//! another.
 
 pub(super) mod folder;
 pub(super) mod jail;
@@ -24,7 +25,8 @@ pub trait Objects: Debug + Send + Sync {
     /// Finds an object, without waiting for whoever might write it.
     ///
     /// # Errors
-    /// [`StoreError::Io`] of the kind `NotFound` where there is none; what is no object that ends; what must not be read.
+    /// [`StoreError::Io`] of the kind `NotFound` where there is none; what is no object that ends; what must not be
+    /// read.
     fn open(&self, key: &str) -> Result<Arc<dyn Object>, StoreError>;
 }
 
@@ -36,8 +38,8 @@ pub trait Object: Debug + Send + Sync {
     /// A place that does not say.
     fn size(&self) -> Result<u64, StoreError>;
 
-    /// The bytes of each of `ranges`, which come together: one round trip where that counts. Whoever asks bounds their lengths; no
-    /// memory is taken for what lies beyond the object's end.
+    /// The bytes of each of `ranges`, which come together: one round trip where that counts. Whoever asks bounds their
+    /// lengths; no memory is taken for what lies beyond the object's end.
     ///
     /// # Errors
     /// [`StoreError::Io`] of the kind `UnexpectedEof` for a range beyond the end; a disk or a network that fails.

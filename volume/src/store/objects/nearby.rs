@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use bytes::Bytes;
 
-/// Reads `ranges`, those at most `gap` bytes apart in one call of `read`. In any order, and however they overlap; empty ones
-/// are not read.
+/// Reads `ranges`, those at most `gap` bytes apart in one call of `read`. In any order, and however they overlap; empty
+/// ones are not read.
 pub(super) fn read_nearby<E>(
     ranges: &[Range<u64>],
     gap: u64,

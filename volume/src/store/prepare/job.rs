@@ -1,5 +1,5 @@
-//! From an input volume to a store, in one pass (two for voxels of 32 and 64 bits), holding a layer of inner chunks of a tile at
-//! a time.
+//! From an input volume to a store, in one pass (two for voxels of 32 and 64 bits), holding a layer of inner chunks of
+//! a tile at a time.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -52,14 +52,14 @@ use crate::store::zarr_json;
 
 /// Makes the store `out` of an input that stands at its first plane. The same input and options give the same bytes.
 ///
-/// Memory follows the tile, [`PrepareOptions::tile_voxels`], not the plane: 16 planes of it in the stored type, 22 to 31 for halos, and as
-/// many again as halos are compressed; 16 more where there are several tiles; 4 MiB of the input, and 80 KiB per shard. With regions
-/// whole planes are held: 32 of codes, 37 to 66 of labels and distances for their halos, and the components that are open: see
-/// [`segment`].
+/// Memory follows the tile, [`PrepareOptions::tile_voxels`], not the plane: 16 planes of it in the stored type, 22 to
+/// 31 for halos, and as many again as halos are compressed; 16 more where there are several tiles; 4 MiB of the input,
+/// and 80 KiB per shard. With regions whole planes are held: 32 of codes, 37 to 66 of labels and distances for their
+/// halos, and the components that are open: see [`segment`].
 ///
 /// # Errors
-/// An input that cannot be read, a target that exists or is no store, options that do not fit, a failing disk. Nothing is
-/// left at `out` then that was not there before.
+/// An input that cannot be read, a target that exists or is no store, options that do not fit, a failing disk. Nothing
+/// is left at `out` then that was not there before.
 pub fn prepare(
     source: &mut dyn VolumeSource,
     out: &Path,
@@ -217,7 +217,8 @@ impl Job<'_> {
         Missing::new(self.fill, StoredType::of(self.header.voxel_type), self.mapping.as_ref().map(|(scan, _)| scan))
     }
 
-    /// Reads every voxel for its histogram only, in pieces that may end anywhere: noise is told by what differs between planes.
+    /// Reads every voxel for its histogram only, in pieces that may end anywhere: noise is told by what differs between
+    /// planes.
     fn count<T: Voxel>(
         &self,
         pass: &mut Pass<'_>,

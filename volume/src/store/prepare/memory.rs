@@ -14,7 +14,8 @@ use crate::store::voxel::{StoredType, Voxel};
 
 /// Bytes for each voxel of a slab: its code, its label, its distance in the scratch file and in the store.
 const SLAB_BYTES: u64 = 2 + 4 + 1 + 1;
-/// Bytes for each voxel of a plane while components are told apart: the faces of blocks, and what goes on into the next slab.
+/// Bytes for each voxel of a plane while components are told apart: the faces of blocks, and what goes on into the next
+/// slab.
 const PLANE_BYTES: u64 = 32;
 /// Bytes of a label and a distance.
 const HALO_BYTES: u64 = 4 + 1;

@@ -1,9 +1,10 @@
 //! How noisy a volume is: the standard deviation of what differs from voxel to voxel in homogeneous material.
 //!
-//! Of every aligned cube of 2 x 2 x 2 voxels the mixed third difference is taken: the sum of its eight values, each with the
-//! sign of the product of the three axes' signs. It vanishes for whatever is trilinear there, and grows by `sqrt 8` from
-//! independent noise. Counts go by the cube's mean, so that constant air does not hide a material's noise, and by the size of the
-//! difference. Sums of integers: the same whatever parts a volume is counted in (docs/adr/0009-light-from-noise.md).
+//! Of every aligned cube of 2 x 2 x 2 voxels the mixed third difference is taken: the sum of its eight values, each
+//! with the sign of the product of the three axes' signs. It vanishes for whatever is trilinear there, and grows by
+//! `sqrt 8` from independent noise. Counts go by the cube's mean, so that constant air does not hide a material's
+//! noise, and by the size of the difference. Sums of integers: the same whatever parts a volume is counted in
+//! (docs/adr/0009-light-from-noise.md).
 
 use rayon::prelude::*;
 
@@ -45,8 +46,8 @@ impl NoiseHistogram {
         Self { counts: vec![0; MEANS * DIFFERENCES], shift: if stored_type.bytes() == 1 { 0 } else { 8 } }
     }
 
-    /// Counts the cubes of a box of `[nx, ny]` voxels a plane, x fastest, whose lowest corner has even coordinates in the volume.
-    /// Cubes with a voxel that is not `known` are left out, and so is what is over where a side is odd.
+    /// Counts the cubes of a box of `[nx, ny]` voxels a plane, x fastest, whose lowest corner has even coordinates in
+    /// the volume. Cubes with a voxel that is not `known` are left out, and so is what is over where a side is odd.
     pub(crate) fn add<T: Voxel>(&mut self, [nx, ny]: [usize; 2], voxels: &[T], known: impl Fn(T) -> bool + Sync) {
         let rows = ny / 2;
         let units = voxels.len() / (nx * ny).max(1) / 2 * rows;
@@ -119,8 +120,8 @@ impl NoiseHistogram {
     }
 }
 
-/// Noise of `sigma` groups' widths spreads the means of eight voxels over groups beside the `i`th one; what stands alone there is
-/// an edge that many cubes share by symmetry.
+/// Noise of `sigma` groups' widths spreads the means of eight voxels over groups beside the `i`th one; what stands
+/// alone there is an edge that many cubes share by symmetry.
 fn is_spread(cubes: &[u64], i: usize, sigma: f64) -> bool {
     let reach = (sigma / 8.0_f64.sqrt()).round() as usize;
     if reach == 0 {

@@ -23,7 +23,8 @@ pub struct PrepareOptions {
     pub source_bytes: Option<u64>,
     /// Find regions that rays leap through; by default none.
     pub regions: Option<RegionOptions>,
-    /// The most voxels of a plane that are held at once: planes of more are prepared in tiles. The store does not depend on it.
+    /// The most voxels of a plane that are held at once: planes of more are prepared in tiles. The store does not
+    /// depend on it.
     pub tile_voxels: u64,
 }
 
@@ -35,8 +36,8 @@ pub struct RegionOptions {
     pub min_region: u64,
 }
 
-/// Where regions come from; `range` is the largest difference within a region, a share (above 0, at most 1) of the range
-/// that the store's codes are stretched over.
+/// Where regions come from; `range` is the largest difference within a region, a share (above 0, at most 1) of the
+/// range that the store's codes are stretched over.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Segmentation {
     /// Components of value windows, which are placed at the histogram's masses.

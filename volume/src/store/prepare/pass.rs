@@ -51,7 +51,8 @@ impl<'a> Pass<'a> {
         Ok(self.source.rewind()?)
     }
 
-    /// How voxels of 32 and 64 bits are mapped to 16, after a pass of their own; `None` for types that are stored as they are.
+    /// How voxels of 32 and 64 bits are mapped to 16, after a pass of their own; `None` for types that are stored as
+    /// they are.
     pub(crate) fn mapping(
         &mut self,
         range: Option<(f64, f64)>,

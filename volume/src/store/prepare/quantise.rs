@@ -1,4 +1,5 @@
-//! From 32- and 64-bit sources to 16-bit stored numbers: a first pass finds the finite values' bounds, the second maps them.
+//! From 32- and 64-bit sources to 16-bit stored numbers: a first pass finds the finite values' bounds, the second maps
+//! them.
 
 use rayon::prelude::*;
 

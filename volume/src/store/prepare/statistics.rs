@@ -14,7 +14,8 @@ impl Statistics {
         Self { histogram: Histogram::new(), noise: NoiseHistogram::new(stored_type) }
     }
 
-    /// Counts whole planes of `nx * ny` voxels, the first of which has an even z. Noise leaves out what stands for no data.
+    /// Counts whole planes of `nx * ny` voxels, the first of which has an even z. Noise leaves out what stands for no
+    /// data.
     pub(crate) fn add<T: Voxel>(&mut self, plane: [usize; 2], voxels: &[T], no_data: Option<u16>) {
         self.histogram.add(voxels);
         match no_data {

@@ -90,10 +90,11 @@ impl ChunkCache {
         self.shared.lock().resident_bytes
     }
 
-    /// Gives `take` each of `chunks`, in any order: from the cache, from `load`, or from the thread that decodes it just now.
+    /// Gives `take` each of `chunks`, in any order: from the cache, from `load`, or from the thread that decodes it
+    /// just now.
     ///
-    /// `load` gets all that nobody has, to fetch them together, and decodes each as it is asked for the next. In this thread:
-    /// others wait for it, so it must wait for none of them.
+    /// `load` gets all that nobody has, to fetch them together, and decodes each as it is asked for the next. In this
+    /// thread: others wait for it, so it must wait for none of them.
     pub(crate) fn get<L: Iterator<Item = Result<Decoded, StoreError>>>(
         &self,
         store: StoreHash,
@@ -311,7 +312,8 @@ mod tests {
         }
     }
 
-    /// Reads that overlap in every way, each with all it needs in one call: every chunk comes once, and is decoded once.
+    /// Reads that overlap in every way, each with all it needs in one call: every chunk comes once, and is decoded
+    /// once.
     #[test]
     fn reads_that_share_chunks_wait_for_each_other_and_end() {
         let cache = ChunkCache::new(1 << 20);

@@ -1,4 +1,5 @@
-//! Everything that is wrong with a store's folder: what is broken, what is missing, and what the manifest does not name.
+//! Everything that is wrong with a store's folder: what is broken, what is missing, and what the manifest does not
+//! name.
 
 use std::io;
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! Whole planes of a volume that was just written, as stretched codes: later passes read the store, not the input again.
+//! Whole planes of a volume that was just written, as stretched codes: later passes read the store, not the input
+//! again.
 
 use glam::UVec3;
 use rayon::prelude::*;
@@ -21,7 +22,8 @@ impl CodePlanes<'_> {
         self.volume_dims.x as usize * self.volume_dims.y as usize
     }
 
-    /// Replaces `codes` by those of the planes `z0..z1`, x fastest. Memory beside them: one layer of decoded inner chunks.
+    /// Replaces `codes` by those of the planes `z0..z1`, x fastest. Memory beside them: one layer of decoded inner
+    /// chunks.
     pub(crate) fn read(&self, z0: u32, z1: u32, codes: &mut Vec<u16>) -> Result<(), StoreError> {
         let (plane, edge) = (self.plane(), CHUNK_EDGE as usize);
         let nx = self.volume_dims.x as usize;

@@ -11,8 +11,8 @@ use crate::store::brick_ranges::BrickRanges;
 use crate::store::error::StoreError;
 use crate::store::manifest::Manifest;
 
-/// Bricks of one volume that never changes, read from any number of threads. A [`Store`] is one such source; another kind of store
-/// would be one too, and make what it lacks (ranges, halos) as it is read.
+/// Bricks of one volume that never changes, read from any number of threads. A [`Store`] is one such source; another
+/// kind of store would be one too, and make what it lacks (ranges, halos) as it is read.
 pub trait BrickSource: Debug + Send + Sync {
     /// Equal hashes mean equal bricks.
     fn hash(&self) -> StoreHash;
@@ -38,7 +38,8 @@ pub trait BrickSource: Debug + Send + Sync {
     /// A brick outside the grid, too many ghost layers; what is broken or missing, by name.
     fn read_brick(&self, brick: BrickIndex, ghost: u32, cache: &ChunkCache) -> Result<BrickVoxels, StoreError>;
 
-    /// Labels and distances of the brick's owned box grown by `margin` voxels, clamped at the volume's edge. In the calling thread.
+    /// Labels and distances of the brick's owned box grown by `margin` voxels, clamped at the volume's edge. In the
+    /// calling thread.
     ///
     /// # Errors
     /// As [`BrickSource::read_brick`]; no regions.

@@ -33,7 +33,8 @@ use crate::store::shard::tail::TailLayout;
 /// The most ghost layers that a read may ask for.
 pub const MAX_GHOST: u32 = 64;
 
-/// Inner chunks that are fetched together, at most: 2 MiB of voxels of 16 bits, which a read then holds beside the cache.
+/// Inner chunks that are fetched together, at most: 2 MiB of voxels of 16 bits, which a read then holds beside the
+/// cache.
 const AT_ONCE: usize = 256;
 
 /// An open, finished store. Cheap to clone; reads from any number of threads.
@@ -58,8 +59,8 @@ struct Inner {
 }
 
 impl Store {
-    /// Opens a store after checking that it is finished: the manifest, the hashes of all small files, and that every shard
-    /// is there in its full length. Contents of shards are checked as they are read, see [`Store::verify`].
+    /// Opens a store after checking that it is finished: the manifest, the hashes of all small files, and that every
+    /// shard is there in its full length. Contents of shards are checked as they are read, see [`Store::verify`].
     ///
     /// # Errors
     /// Not a finished store, unknown version, a file that is not the one that the manifest speaks of.
@@ -67,7 +68,8 @@ impl Store {
         Self::open_objects(Arc::new(StoreFolder::free(path)))
     }
 
-    /// The same of a store that may be in a [`Jail`](crate::store::Jail): its files are opened through `folder`, now and later.
+    /// The same of a store that may be in a [`Jail`](crate::store::Jail): its files are opened through `folder`, now
+    /// and later.
     ///
     /// # Errors
     /// As [`Store::open`]; a file that leads out of the jail.
@@ -164,8 +166,8 @@ impl Store {
         self.inner.regions.as_ref()
     }
 
-    /// The brick's owned box grown by `ghost`, clamped at the volume's edge. What is beyond the owned box comes from the
-    /// brick's halo; from the neighbours, through `cache`, where that does not reach.
+    /// The brick's owned box grown by `ghost`, clamped at the volume's edge. What is beyond the owned box comes from
+    /// the brick's halo; from the neighbours, through `cache`, where that does not reach.
     ///
     /// Decodes in the calling thread: read several bricks at once for speed.
     ///

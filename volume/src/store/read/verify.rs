@@ -11,8 +11,9 @@ use crate::store::progress::{Phase, Progress};
 use crate::store::shard::read::Shards;
 
 impl Store {
-    /// Reads every shard and halo, decodes every inner chunk and record, and compares all bytes with the manifest's hashes. A chunk (or
-    /// a halo's brick and layer) is named where one is broken; bytes that belong to no chunk are found by the shard's hash.
+    /// Reads every shard and halo, decodes every inner chunk and record, and compares all bytes with the manifest's
+    /// hashes. A chunk (or a halo's brick and layer) is named where one is broken; bytes that belong to no chunk are
+    /// found by the shard's hash.
     ///
     /// # Errors
     /// The first damage found; [`crate::store::inspect`] finds all.
@@ -41,7 +42,8 @@ impl Store {
 }
 
 impl Shards {
-    /// Reads a shard once and decodes every inner chunk: what is missing, cut or broken of it. Bytes of no chunk count as the file's.
+    /// Reads a shard once and decodes every inner chunk: what is missing, cut or broken of it. Bytes of no chunk count
+    /// as the file's.
     pub(crate) fn faults(&self, shard: ShardIndex) -> Vec<StoreError> {
         match self.decoded(shard) {
             Ok(broken) => broken,

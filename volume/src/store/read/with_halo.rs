@@ -11,8 +11,8 @@ use crate::store::halo::shell::core_chunks;
 use crate::store::shard::read::Shards;
 
 impl Store {
-    /// The elements of one array in a box about a brick, from the brick's own inner chunks and its halo: `halo_row` gives a part's
-    /// elements from a position of its shell on.
+    /// The elements of one array in a box about a brick, from the brick's own inner chunks and its halo: `halo_row`
+    /// gives a part's elements from a position of its shell on.
     pub(crate) fn read_with_halo<T: Copy + Default, H>(
         &self,
         shards: &Shards,

@@ -11,12 +11,13 @@ pub enum RegionsError {
     #[error("the label volume has {got:?} voxels, the volume {want:?}; labels must lie on the volume's own grid")]
     LabelDims { got: [u32; 3], want: [u32; 3] },
     #[error(
-        "the label volume lies elsewhere than the volume: it has {got}, the volume {want}. Labels must lie on the volume's own grid, in \
-         its order: resample them to it, or correct the header that is wrong"
+        "the label volume lies elsewhere than the volume: it has {got}, the volume {want}. Labels must lie on the \
+         volume's own grid, in its order: resample them to it, or correct the header that is wrong"
     )]
     LabelPlace { got: String, want: String },
     #[error(
-        "the label volume holds {got}; labels must be whole numbers: uint8, int8, uint16, int16, uint32, int32, uint64 or int64"
+        "the label volume holds {got}; labels must be whole numbers: uint8, int8, uint16, int16, uint32, int32, uint64 \
+         or int64"
     )]
     LabelType { got: &'static str },
     #[error("the label volume holds the label {got}; labels must fit into 32 bits: number them anew")]
@@ -24,13 +25,13 @@ pub enum RegionsError {
     #[error("the label volume has more than {max} labels; leave those of few voxels out (0 is no region)")]
     TooManyLabels { max: usize },
     #[error(
-        "the flood fill found more than {max} regions; use a larger --segmentation-range, or --segmentation windows with \
-         --min-region"
+        "the flood fill found more than {max} regions; use a larger --segmentation-range, or --segmentation windows \
+         with --min-region"
     )]
     TooManyFlooded { max: usize },
     #[error(
-        "a flood fill of {voxels} voxels needs 6 bytes a voxel and its queue in memory, which the system does not give; use \
-         --segmentation windows"
+        "a flood fill of {voxels} voxels needs 6 bytes a voxel and its queue in memory, which the system does not \
+         give; use --segmentation windows"
     )]
     FloodMemory { voxels: u64 },
     #[error(
@@ -39,8 +40,8 @@ pub enum RegionsError {
     )]
     FloodTooLarge { voxels: u64 },
     #[error(
-        "regions hold whole planes: this volume needs at least {need} bytes of memory for them, {available} are free; prepare it \
-         without --segmentation-range and --labels, or use a machine with more"
+        "regions hold whole planes: this volume needs at least {need} bytes of memory for them, {available} are free; \
+         prepare it without --segmentation-range and --labels, or use a machine with more"
     )]
     Memory { need: u64, available: u64 },
     #[error("the volume has more than {MAX_REGIONS} regions; leave small ones out with a larger --min-region")]

@@ -126,8 +126,8 @@ impl FactsBuilder {
         self.bricks.iter().map(Gathered::facts).collect()
     }
 
-    /// The smallest number of voxels that regions must have for every brick to have slots for all of its regions with leap
-    /// voxels; nothing where that is so already.
+    /// The smallest number of voxels that regions must have for every brick to have slots for all of its regions with
+    /// leap voxels; nothing where that is so already.
     pub(crate) fn needed_min_region(&self, regions: &RegionTable) -> Option<u64> {
         let crowded = self.bricks.iter().filter(|b| b.leaping.len() > MAX_SLOTS);
         let needed = crowded.map(|brick| {

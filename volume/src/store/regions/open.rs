@@ -30,7 +30,8 @@ pub(crate) struct StoreRegions {
 }
 
 impl StoreRegions {
-    /// Checks all that [`Store::open`](crate::store::Store::open) checks of the volume; nothing where the store has no regions.
+    /// Checks all that [`Store::open`](crate::store::Store::open) checks of the volume; nothing where the store has no
+    /// regions.
     pub(crate) fn open(
         objects: &Arc<dyn Objects>,
         manifest: &Manifest,

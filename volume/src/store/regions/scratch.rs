@@ -1,4 +1,5 @@
-//! Files that live as long as the work on a store: what a pass leaves for the next one, so that memory need not hold it.
+//! Files that live as long as the work on a store: what a pass leaves for the next one, so that memory need not hold
+//! it.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};

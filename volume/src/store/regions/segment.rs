@@ -1,8 +1,8 @@
 //! Regions of a volume that was just written: its distances, its regions, and the files that say so.
 //!
-//! Passes over the voxels, each in slabs of whole planes read back from the shards: distances forward, distances backward
-//! (scratch file only), components, labels. What one pass must tell the next lies in scratch files; memory holds a slab, the
-//! nodes of its components, and the regions.
+//! Passes over the voxels, each in slabs of whole planes read back from the shards: distances forward, distances
+//! backward (scratch file only), components, labels. What one pass must tell the next lies in scratch files; memory
+//! holds a slab, the nodes of its components, and the regions.
 
 use std::collections::HashMap;
 use std::path::Path;

@@ -66,8 +66,8 @@ pub(crate) fn write_regions(
         let attempt = write_once(segmenter, &mut found, &table, &label_of_kept, manifest.grid, root)?;
         let Some(needed) = attempt.facts.needed_min_region(&table) else { break (table, label_of_kept, attempt) };
         note = Some(format!(
-            "regions below {needed} voxels were left out ({min_region} was asked for): a brick had more regions than a brick's \
-             table holds"
+            "regions below {needed} voxels were left out ({min_region} was asked for): a brick had more regions than a \
+             brick's table holds"
         ));
         min_region = needed;
         for array in [StoreArray::Labels, StoreArray::Distances] {

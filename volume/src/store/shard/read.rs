@@ -94,7 +94,8 @@ impl Shards {
         self.read_chunks(&[chunk])?.next().transpose().map(Option::flatten)
     }
 
-    /// The same of several, in their order. They are fetched at once, a read of each shard; each is decoded as it is taken.
+    /// The same of several, in their order. They are fetched at once, a read of each shard; each is decoded as it is
+    /// taken.
     pub(crate) fn read_chunks(
         &self,
         chunks: &[InnerChunk],

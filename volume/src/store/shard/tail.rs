@@ -1,7 +1,8 @@
 //! The end of a shard's file: the checksums of its inner chunks, and the index that says where they lie.
 //!
-//! The table of shards holds the hash of all that, and the manifest the table's. A checksum beside its own chunk says that the chunk is
-//! whole, not that it is this store's: of noise, every chunk has one length, so the indices of different volumes are the same bytes.
+//! The table of shards holds the hash of all that, and the manifest the table's. A checksum beside its own chunk says
+//! that the chunk is whole, not that it is this store's: of noise, every chunk has one length, so the indices of
+//! different volumes are the same bytes.
 
 use super::record::ShardRecord;
 use crate::store::codec;

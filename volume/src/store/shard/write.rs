@@ -1,5 +1,5 @@
-//! Shards are written append-only, those of one z of a tile at a time: inner chunks as their slab comes, the index when the last
-//! slab has come. Memory holds their ends (indices and checksums), never a shard.
+//! Shards are written append-only, those of one z of a tile at a time: inner chunks as their slab comes, the index when
+//! the last slab has come. Memory holds their ends (indices and checksums), never a shard.
 
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
@@ -47,7 +47,8 @@ impl ShardWriter {
         Self { root: root.to_path_buf(), array, grid, row: Vec::new(), table: vec![None; grid.count() as usize] }
     }
 
-    /// Takes a tile's planes of the `cz`-th layer of inner chunks, x fastest; all layers of a tile come in order before the next tile's.
+    /// Takes a tile's planes of the `cz`-th layer of inner chunks, x fastest; all layers of a tile come in order before
+    /// the next tile's.
     pub(crate) fn add<T: Cell>(&mut self, tile: &Tile, cz: u32, slab: &[T]) -> Result<(), StoreError> {
         if cz.is_multiple_of(CHUNKS_PER_EDGE) {
             self.start_row(tile, cz / CHUNKS_PER_EDGE)?;

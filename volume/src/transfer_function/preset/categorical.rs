@@ -29,8 +29,8 @@ struct Cell {
     opacity: f64,
 }
 
-/// True where a preset's colours are for annotated values. One with colours of either kind counts as continuous where it has no
-/// annotations.
+/// True where a preset's colours are for annotated values. One with colours of either kind counts as continuous where
+/// it has no annotations.
 pub(super) fn is_categorical(preset: &Map<String, Value>) -> bool {
     let filled = |key: &str| preset.get(key).and_then(Value::as_array).is_some_and(|list| !list.is_empty());
     filled("IndexedColors") && (filled("Annotations") || !preset.contains_key("RGBPoints"))

@@ -6,8 +6,8 @@ use crate::transfer_function::function::{MAX_POINTS, TransferFunctionError};
 
 /// The longest file that is read, bytes.
 pub const MAX_BYTES: usize = 16 << 20;
-/// The most control points of a list with curves between them, which are resampled into at most [`MAX_POINTS`] points; linear
-/// lists may have as many.
+/// The most control points of a list with curves between them, which are resampled into at most [`MAX_POINTS`] points;
+/// linear lists may have as many.
 pub const MAX_NODES: usize = MAX_POINTS / 4;
 
 /// What is wrong with a preset, and where.

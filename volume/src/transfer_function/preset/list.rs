@@ -24,8 +24,8 @@ enum Content {
 }
 
 impl PresetList {
-    /// Takes the text of a file apart: a 3D Slicer volume property where `file` ends in `.vp`, ParaView's older XML where
-    /// the text begins as such, else JSON, a list of presets or one.
+    /// Takes the text of a file apart: a 3D Slicer volume property where `file` ends in `.vp`, ParaView's older XML
+    /// where the text begins as such, else JSON, a list of presets or one.
     ///
     /// # Errors
     /// Malformed text, nothing in it, a file over the limit. What a preset holds is not looked at.
@@ -52,7 +52,8 @@ impl PresetList {
     /// The preset called `wanted`; without one, the first of the file, with a note that names the others.
     ///
     /// # Errors
-    /// No such name, or several; a preset that cannot be used: its field and why, and for the first one which others can be.
+    /// No such name, or several; a preset that cannot be used: its field and why, and for the first one which others
+    /// can be.
     pub fn choose(&self, wanted: Option<&str>, options: &PresetOptions) -> Result<Preset, PresetError> {
         self.chosen(wanted, options).map_err(|kind| PresetError { file: self.file.clone(), kind })
     }
@@ -100,24 +101,24 @@ impl PresetList {
 impl Preset {
     /// Parses the text of a preset, the first of several; `file` is how errors call it.
     ///
-    /// Keys: `RGBPoints` [x, r, g, b, ...], `Points` [x, opacity, midpoint, sharpness, ...], `ColorSpace` (RGB, Lab, HSV,
-    /// Diverging, Step; absent: RGB), `HSVWrap` (absent: false, as ParaView writes it), `Name`. Others are ignored. A repeated
-    /// x is a step. A categorical preset has `IndexedColors` [r, g, b, ...], `Annotations` [value, label, ...] and perhaps
-    /// `IndexedOpacities` [opacity, ...].
+    /// Keys: `RGBPoints` [x, r, g, b, ...], `Points` [x, opacity, midpoint, sharpness, ...], `ColorSpace` (RGB, Lab,
+    /// HSV, Diverging, Step; absent: RGB), `HSVWrap` (absent: false, as ParaView writes it), `Name`. Others are
+    /// ignored. A repeated x is a step. A categorical preset has `IndexedColors` [r, g, b, ...], `Annotations` [value,
+    /// label, ...] and perhaps `IndexedOpacities` [opacity, ...].
     ///
     /// # Errors
-    /// Malformed JSON (line and column), a wrong shape or value (JSON path), files and lists over the limits, a range to
-    /// rescale to that is not `LO < HI`.
+    /// Malformed JSON (line and column), a wrong shape or value (JSON path), files and lists over the limits, a range
+    /// to rescale to that is not `LO < HI`.
     pub fn from_json(file: &str, text: &str, options: &PresetOptions) -> Result<Self, PresetError> {
         PresetList::from_json(file, text)?.choose(None, options)
     }
 
-    /// Parses the text of a 3D Slicer volume property (`.vp`): its colours and scalar opacities. Lighting is left out, and
-    /// so is gradient opacity, of which [`Preset::notes`] tells.
+    /// Parses the text of a 3D Slicer volume property (`.vp`): its colours and scalar opacities. Lighting is left out,
+    /// and so is gradient opacity, of which [`Preset::notes`] tells.
     ///
     /// # Errors
-    /// A line that is missing or holds something else (its number and what was expected there), a range to rescale to that
-    /// is not `LO < HI`.
+    /// A line that is missing or holds something else (its number and what was expected there), a range to rescale to
+    /// that is not `LO < HI`.
     pub fn from_volume_property(file: &str, text: &str, options: &PresetOptions) -> Result<Self, PresetError> {
         read::parse_property(text, options).map_err(|kind| PresetError { file: file.to_owned(), kind })
     }

@@ -1,5 +1,5 @@
-//! Files of transfer functions: ParaView's colour-map presets, a list of presets or one bare preset, as JSON or in the older
-//! XML; and 3D Slicer's volume properties.
+//! Files of transfer functions: ParaView's colour-map presets, a list of presets or one bare preset, as JSON or in the
+//! older XML; and 3D Slicer's volume properties.
 
 mod categorical;
 mod curves;

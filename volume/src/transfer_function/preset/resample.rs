@@ -35,8 +35,8 @@ impl<const N: usize> Node<N> {
         self.midpoint.clamp(MIDPOINT_MARGIN, 1.0 - MIDPOINT_MARGIN)
     }
 
-    /// The shape that midpoint and sharpness ask for: piecewise constant above a sharpness of 0.99, piecewise linear below
-    /// 0.01 (`vtkPiecewiseFunction::GetTable`).
+    /// The shape that midpoint and sharpness ask for: piecewise constant above a sharpness of 0.99, piecewise linear
+    /// below 0.01 (`vtkPiecewiseFunction::GetTable`).
     pub(super) fn shape_to(&self, next: &Self) -> Shape {
         if self.values == next.values {
             Shape::Linear
@@ -52,8 +52,8 @@ impl<const N: usize> Node<N> {
 
 /// The value at the fraction `s` of the way between two nodes, for a curve: VTK's "modified Hermite"
 /// (`vtkPiecewiseFunction::GetTable`). `s` is bent so that 0.5 lies at the midpoint and then drawn towards it by
-/// `0.5 (2 s)^(1 + 10 sharpness)`; a cubic Hermite curve follows whose slope at both ends is `(1 - sharpness) (y1 - y0)`.
-/// Below a sharpness of 0.01: linear from either end to the mean at the midpoint.
+/// `0.5 (2 s)^(1 + 10 sharpness)`; a cubic Hermite curve follows whose slope at both ends is
+/// `(1 - sharpness) (y1 - y0)`. Below a sharpness of 0.01: linear from either end to the mean at the midpoint.
 pub(super) fn shaped(node: &Node<1>, next: &Node<1>, s: f64) -> f64 {
     let (y0, y1, sharpness, middle) = (node.values[0], next.values[0], node.sharpness, node.middle());
     let bent = if s < middle { 0.5 * s / middle } else { 0.5 + 0.5 * (s - middle) / (1.0 - middle) };
@@ -69,16 +69,17 @@ pub(super) fn shaped(node: &Node<1>, next: &Node<1>, s: f64) -> f64 {
     y.clamp(y0.min(y1), y0.max(y1))
 }
 
-/// How closely pieces follow a curve: the coarser ones serve presets of so many nodes that the finest would exceed the limit.
+/// How closely pieces follow a curve: the coarser ones serve presets of so many nodes that the finest would exceed the
+/// limit.
 const TOLERANCES: [f64; 3] = [1e-4, 1e-3, 1e-2];
 /// Pieces of either half of a curve before refinement.
 const FIRST_PIECES: u32 = 8;
 /// Each of them is halved at most this often.
 const HALVINGS: u32 = 7;
 
-/// Points of strictly increasing x, at most `limit` of them where `nodes` leave that possible (four times their count). `nodes`
-/// are sorted by x; of several at one x the first counts from the left and the last from the right: the step is two points
-/// an ulp apart.
+/// Points of strictly increasing x, at most `limit` of them where `nodes` leave that possible (four times their count).
+/// `nodes` are sorted by x; of several at one x the first counts from the left and the last from the right: the step is
+/// two points an ulp apart.
 pub(super) fn resample<const N: usize>(
     nodes: &[Node<N>],
     limit: usize,
@@ -158,8 +159,8 @@ impl<const N: usize> Points<N> {
         self.push(to.x, to.values);
     }
 
-    /// Appends the points that keep the way from `left` to `right` (fractions, values) within `tolerance`, ends excluded.
-    /// Three probes: a curve symmetric to its middle deceives a single one.
+    /// Appends the points that keep the way from `left` to `right` (fractions, values) within `tolerance`, ends
+    /// excluded. Three probes: a curve symmetric to its middle deceives a single one.
     fn refine(
         &mut self,
         left: (f64, [f64; N]),

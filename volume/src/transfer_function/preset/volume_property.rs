@@ -1,8 +1,9 @@
 //! 3D Slicer's volume property files (`.vp`), as `vtkMRMLVolumePropertyStorageNode` writes them.
 //!
-//! Nine lines: interpolation type, shading on or off, diffuse, ambient and specular reflection, specular power, scalar opacity,
-//! gradient opacity, colour. The last three each hold a count of numbers and the numbers: value and opacity, gradient and
-//! opacity, value and red, green, blue of every point. All are linear in between; a repeated value is a step.
+//! Nine lines: interpolation type, shading on or off, diffuse, ambient and specular reflection, specular power, scalar
+//! opacity, gradient opacity, colour. The last three each hold a count of numbers and the numbers: value and opacity,
+//! gradient and opacity, value and red, green, blue of every point. All are linear in between; a repeated value is a
+//! step.
 
 use super::error::{MAX_BYTES, PresetErrorKind};
 use super::resample::Node;

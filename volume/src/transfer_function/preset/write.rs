@@ -7,7 +7,8 @@ use crate::transfer_function::function::TransferFunction;
 
 impl Preset {
     /// The preset as JSON, one point a line: RGB points as they are (linear in RGB), and `Points` where the preset has
-    /// opacities. Numbers are written so that they read back as the same bits: [`Preset::from_json`] gives the same function.
+    /// opacities. Numbers are written so that they read back as the same bits: [`Preset::from_json`] gives the same
+    /// function.
     #[must_use]
     pub fn to_json(&self) -> String {
         let name = serde_json::Value::from(self.name.as_deref().unwrap_or("brickcast"));

@@ -1,5 +1,5 @@
-//! ParaView's older colour maps: XML, `<ColorMap name space><Point x o r g b/>...</ColorMap>`, one or several in a file. They
-//! become presets in the keys of the JSON form and are checked there.
+//! ParaView's older colour maps: XML, `<ColorMap name space><Point x o r g b/>...</ColorMap>`, one or several in a
+//! file. They become presets in the keys of the JSON form and are checked there.
 
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};

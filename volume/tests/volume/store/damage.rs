@@ -196,7 +196,8 @@ fn cut_grown_missing_and_forged_shards_are_named() {
     );
 }
 
-/// Two volumes of noise that does not compress: all chunks of one length, so that the shards' indices are the same bytes.
+/// Two volumes of noise that does not compress: all chunks of one length, so that the shards' indices are the same
+/// bytes.
 fn twins(dir: &Path) -> [PathBuf; 2] {
     [0, 0x5A].map(|flip| {
         let path = dir.join(format!("twin{flip}"));

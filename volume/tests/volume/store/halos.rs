@@ -46,9 +46,9 @@ fn core_voxels(store: &Store, brick: BrickIndex) -> u64 {
     (owned.hi / CHUNK_EDGE * CHUNK_EDGE).saturating_sub(owned.lo).as_u64vec3().element_product()
 }
 
-/// Reads each brick in every width that its halo serves and beyond, and plainly from the inner chunks of its neighbourhood. Both
-/// must say the same, and the first must decode the brick's own inner chunks and just the shells up to that width, where
-/// none is the fill value: each voxel of the grown box once.
+/// Reads each brick in every width that its halo serves and beyond, and plainly from the inner chunks of its
+/// neighbourhood. Both must say the same, and the first must decode the brick's own inner chunks and just the shells up
+/// to that width, where none is the fill value: each voxel of the grown box once.
 pub(crate) fn check(store: &Store, dense: bool) {
     let manifest = store.manifest();
     let voxel_bytes = manifest.stored_type.bytes() as u64;

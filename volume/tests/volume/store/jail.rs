@@ -70,7 +70,8 @@ impl Site {
     }
 }
 
-/// What reads need, replaced after the store was opened: the file that was wanted is named, and once it is back all is well.
+/// What reads need, replaced after the store was opened: the file that was wanted is named, and once it is back all is
+/// well.
 #[test]
 fn what_becomes_a_link_that_leads_out_after_opening_is_refused_by_name() {
     let site = Site::new();

@@ -1,4 +1,5 @@
-//! Voxels without data: NaN and declared fill values are code 0 and nothing else is, no statistic counts them, no region has them.
+//! Voxels without data: NaN and declared fill values are code 0 and nothing else is, no statistic counts them, no
+//! region has them.
 
 use brickcast_volume::format::{RawHints, VoxelType};
 use brickcast_volume::store::{
@@ -32,8 +33,8 @@ fn places() -> impl Iterator<Item = [u32; 3]> {
     (0..nz).flat_map(move |z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])))
 }
 
-/// Every voxel of a store's bricks and their ghosts against the volume, the ranges and the flags with them; returns how many
-/// bricks meet no data at all.
+/// Every voxel of a store's bricks and their ghosts against the volume, the ranges and the flags with them; returns how
+/// many bricks meet no data at all.
 fn check_bricks(volume: &Volume, store: &Store) -> usize {
     let (manifest, cache) = (store.manifest(), ChunkCache::new(8 << 20));
     let (lo, hi) = manifest.data_range;
@@ -154,7 +155,8 @@ fn several_fill_values_are_one_and_one_that_is_nowhere_is_none() {
     assert_eq!(plain.hash, nowhere.hash);
 }
 
-/// Values as low as can be beside the holes: in a region of their own, never in one with the holes, which belong to none.
+/// Values as low as can be beside the holes: in a region of their own, never in one with the holes, which belong to
+/// none.
 #[test]
 fn no_region_reaches_into_a_hole() {
     let dims = [48, 40, 36];

@@ -27,7 +27,8 @@ fn prepared(volume: &Volume, rescale: Rescale, range: Option<(f64, f64)>) -> (Pr
     (summary, bricks.flat_map(|brick| store.read_brick(brick, 1, &cache).unwrap().codes).collect())
 }
 
-/// The codes are those of the numbers, since both ends of the range are mapped; what the manifest says in values is mapped.
+/// The codes are those of the numbers, since both ends of the range are mapped; what the manifest says in values is
+/// mapped.
 #[test]
 fn a_mapped_input_has_the_codes_of_its_numbers_and_says_its_values() {
     let rescale = Rescale::new(0.25, -1024.0).unwrap();

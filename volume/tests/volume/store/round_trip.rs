@@ -19,8 +19,8 @@ const ALL_TYPES: [VoxelType; 10] = [
     VoxelType::F64,
 ];
 
-/// Reads every brick of the volume's store and compares each code with the definition. `slack` codes may differ: 0 where
-/// voxels are kept as they are; where they are mapped to 16 bits, half a step there and half a code here.
+/// Reads every brick of the volume's store and compares each code with the definition. `slack` codes may differ: 0
+/// where voxels are kept as they are; where they are mapped to 16 bits, half a step there and half a code here.
 fn check(volume: &Volume, options: &PrepareOptions, ghost: u32, slack: u16) {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("s");
@@ -117,8 +117,8 @@ fn whole_numbers_in_wide_types_survive_exactly() {
     }
 }
 
-/// Neighbours' voxels come from halos, and what those do not reach through the cache, so ghost layers must not multiply the
-/// decoding. The cache holds five layers of inner chunks, of the 32 that the volume has.
+/// Neighbours' voxels come from halos, and what those do not reach through the cache, so ghost layers must not multiply
+/// the decoding. The cache holds five layers of inner chunks, of the 32 that the volume has.
 #[test]
 fn decoded_bytes_stay_near_owned_bytes() {
     let volume = noisy([128, 128, 512], VoxelType::U8);

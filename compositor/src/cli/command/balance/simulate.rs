@@ -30,9 +30,9 @@ fn text(outcome: &Outcome) -> String {
     let [x, y, z] = outcome.dims;
     let Spec { nodes, views, size, .. } = outcome.spec;
     let head = format!(
-        "{nodes} nodes with memory for {}, {x} x {y} x {z} chunks ({} show something), {views} views of {size} x {size} pixels\n\
-         max/mean: largest load over the mean of the present nodes, without the first {} views; total: time of all these \
-         views over that of even nodes; as usual: max/mean at most 1.10, or the strategy's mean\n",
+        "{nodes} nodes with memory for {}, {x} x {y} x {z} chunks ({} show something), {views} views of {size} x \
+         {size} pixels\nmax/mean: largest load over the mean of the present nodes, without the first {} views; total: \
+         time of all these views over that of even nodes; as usual: max/mean at most 1.10, or the strategy's mean\n",
         bytes(outcome.budget),
         outcome.shown,
         outcome.warm_up,

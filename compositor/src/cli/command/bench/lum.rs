@@ -1,4 +1,5 @@
-//! `brickcast bench --table lum`: how fast a picture converges with the step, sampled and pre-integrated, or lit in two ways.
+//! `brickcast bench --table lum`: how fast a picture converges with the step, sampled and pre-integrated, or lit in two
+//! ways.
 
 use std::time::Duration;
 

@@ -31,8 +31,8 @@ enum Others<'a> {
 
 impl<'a> Frames<'a> {
     /// # Errors
-    /// As [`ScenePlan::on`](crate::cli::scene::ScenePlan::on); cameras of a sequence that are degenerate; a manifest's scene
-    /// that cannot be drawn of this store.
+    /// As [`ScenePlan::on`](crate::cli::scene::ScenePlan::on); cameras of a sequence that are degenerate; a manifest's
+    /// scene that cannot be drawn of this store.
     pub(super) fn on(plan: &'a ScenesPlan, store: &Manifest) -> Result<Self, Failure> {
         let (first, others) = match plan {
             ScenesPlan::Asked { scene, frames, path, degrees } => {

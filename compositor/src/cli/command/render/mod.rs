@@ -20,8 +20,8 @@ use crate::session::Session;
 pub(crate) use self::manifest::{Origin, manifest};
 
 /// # Errors
-/// Usage before anything opens; failures that name what was wrong; [`Failure::Incomplete`] where a frame was written that
-/// is not complete.
+/// Usage before anything opens; failures that name what was wrong; [`Failure::Incomplete`] where a frame was written
+/// that is not complete.
 pub async fn run(args: RenderArgs, quiet: bool) -> Result<(), Failure> {
     let plan = RenderPlan::of(args)?;
     let source = plan.source.open(&plan.scenes)?;

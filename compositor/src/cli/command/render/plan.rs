@@ -63,8 +63,8 @@ pub(super) struct OutputPlan {
 
 impl RenderPlan {
     /// # Errors
-    /// Usage: values out of range, what contradicts itself, files that would replace each other. Failure: a manifest, or
-    /// the picture beside it, that cannot be read.
+    /// Usage: values out of range, what contradicts itself, files that would replace each other. Failure: a manifest,
+    /// or the picture beside it, that cannot be read.
     pub(super) fn of(args: RenderArgs) -> Result<Self, Failure> {
         let scenes = match &args.picture {
             Some(manifest) => ScenesPlan::Drawn(Redraw::read(manifest, args.check)?),

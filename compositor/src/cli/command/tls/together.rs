@@ -16,8 +16,8 @@ pub(crate) struct NewFile {
     pub(crate) mode: u32,
 }
 
-/// Writes all files into a folder beside the old ones, never readable by others on the way; then they change places. `dir` is made
-/// where it is missing, and goes again where this fails.
+/// Writes all files into a folder beside the old ones, never readable by others on the way; then they change places.
+/// `dir` is made where it is missing, and goes again where this fails.
 ///
 /// # Errors
 /// A folder that cannot be made or written, a full disk, a folder in a file's place.

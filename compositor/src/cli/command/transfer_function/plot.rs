@@ -51,7 +51,8 @@ impl<'a> Plot<'a> {
         if share >= 1.0 { hi } else { lo + (hi - lo) * share }
     }
 
-    /// Smallest and largest opacity in column `i` of `columns`, as shares of the height: a spike between two columns is seen.
+    /// Smallest and largest opacity in column `i` of `columns`, as shares of the height: a spike between two columns is
+    /// seen.
     pub(super) fn curve(&self, i: usize, columns: usize) -> Option<[f64; 2]> {
         if !self.has_opacities {
             return None;

@@ -116,7 +116,8 @@ async fn a_client_that_takes_no_parts_does_not_hold_the_turn() {
     // Until it has filled what lies between.
     tokio::time::sleep(Duration::from_millis(500)).await;
     served.render(&served.order(64, 64)).await.unwrap();
-    // It may take its parts late; none is lost. Had it kept the turn, the other would have waited until it was given up.
+    // It may take its parts late; none is lost. Had it kept the turn, the other would have waited until it was given
+    // up.
     let (parts, receipt) = tokio::time::timeout(Duration::from_secs(60), lazy.finish()).await.unwrap().unwrap();
     assert_eq!(parts.iter().filter(|p| matches!(p.part, Part::Tile(_))).count(), receipt.tiles as usize);
 }

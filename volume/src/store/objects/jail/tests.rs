@@ -163,8 +163,8 @@ fn race(swapped: &str, jail_of: fn(&Path) -> Jail) {
         let started = Instant::now();
         let mut outcome = Ok(());
         for opens in 0.. {
-            // Looking, then opening by path lets something out every 10,000 opens or so. Both outcomes must be met, or nothing
-            // was shown; a busy machine may take its time.
+            // Looking, then opening by path lets something out every 10,000 opens or so. Both outcomes must be met, or
+            // nothing was shown; a busy machine may take its time.
             let enough = opens >= 100_000 && inside > 100 && refused > 100;
             if enough || outcome.is_err() || started.elapsed() > Duration::from_secs(60) {
                 break;

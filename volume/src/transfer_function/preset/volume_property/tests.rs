@@ -144,7 +144,8 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
     #[test]
     fn functions_survive_being_written(function in any_function()) {
-        let preset = Preset { name: Some("any".to_owned()), function, has_opacities: true, is_categorical: false, notes: vec![] };
+        let (name, notes) = (Some("any".to_owned()), Vec::new());
+        let preset = Preset { name, function, has_opacities: true, is_categorical: false, notes };
         prop_assert_eq!(Preset::from_json("p.json", &preset.to_json(), &options()), Ok(preset));
     }
 
