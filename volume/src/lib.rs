@@ -30,6 +30,7 @@ pub mod style;
 pub mod transfer_function;
 pub mod unfinished;
 pub mod visibility;
+mod words;
 
 pub use brick::{BrickGrid, OwnedBox, StoredBox};
 pub use camera::{Camera, Orbit, Projection};

@@ -1,9 +1,9 @@
 //! What a volume looks like, whatever the view.
 
-use super::SceneError;
-use super::words::words;
+use super::error::SceneError;
 use crate::style::{Mode, Style, StyleError};
 use crate::transfer_function::TransferFunction;
+use crate::words::words;
 
 /// Which voxels a picture shows; a sample belongs to its nearest voxel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

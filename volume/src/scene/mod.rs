@@ -1,24 +1,23 @@
 //! What every layer of a frame has in common: the scene, which is a look, a view of it, and a quality.
 
+mod error;
 mod json;
 mod look;
 mod quality;
 mod view;
-mod words;
 
 use std::ops::Deref;
 
 use crate::camera::Camera;
 use crate::space::Geometry;
-use crate::style::StyleError;
 use crate::visibility::{View, ViewError};
 
+pub use self::error::SceneError;
 pub use self::json::SCENE_FIELDS;
 pub use self::look::{Look, RegionView};
 pub use self::quality::{Acceleration, Filter, Leap, LeapKind, MacrocellEdge, Quality, Transport};
 pub use self::view::ViewSpec;
-pub(crate) use self::words::words;
-pub use self::words::{UnknownWord, Word, Words};
+pub use crate::words::{UnknownWord, Word, Words};
 
 /// The parts of a scene, not yet checked together.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,22 +31,6 @@ pub struct SceneParts {
 /// Its parts are read as fields (`scene.look.style`) and changed by [`Scene::with`], which checks again.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene(SceneParts);
-
-#[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum SceneError {
-    #[error("early termination {0}: must lie in (0, 1]; 1 switches it off")]
-    EarlyTermination(f32),
-    #[error("opacity unit {0}: must be finite and positive (world units)")]
-    OpacityUnit(f64),
-    #[error("step {0}: must lie between 0.01 and 16 voxels")]
-    Step(f64),
-    #[error("a macrocell range of {0}: must lie in [0, 1], a share of the store's range")]
-    MacrocellRange(f32),
-    #[error("leap tolerance {0}: must lie in [0, 1]")]
-    LeapTolerance(f32),
-    #[error(transparent)]
-    Style(#[from] StyleError),
-}
 
 impl Scene {
     /// # Errors

@@ -1,7 +1,7 @@
 //! How exactly and how fast a picture is drawn.
 
-use super::SceneError;
-use super::words::words;
+use super::error::SceneError;
+use crate::words::words;
 
 pub use crate::filter::Filter;
 

@@ -17,7 +17,7 @@ use glam::DVec3;
 use crate::Premul;
 use crate::filter::Filter;
 pub use crate::preintegration::TableSize;
-use crate::scene::words;
+use crate::words::words;
 
 /// How a transfer function is integrated between samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -49,11 +49,11 @@ mod tests {
 
     #[test]
     fn what_lies_side_by_side_is_read_once_and_gaps_are_bounded() {
-        assert_eq!(read(&[0..4, 4..9, 9..10], 0).1, [0..10]);
+        assert_eq!(read(&[0..4, 4..9, 9..10], 0).1, std::slice::from_ref(&(0..10)));
         assert_eq!(read(&[0..4, 6..9], 1).1, [0..4, 6..9]);
-        assert_eq!(read(&[6..9, 0..4], 2).1, [0..9]);
+        assert_eq!(read(&[6..9, 0..4], 2).1, std::slice::from_ref(&(0..9)));
         assert_eq!(read(&[0..9, 2..3, 10..11], 0).1, [0..9, 10..11]);
-        assert!(read(&[5..5], 9).1.is_empty());
+        assert!(read(std::slice::from_ref(&(5..5)), 9).1.is_empty());
     }
 
     proptest! {

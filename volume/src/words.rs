@@ -57,29 +57,29 @@ impl std::error::Error for UnknownWord {}
 /// Gives an enum its words, and with them `Display`, `FromStr`, `Serialize` and `Deserialize`.
 macro_rules! words {
     ($option:ident, $what:literal, [$(($value:ident, $word:literal, $help:literal)),+ $(,)?]) => {
-        impl $crate::scene::Words for $option {
+        impl $crate::words::Words for $option {
             const WHAT: &'static str = $what;
-            const WORDS: &'static [$crate::scene::Word<Self>] =
-                &[$($crate::scene::Word { value: Self::$value, word: $word, help: $help }),+];
+            const WORDS: &'static [$crate::words::Word<Self>] =
+                &[$($crate::words::Word { value: Self::$value, word: $word, help: $help }),+];
         }
 
         impl std::fmt::Display for $option {
             fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-                f.pad($crate::scene::Words::word(*self))
+                f.pad($crate::words::Words::word(*self))
             }
         }
 
         impl std::str::FromStr for $option {
-            type Err = $crate::scene::UnknownWord;
+            type Err = $crate::words::UnknownWord;
 
             fn from_str(text: &str) -> Result<Self, Self::Err> {
-                $crate::scene::Words::of_word(text)
+                $crate::words::Words::of_word(text)
             }
         }
 
         impl serde::Serialize for $option {
             fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-                serializer.serialize_str($crate::scene::Words::word(*self))
+                serializer.serialize_str($crate::words::Words::word(*self))
             }
         }
 

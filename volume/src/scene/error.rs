@@ -1,0 +1,19 @@
+//! Why a scene is none.
+
+use crate::style::StyleError;
+
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum SceneError {
+    #[error("early termination {0}: must lie in (0, 1]; 1 switches it off")]
+    EarlyTermination(f32),
+    #[error("opacity unit {0}: must be finite and positive (world units)")]
+    OpacityUnit(f64),
+    #[error("step {0}: must lie between 0.01 and 16 voxels")]
+    Step(f64),
+    #[error("a macrocell range of {0}: must lie in [0, 1], a share of the store's range")]
+    MacrocellRange(f32),
+    #[error("leap tolerance {0}: must lie in [0, 1]")]
+    LeapTolerance(f32),
+    #[error(transparent)]
+    Style(#[from] StyleError),
+}
