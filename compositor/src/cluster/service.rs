@@ -127,6 +127,11 @@ impl NodeClient {
         Self { patience, ..self }
     }
 
+    /// For how long anything but a frame may take.
+    pub(crate) fn patience(&self) -> Duration {
+        self.patience
+    }
+
     /// Resolves when the node leaves: it says that it no longer serves, or the connection breaks. Tells why.
     pub(crate) async fn leaves(&mut self) -> String {
         let mut calmed = 0;

@@ -34,7 +34,7 @@ use crate::plan::{Assignment, InView, StoreFacts};
 
 /// Between two attempts to load on a node that is busy.
 const BUSY_PAUSE: Duration = Duration::from_millis(250);
-/// A node that is busy for longer does not get to load: the others take its share.
+/// A node that is busy for longer does not get to load: the others take its share, where there are any that are not busy.
 const BUSY_LIMIT: Duration = Duration::from_secs(60);
 
 /// A frame, complete or marked as not.
@@ -161,17 +161,20 @@ impl Session {
                 let bricks = table.bricks_of(&look.shown, position);
                 let request = roster.loading(self.id, bricks, scene.clone());
                 let (serial, mut client) = (member.serial, member.client.clone());
-                async move { (serial, client.prepare(request).await) }
+                async move { (serial, client.patience(), client.prepare(request).await) }
             }));
             let (mut again, mut pause, mut fits) = (false, Duration::ZERO, true);
-            for (serial, answer) in answers.await {
+            let answers = answers.await;
+            let all_are_busy = answers.iter().all(|(_, _, answer)| answer.as_ref().is_err_and(|e| e.is_busy()));
+            for (serial, patience, answer) in answers {
+                let limit = if all_are_busy { patience } else { BUSY_LIMIT.min(patience) };
                 match answer {
                     Ok(receipt) => {
                         stats.decoded_bytes += receipt.decoded_bytes;
                         stats.owned_bytes += receipt.owned_bytes;
                         fits &= receipt.fits;
                     }
-                    Err(error) if error.is_busy() && started.elapsed() < BUSY_LIMIT => {
+                    Err(error) if error.is_busy() && started.elapsed() < limit => {
                         (again, pause) = (true, BUSY_PAUSE);
                     }
                     Err(error) => {
