@@ -34,7 +34,7 @@ use crate::plan::{Assignment, InView, StoreFacts};
 
 /// Between two attempts to load on a node that is busy.
 const BUSY_PAUSE: Duration = Duration::from_millis(250);
-/// A node that is busy for longer does not get to load: the others take its share, where there are any that are not busy.
+/// A node that is busy for longer does not get to load: the others take its share, where any is not busy.
 const BUSY_LIMIT: Duration = Duration::from_secs(60);
 
 /// A frame, complete or marked as not.
