@@ -5,6 +5,8 @@ use serde_json::{Map, Value};
 
 /// Of a value, how many characters an error repeats.
 const SHOWN: usize = 60;
+/// Of a reason.
+const LONGEST_REASON: usize = 400;
 
 /// A field that is not as it must be.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -108,7 +110,8 @@ impl<'a> Fields<'a> {
     #[must_use]
     pub fn refused(&self, key: &str, why: impl std::fmt::Display) -> FieldError {
         let value = self.map.get(key).map_or_else(|| "nothing".to_owned(), brief);
-        self.wrong(key, &format!("= {value}: {why}"))
+        // A parser's reason may repeat the whole value.
+        self.wrong(key, &format!("= {value}: {}", cut(&why.to_string(), LONGEST_REASON)))
     }
 
     fn read<T: Deserialize<'a>>(&self, key: &str, value: &'a Value) -> Result<T, FieldError> {
@@ -131,5 +134,12 @@ fn brief(value: &Value) -> String {
         Value::Array(list) if list.len() > SHOWN => format!("a list of {} values", list.len()),
         other => other.to_string(),
     };
-    if text.chars().count() <= SHOWN { text } else { text.chars().take(SHOWN).chain("...".chars()).collect() }
+    cut(&text, SHOWN)
+}
+
+fn cut(text: &str, most: usize) -> String {
+    match text.char_indices().nth(most) {
+        None => text.to_owned(),
+        Some((end, _)) => format!("{}...", &text[..end]),
+    }
 }

@@ -104,15 +104,23 @@ pub enum ManifestError {
 
 impl PictureManifest {
     fn to_json(&self) -> Map<String, Value> {
-        let mut fields = self.scene.to_json();
-        let own = json!({
-            "transport": self.transport,
+        let about = &self.about;
+        // First what a reader looks for first.
+        let head = json!({
+            "brickcast": about.brickcast,
+            "protocol": about.protocol,
             "store": self.store.to_string(),
             "path": self.path,
-            "background": self.background,
             "complete": self.complete,
+            "problems": about.problems,
+            "missing_tiles": about.missing_tiles,
         });
-        for part in [own, json!(self.about)] {
+        let own = json!({
+            "transport": self.transport,
+            "background": self.background,
+        });
+        let mut fields = Map::new();
+        for part in [head, Value::Object(self.scene.to_json()), own, json!(about)] {
             if let Value::Object(part) = part {
                 fields.extend(part);
             }

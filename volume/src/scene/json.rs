@@ -224,7 +224,10 @@ fn function_from(fields: &Fields<'_>) -> Result<TransferFunction, FieldError> {
     let colors = colors.into_iter().map(|[x, r, g, b]| ColorPoint { x, rgb: [r, g, b] }).collect();
     let opacities = fields.get::<Vec<[f64; 2]>>("Points")?;
     let opacities = opacities.into_iter().map(|[x, opacity]| OpacityPoint { x, opacity }).collect();
-    TransferFunction::new(colors, opacities).map_err(|error| fields.refused("RGBPoints", error))
+    TransferFunction::new(colors, opacities).map_err(|error| {
+        let list = if error.to_string().starts_with("opacities") { "Points" } else { "RGBPoints" };
+        fields.refused(list, error)
+    })
 }
 
 #[cfg(test)]
