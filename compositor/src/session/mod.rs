@@ -34,7 +34,7 @@ use crate::plan::{Assignment, InView, StoreFacts};
 
 /// Between two attempts to load on a node that is busy.
 const BUSY_PAUSE: Duration = Duration::from_millis(250);
-/// A node that is busy for longer does not get to load: the others take its share, where any is not busy.
+/// A node that is busy for longer does not get to load, where others do and can take its share.
 const BUSY_LIMIT: Duration = Duration::from_secs(60);
 
 /// A frame, complete or marked as not.
@@ -165,9 +165,9 @@ impl Session {
             }));
             let (mut again, mut pause, mut fits) = (false, Duration::ZERO, true);
             let answers = answers.await;
-            let all_are_busy = answers.iter().all(|(_, _, answer)| answer.as_ref().is_err_and(|e| e.is_busy()));
+            let somebody_loads = answers.iter().any(|(_, _, answer)| answer.is_ok());
             for (serial, patience, answer) in answers {
-                let limit = if all_are_busy { patience } else { BUSY_LIMIT.min(patience) };
+                let limit = busy_limit(somebody_loads, patience);
                 match answer {
                     Ok(receipt) => {
                         stats.decoded_bytes += receipt.decoded_bytes;
@@ -284,7 +284,25 @@ impl Drop for Session {
     }
 }
 
+/// For how long a busy node is asked again. Giving up the last ones would end the render, and only the user's
+/// `patience` may do that.
+fn busy_limit(somebody_loads: bool, patience: Duration) -> Duration {
+    if somebody_loads { BUSY_LIMIT.min(patience) } else { patience }
+}
+
 /// A number that no other session has.
 fn new_id() -> SessionId {
     SessionId(RandomState::new().hash_one(std::process::id()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_busy_node_is_given_up_early_only_where_others_can_take_its_share() {
+        let (short, long) = (Duration::from_secs(5), Duration::from_secs(600));
+        assert_eq!((busy_limit(true, long), busy_limit(false, long)), (BUSY_LIMIT, long));
+        assert_eq!((busy_limit(true, short), busy_limit(false, short)), (short, short), "the user's word is the last");
+    }
 }
