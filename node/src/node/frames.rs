@@ -21,7 +21,7 @@ use crate::stores::OpenStore;
 const PARTS_IN_FLIGHT: usize = 64;
 /// A client that takes no part for this long is given up, so that it cannot hold memory. Others have their turn
 /// meanwhile.
-const STALL_TIMEOUT: Duration = Duration::from_secs(10);
+pub(super) const STALL_TIMEOUT: Duration = Duration::from_secs(10);
 /// How often a client hears of an order that waits or is worked on: well below what it takes for hanging.
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(200);
 
@@ -67,7 +67,7 @@ impl Node {
                 }
             };
             // Nobody may be there to hear it.
-            let _ = tx.send_timeout(last, STALL_TIMEOUT).await;
+            let _ = tx.send_timeout(last, self.stall_timeout).await;
         });
         Ok(rx)
     }
@@ -137,10 +137,11 @@ impl Desk<'_> {
             Err(TrySendError::Full(part)) => part,
         };
         self.turn.replace(None);
-        match Handle::current().block_on(self.parts.send_timeout(part, STALL_TIMEOUT)) {
+        let limit = self.node.stall_timeout;
+        match Handle::current().block_on(self.parts.send_timeout(part, limit)) {
             Ok(()) => self.wait_for_the_turn(),
             Err(SendTimeoutError::Closed(_)) => Err(NodeError::Cancelled),
-            Err(SendTimeoutError::Timeout(_)) => Err(NodeError::Stalled(STALL_TIMEOUT.as_secs())),
+            Err(SendTimeoutError::Timeout(_)) => Err(NodeError::Stalled(limit.as_secs())),
         }
     }
 
@@ -165,5 +166,134 @@ impl Turns for Desk<'_> {
     fn give_way(&self) -> Result<(), NodeError> {
         self.turn.replace(None);
         self.wait_for_the_turn()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::Ordering;
+
+    use brickcast_volume::{BrickGrid, MergeTree, Orbit, StoreHash};
+
+    use super::*;
+    use crate::config::{DataRoot, NodeConfig};
+    use crate::testing::{DIMS, FakeRaycaster, make_store, ramp, scene, whole_order};
+
+    const LIMIT: Duration = Duration::from_secs(30);
+
+    struct Bench {
+        _folder: tempfile::TempDir,
+        hash: StoreHash,
+        raycaster: Arc<FakeRaycaster>,
+        node: Arc<Node>,
+    }
+
+    impl Bench {
+        fn new(stall_timeout: Duration) -> Self {
+            let folder = tempfile::tempdir().unwrap();
+            let hash = make_store(&folder.path().join("ramp"), ramp);
+            let raycaster = Arc::new(FakeRaycaster::new());
+            let config = NodeConfig::new(DataRoot::Folder(folder.path().to_path_buf()), 1 << 24);
+            let mut node = Node::new(config, raycaster.clone()).unwrap();
+            node.stall_timeout = stall_timeout;
+            Self { _folder: folder, hash, raycaster, node: Arc::new(node) }
+        }
+
+        /// The whole volume in a picture of `side` x `side`.
+        async fn render(&self, side: u32, zoom: f64) -> Parts {
+            let tree = MergeTree::of(BrickGrid::new(DIMS.into(), 8).unwrap());
+            let camera = scene(1, 1, Orbit { zoom, ..Orbit::default() }).view.camera;
+            let order = whole_order(&tree, self.hash, scene(side, side, Orbit::default()).seen_by(camera));
+            self.node.clone().render(Caller::default(), order).await.unwrap()
+        }
+
+        /// More parts than may be in flight, as many as that being there.
+        async fn render_unheard(&self) -> Parts {
+            let parts = self.render(4096, 4.0).await;
+            until(|| parts.len() == PARTS_IN_FLIGHT).await;
+            parts
+        }
+
+        fn is_idle(&self) -> bool {
+            self.node.places.available_permits() == MAX_WAITING + 1
+        }
+    }
+
+    async fn until(is_so: impl Fn() -> bool) {
+        let waiting = async {
+            while !is_so() {
+                tokio::time::sleep(Duration::from_millis(1)).await;
+            }
+        };
+        tokio::time::timeout(LIMIT, waiting).await.unwrap();
+    }
+
+    /// Tiles, and the receipt where there is one.
+    async fn heard(mut parts: Parts) -> (u32, Option<Receipt>) {
+        let (mut tiles, mut receipt) = (0, None);
+        while let Some(part) = tokio::time::timeout(LIMIT, parts.recv()).await.unwrap() {
+            match part.unwrap().part {
+                Part::Tile(_) => tiles += 1,
+                Part::Receipt(last) => receipt = Some(last),
+                _ => {}
+            }
+        }
+        (tiles, receipt)
+    }
+
+    /// Whoever takes nothing waits alone: others have their turn meanwhile, and it is told at last.
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_client_that_takes_no_parts_does_not_hold_the_turn() {
+        let bench = Bench::new(LIMIT);
+        let parts = bench.render_unheard().await;
+        let theirs = bench.node.turns.turn(Client::V6(1));
+        let theirs = tokio::time::timeout(LIMIT / 2, theirs).await.unwrap();
+        assert_eq!(parts.len(), PARTS_IN_FLIGHT, "it waits");
+        drop(theirs);
+        let (tiles, receipt) = heard(parts).await;
+        assert_eq!(Some(tiles), receipt.map(|receipt| receipt.tiles));
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_client_that_takes_no_parts_is_given_up() {
+        let bench = Bench::new(Duration::from_millis(100));
+        let parts = bench.render_unheard().await;
+        until(|| bench.is_idle()).await;
+        let (_, receipt) = heard(parts).await;
+        assert_eq!(receipt, None);
+    }
+
+    /// However long the others may take whose turn it is.
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_frame_whose_client_goes_waits_for_no_turn() {
+        let bench = Bench::new(LIMIT);
+        let _theirs = bench.node.turns.turn(Client::V6(1)).await;
+        // For its first turn.
+        let parts = bench.render(64, 1.0).await;
+        assert!(!bench.is_idle());
+        drop(parts);
+        until(|| bench.is_idle()).await;
+        // For another one, on its way.
+        let (tx, rx) = mpsc::channel(1);
+        let waiting = bench.node.clone();
+        let wait = tokio::task::spawn_blocking(move || {
+            let desk = Desk { node: &waiting, parts: &tx, client: Client::Local, turn: RefCell::new(None) };
+            desk.wait_for_the_turn()
+        });
+        drop(rx);
+        let waited = tokio::time::timeout(LIMIT, wait).await.unwrap().unwrap();
+        assert!(matches!(waited, Err(NodeError::Cancelled)), "{waited:?}");
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_frame_whose_client_goes_loads_no_more() {
+        let bench = Bench::new(LIMIT);
+        let permits = bench.raycaster.hold_uploads();
+        let parts = bench.render(64, 1.0).await;
+        until(|| bench.raycaster.asked.load(Ordering::SeqCst) > 0).await;
+        drop((parts, permits));
+        until(|| bench.is_idle()).await;
+        let loaded = bench.raycaster.uploads.load(Ordering::SeqCst);
+        assert!(loaded < 40, "{loaded} bricks");
     }
 }

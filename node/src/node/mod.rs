@@ -11,6 +11,7 @@ mod loads;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
 use brickcast_proto::StoreQuery;
 use brickcast_volume::SessionId;
@@ -50,6 +51,8 @@ pub struct Node {
     draining: AtomicBool,
     /// Work stops at its next batch.
     stopped: AtomicBool,
+    /// A client that takes no part for this long is given up.
+    stall_timeout: Duration,
 }
 
 impl Node {
@@ -86,6 +89,7 @@ impl Node {
             places: Arc::new(Semaphore::new(MAX_WAITING + 1)),
             draining: AtomicBool::new(false),
             stopped: AtomicBool::new(false),
+            stall_timeout: frames::STALL_TIMEOUT,
         })
     }
 

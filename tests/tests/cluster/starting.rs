@@ -1,5 +1,7 @@
 //! The first calls of a session: nodes that are not there, are not what was asked for, or fail at once.
 
+use std::time::Duration;
+
 use brickcast_tests::proxy::Fault;
 use brickcast_tests::rig::{Rig, open, run, scene};
 use brickcast_tests::turn;
@@ -21,7 +23,29 @@ fn at_the_start_a_name_may_lack_nodes_but_a_list_may_not() {
     });
 }
 
-/// Of three nodes one is damaged in its first answers: once, and it takes part; for good, and the others do without it.
+/// The only node, and what it answers first is damaged on the way: once, and it is asked again.
+#[test]
+fn a_node_whose_first_answer_is_damaged_is_asked_again() {
+    let _turn = turn(module_path!());
+    run(async {
+        let rig = Rig::new(1).await;
+        let proxy = &rig.proxies[0];
+        for after in [20, 60, 300] {
+            proxy.set(Fault::Corrupt { after });
+            let addresses = rig.addresses();
+            let damaged_once = async {
+                while proxy.hits() == 0 {
+                    tokio::time::sleep(Duration::from_millis(5)).await;
+                }
+                proxy.set(Fault::None);
+            };
+            let (opened, ()) = tokio::join!(open(&rig.store, &addresses), damaged_once);
+            assert!(opened.is_ok(), "{after}: {:?}", opened.err());
+        }
+    });
+}
+
+/// Of three nodes one is damaged in its first answers: however often, the others do without it.
 #[test]
 fn a_fault_in_the_first_calls_ends_no_render() {
     let _turn = turn(module_path!());

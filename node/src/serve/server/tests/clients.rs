@@ -101,32 +101,12 @@ async fn a_client_loads_and_asks_so_much_at_once_and_no_more() {
     }
 }
 
-/// More parts than fit between the renderer and a client that takes none.
-fn large(served: &Served) -> RenderOrder {
-    let mut order = served.order(4096, 4096);
-    order.scene = order.scene.seen_by(scene(1, 1, Orbit { zoom: 4.0, ..Orbit::default() }).view.camera);
-    order
-}
-
-/// Whoever takes nothing waits alone: others have their turn meanwhile, and it is told at last.
-#[tokio::test(flavor = "multi_thread")]
-async fn a_client_that_takes_no_parts_does_not_hold_the_turn() {
-    let served = Served::new().await;
-    let lazy = served.connect().await.start((&large(&served)).into()).await.unwrap();
-    // Until it has filled what lies between.
-    tokio::time::sleep(Duration::from_millis(500)).await;
-    served.render(&served.order(64, 64)).await.unwrap();
-    // It may take its parts late; none is lost. Had it kept the turn, the other would have waited until it was given
-    // up.
-    let (parts, receipt) = tokio::time::timeout(Duration::from_secs(60), lazy.finish()).await.unwrap().unwrap();
-    assert_eq!(parts.iter().filter(|p| matches!(p.part, Part::Tile(_))).count(), receipt.tiles as usize);
-}
-
 /// Parts of a frame until one is of another kind, at most so many.
 async fn pulses(frame: &mut Frame, most: usize) -> Vec<u64> {
     let mut works = Vec::new();
     while works.len() < most {
-        match frame.next().await.unwrap() {
+        let part = tokio::time::timeout(Duration::from_secs(60), frame.next()).await.expect("the node is silent");
+        match part.unwrap() {
             Some(Part::Progress { work }) => works.push(work),
             _ => break,
         }
