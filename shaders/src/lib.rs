@@ -8,7 +8,7 @@ pub mod style;
 pub mod twin;
 
 pub use layout::{BrickUniform, FrameUniform};
-pub use style::{Kinds, Light, StyleUniform};
+pub use style::{Kinds, StyleUniform};
 
 /// Pixels that a workgroup of the raycast kernel covers, per axis.
 pub const WORKGROUP_PIXELS: u32 = 16;

@@ -1,7 +1,7 @@
 //! The uniform of the integral kernel: light, isosurfaces, clip planes.
 
 use brickcast_volume::Geometry;
-use brickcast_volume::style::{MAX_PLANES, MAX_SURFACES, Style};
+use brickcast_volume::style::{Lighting, MAX_PLANES, MAX_SURFACES, Style};
 use bytemuck::{Pod, Zeroable};
 
 /// What a scene's style is to the kernel; `tests/layout.rs` compares names and offsets with the WGSL's.
@@ -60,32 +60,32 @@ impl StyleUniform {
 pub struct Kinds {
     /// Slabs come from a table over both of their ends.
     pub preintegrated: bool,
-    pub light: Light,
+    pub light: Option<Lighting>,
     pub surfaces: bool,
     /// 0: composite, 1: maximum, 2: minimum, 3: average.
     pub mode: u8,
 }
 
-/// Where slabs and samples take their light.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-#[repr(u8)]
-pub enum Light {
-    #[default]
-    None = 0,
-    Interpolated = 1,
-    Center = 2,
-    Centroid = 3,
-}
+impl Kinds {
+    /// The kernel's `LIGHT`: 0 without light, else one more than the lighting's place among its kind; named in
+    /// `slab.wgsl`.
+    #[must_use]
+    pub const fn light_number(self) -> u32 {
+        match self.light {
+            None => 0,
+            Some(lighting) => lighting as u32 + 1,
+        }
+    }
 
-impl Light {
     /// True where slabs come from two tables, weighted by either end.
     #[must_use]
     pub const fn has_weights(self) -> bool {
-        matches!(self, Self::Interpolated | Self::Centroid)
+        match self.light {
+            None => false,
+            Some(lighting) => lighting.needs_weights(),
+        }
     }
-}
 
-impl Kinds {
     /// As [`Style::has_slabs`].
     #[must_use]
     pub const fn has_slabs(self) -> bool {

@@ -6,8 +6,7 @@ use std::num::NonZeroU64;
 use std::sync::{Mutex, PoisonError};
 
 use brickcast_shaders::{
-    BrickUniform, Features, FrameUniform, Kinds, RaycastVariant, StyleUniform, accelerated_wgsl, integral_wgsl,
-    raycast_wgsl,
+    BrickUniform, Features, FrameUniform, RaycastVariant, StyleUniform, accelerated_wgsl, integral_wgsl, raycast_wgsl,
 };
 use wgpu::{BindGroupLayoutEntry, BindingType, BufferBindingType, TextureFormat, TextureSampleType};
 
@@ -216,14 +215,14 @@ impl Kernel {
         let switches = [("LEAP", leap), ("MAP", map), ("REGIONS", regions), ("HOLES", holes)];
         let mut overrides = switches.map(|(name, on)| (name, f64::from(on))).to_vec();
         let layout = Some(&self.pipeline_layout);
-        let Some(Kinds { preintegrated, light, surfaces, mode }) = integral else {
+        let Some(kinds) = integral else {
             return compute_pipeline(gpu, layout, "accelerated", accelerated_wgsl(self.variant), &overrides);
         };
         overrides.extend([
-            ("PREINTEGRATED", f64::from(preintegrated)),
-            ("LIGHT", f64::from(light as u8)),
-            ("SURFACES", f64::from(surfaces)),
-            ("MODE", f64::from(mode)),
+            ("PREINTEGRATED", f64::from(kinds.preintegrated)),
+            ("LIGHT", f64::from(kinds.light_number())),
+            ("SURFACES", f64::from(kinds.surfaces)),
+            ("MODE", f64::from(kinds.mode)),
         ]);
         compute_pipeline(gpu, layout, "integral", integral_wgsl(self.variant), &overrides)
     }

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use brickcast_shaders::twin::accelerated::Tables;
 use brickcast_shaders::twin::integral::Integrals;
 use brickcast_shaders::twin::slab::SlabTable;
-use brickcast_shaders::{Kinds, Light, StyleUniform};
+use brickcast_shaders::{Kinds, StyleUniform};
 use brickcast_volume::Geometry;
 use brickcast_volume::preintegration::Preintegrated;
-use brickcast_volume::style::{Lighting, Mode, Style};
+use brickcast_volume::style::{Mode, Style};
 
 /// Everything of the style that both backends need.
 #[derive(Debug, Clone)]
@@ -39,12 +39,7 @@ impl KernelStyle {
         if style.is_plain() {
             return None;
         }
-        let light = match style.shading.map(|phong| phong.lighting) {
-            None => Light::None,
-            Some(Lighting::Interpolated) => Light::Interpolated,
-            Some(Lighting::Center) => Light::Center,
-            Some(Lighting::Centroid) => Light::Centroid,
-        };
+        let light = style.shading.map(|phong| phong.lighting);
         let mode = match style.mode {
             Mode::Composite => 0,
             Mode::Maximum => 1,
@@ -71,8 +66,8 @@ impl KernelStyle {
 
     /// The one or two tables that the kernel reads of `slabs`.
     pub(crate) fn slab_entries<'a>(&self, slabs: &'a Preintegrated) -> [&'a [[f32; 4]]; 2] {
-        match (self.kinds.light, &slabs.lit) {
-            (light, Some(lit)) if light.has_weights() => [&lit.front, &lit.back],
+        match &slabs.lit {
+            Some(lit) if self.kinds.has_weights() => [&lit.front, &lit.back],
             _ => [&slabs.total, &[]],
         }
     }

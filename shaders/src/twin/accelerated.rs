@@ -7,7 +7,8 @@ use brickcast_volume::Premul;
 use brickcast_volume::regions::code::{INNER_BIT, LEAP_BIT, MAX_DENSITY};
 
 use super::holes::is_no_data;
-use super::raycast::{FAR, Ray, VolumeReader, between, cut_off, entry_at, owned_segment, rounded_up};
+use super::processor::cut_off;
+use super::raycast::{FAR, Ray, VolumeReader, between, entry_at, owned_segment, rounded_up};
 use crate::layout::{BrickUniform, FrameUniform, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
 
 /// Filtered values that differ by less may both come from guards: 1.25 of 16383.

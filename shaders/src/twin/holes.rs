@@ -1,7 +1,8 @@
 //! `wgsl/shared/holes.wgsl` on the CPU: reads of bricks in which some voxels hold no data. Other bricks never come
 //! here.
 
-use super::raycast::{CODE, VolumeReader, between, cut_off};
+use super::processor::cut_off;
+use super::raycast::{CODE, VolumeReader, between};
 
 /// What a place has in which a voxel of no data has weight; no code is below 0.
 pub(super) const NO_DATA: f32 = -1.0;

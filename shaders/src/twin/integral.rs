@@ -16,11 +16,12 @@ use super::accelerated::{
 };
 use super::holes::is_no_data;
 use super::light::{Probe, UNLIT};
-use super::raycast::{FAR, Ray, cut_off, first_sample, owned_segment};
+use super::processor::cut_off;
+use super::raycast::{FAR, Ray, first_sample, owned_segment};
 use super::slab::{End, SlabTable, add, add_cut, add_flat, add_slab, lit_color};
 use super::surface::{crossing, meet};
 use crate::layout::{BrickUniform, FrameUniform, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
-use crate::style::{Kinds, Light, StyleUniform};
+use crate::style::{Kinds, StyleUniform};
 
 /// What a ray reads that is not its brick's.
 #[derive(Debug, Clone, Copy)]
@@ -132,7 +133,7 @@ pub fn integral_ray<W: Watch>(
     let shows = |in_region: bool| frame.shown & if in_region { SHOWS_REGIONS } else { SHOWS_RESIDUAL } != 0;
     // As its brick computes it.
     let k_entry = if kinds.surfaces { first_sample(frame, volume_entry(style, ray).max(t_lo)) } else { -1.0 };
-    let may_cut = kinds.light != Light::None && kinds.mode == 0 && style.plane_count > 0;
+    let may_cut = kinds.light.is_some() && kinds.mode == 0 && style.plane_count > 0;
     let k_cut = if may_cut { first_behind_cut(frame, style, ray, t_lo) } else { -1.0 };
 
     let mut k = owned.k;
@@ -295,7 +296,7 @@ pub fn integral_ray<W: Watch>(
                     rest -= 1.0;
                 }
                 if rest > 0.0 {
-                    if kinds.light != Light::None && !is_flat {
+                    if kinds.light.is_some() && !is_flat {
                         let light = *back.light.get_or_insert_with(|| probe.light(p));
                         color = lit_color(color, light);
                     }

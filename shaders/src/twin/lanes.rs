@@ -3,7 +3,8 @@
 
 use glam::Vec4;
 
-use super::raycast::VolumeReader;
+use super::processor::{indices, pairs, whole};
+use super::raycast::{CODE, VolumeReader, between};
 
 /// Positions of four samples, an axis each.
 pub(super) type Places = [Vec4; 3];
@@ -22,43 +23,10 @@ pub(super) fn entries_at(position: Vec4, last: usize) -> (Vec4, Vec4) {
     (i, entry - i)
 }
 
-/// The integer parts of what an i32 can hold.
-#[inline(always)]
-pub(super) fn whole(x: Vec4) -> Vec4 {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use std::arch::x86_64::{_mm_cvtepi32_ps, _mm_cvttps_epi32};
-        // SAFETY: there is no such processor without SSE2.
-        unsafe { _mm_cvtepi32_ps(_mm_cvttps_epi32(x.into())) }.into()
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    {
-        x.trunc()
-    }
-}
-
-/// Whole numbers from 0 on.
-#[inline(always)]
-pub(super) fn indices(x: Vec4) -> [usize; 4] {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use std::arch::x86_64::{_mm_cvttps_epi32, _mm_storeu_si128};
-        let mut indices = [0_u32; 4];
-        // SAFETY: as above; the array has the size of what is stored.
-        unsafe { _mm_storeu_si128(indices.as_mut_ptr().cast(), _mm_cvttps_epi32(x.into())) };
-        indices.map(|i| i as usize)
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    {
-        x.to_array().map(|i| i as usize)
-    }
-}
-
 impl VolumeReader<'_> {
     /// [`VolumeReader::read`] in every lane.
     #[inline(always)]
     pub(super) fn read_lanes(&self, at: Places) -> Vec4 {
-        #[cfg(target_arch = "x86_64")]
         if self.is_whole && !self.is_nearest {
             return self.read_whole(at);
         }
@@ -66,16 +34,8 @@ impl VolumeReader<'_> {
     }
 
     /// Of a brick that has all its texels, two or more along each axis.
-    #[cfg(target_arch = "x86_64")]
     #[inline(always)]
     fn read_whole(&self, at: Places) -> Vec4 {
-        use std::arch::x86_64::{
-            __m128i, _mm_and_si128, _mm_cvtepi32_ps, _mm_cvtsi32_si128, _mm_set1_epi32, _mm_srli_epi32,
-            _mm_unpacklo_epi32, _mm_unpacklo_epi64,
-        };
-
-        use super::raycast::{CODE, between};
-
         let axis = |a: usize| {
             let p = at[a] + Vec4::splat(0.5);
             let low = whole(p);
@@ -86,24 +46,15 @@ impl VolumeReader<'_> {
         let [(wx, x), (wy, y), (wz, z)] = [axis(0), axis(1), axis(2)];
         let texel = |lane: usize| x[lane] + y[lane] * self.row + z[lane] * self.slice;
         let texels = [texel(0), texel(1), texel(2), texel(3)];
-        // The codes of two neighbours along x, four lanes of each.
-        let pairs = |offset: usize| {
+        // Between two neighbours along x.
+        let along_x = |offset: usize| {
             // SAFETY: corners were clamped to dims - 2, so that they and the next texel along each axis lie within the
             // brick, of which `codes` holds all (`is_whole`).
-            let pair = |lane: usize| unsafe {
-                let low = self.codes.as_ptr().add(texels[lane] + offset);
-                _mm_cvtsi32_si128(low.cast::<i32>().read_unaligned())
-            };
-            // SAFETY: there is no such processor without SSE2.
-            unsafe {
-                let [a, b] = [_mm_unpacklo_epi32(pair(0), pair(1)), _mm_unpacklo_epi32(pair(2), pair(3))];
-                let both: __m128i = _mm_unpacklo_epi64(a, b);
-                let near = _mm_cvtepi32_ps(_mm_and_si128(both, _mm_set1_epi32(0xffff)));
-                between(near.into(), _mm_cvtepi32_ps(_mm_srli_epi32::<16>(both)).into(), wx)
-            }
+            let (near, far) = unsafe { pairs(self.codes, texels.map(|texel| texel + offset)) };
+            between(near, far, wx)
         };
-        let near = between(pairs(0), pairs(self.row), wy);
-        let far = between(pairs(self.slice), pairs(self.slice + self.row), wy);
+        let near = between(along_x(0), along_x(self.row), wy);
+        let far = between(along_x(self.slice), along_x(self.slice + self.row), wy);
         between(near, far, wz) * Vec4::splat(CODE)
     }
 }

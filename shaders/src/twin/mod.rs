@@ -6,6 +6,7 @@ pub mod integral;
 mod lanes;
 mod light;
 pub mod macrocell;
+mod processor;
 pub mod raycast;
 pub mod slab;
 pub mod slabs;

@@ -8,6 +8,7 @@ use std::ops::{Add, Mul, Sub};
 use brickcast_volume::Premul;
 use glam::Vec4;
 
+use super::processor::cut_off;
 use crate::layout::{BrickUniform, FrameUniform};
 
 /// Slower than this per unit of t, a ray moves by less than 3e-7 voxel over the longest reach: it runs inside the
@@ -130,7 +131,6 @@ pub(super) struct VolumeReader<'a> {
     /// Values are those of voxels, never between.
     pub(super) is_nearest: bool,
     /// No texel is missing, and along each axis there are two and no more than f32 tells apart.
-    #[cfg_attr(not(target_arch = "x86_64"), expect(dead_code, reason = "vectors are of x86-64"))]
     pub(super) is_whole: bool,
     /// Texels of code 0 hold no data.
     pub(super) has_holes: bool,
@@ -202,21 +202,6 @@ impl VolumeReader<'_> {
 #[inline(always)]
 pub(super) fn between<T: Copy + Add<Output = T> + Sub<Output = T> + Mul<Output = T>>(a: T, b: T, t: T) -> T {
     a + (b - a) * t
-}
-
-/// The integer part of what an i32 can hold; one instruction, which `as` is not.
-#[inline(always)]
-pub(super) fn cut_off(x: f32) -> i32 {
-    #[cfg(target_arch = "x86_64")]
-    {
-        use std::arch::x86_64::{_mm_cvttss_si32, _mm_set_ss};
-        // SAFETY: there is no such processor without SSE.
-        unsafe { _mm_cvttss_si32(_mm_set_ss(x)) }
-    }
-    #[cfg(not(target_arch = "x86_64"))]
-    {
-        x as i32
-    }
 }
 
 /// The entry below a position in a table of `last + 1` entries, and how far on it lies; `last` is at least 1.

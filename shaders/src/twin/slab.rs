@@ -3,12 +3,14 @@
 
 use brickcast_volume::Premul;
 use brickcast_volume::preintegration::Preintegrated;
+use brickcast_volume::style::Lighting;
 use glam::Vec4;
 
 use super::lanes::{self, entries_at};
 use super::light::{Lit, Probe, UNLIT};
-use super::raycast::{clamped, cut_off, entry_at};
-use crate::style::{Kinds, Light};
+use super::processor::{cut_off, indices, prefetch, whole};
+use super::raycast::{clamped, entry_at};
+use crate::style::Kinds;
 
 /// Pre-integrated slabs: by node of the front value, then of the back value.
 #[derive(Debug, Clone, Copy)]
@@ -64,8 +66,8 @@ impl SlabTable<'_> {
     pub(super) fn entries(&self, codes: Vec4) -> (Vec4, Vec4) {
         let blocks = self.warp.len() as f32;
         let at = lanes::clamped(codes * Vec4::splat(self.scale), blocks);
-        let i = lanes::whole(at).min(Vec4::splat(blocks - 1.0));
-        let of = lanes::indices(i).map(|i| self.warp.get(i).copied().unwrap_or_default());
+        let i = whole(at).min(Vec4::splat(blocks - 1.0));
+        let of = indices(i).map(|i| self.warp.get(i).copied().unwrap_or_default());
         let start = Vec4::new(of[0][0], of[1][0], of[2][0], of[3][0]);
         let growth = Vec4::new(of[0][1], of[1][1], of[2][1], of[3][1]);
         entries_at(start + (at - i) * growth, self.size - 1)
@@ -85,15 +87,9 @@ impl SlabTable<'_> {
     /// Says that the slab between two entries will be looked up.
     #[inline(always)]
     pub(super) fn prefetch(&self, i: usize, j: usize) {
-        #[cfg(target_arch = "x86_64")]
         for row in [i, i + 1] {
-            use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-            let at = self.front.as_ptr().wrapping_add(row * self.size + j);
-            // SAFETY: a hint; it reads nothing, whatever the address.
-            unsafe { _mm_prefetch::<_MM_HINT_T0>(at.cast()) };
+            prefetch(self.front.as_ptr().wrapping_add(row * self.size + j));
         }
-        #[cfg(not(target_arch = "x86_64"))]
-        let _ = (i, j);
     }
 
     /// Bilinear.
@@ -154,9 +150,9 @@ pub(super) fn add_slab(
     }
     let [r, g, b, a] = slab;
     let premul = match kinds.light {
-        Light::None => slab,
+        None => slab,
         _ if front.is_cut => cut_slab(table, kinds, probe, (front.code, back.code), slab),
-        Light::Interpolated => {
+        Some(Lighting::Interpolated) => {
             let far = table.look_up(table.back, front.code, back.code);
             let at = |end: &mut End| *end.light.get_or_insert_with(|| probe.light(probe.place(end.k)));
             let (first, second) = (at(front), at(back));
@@ -164,7 +160,7 @@ pub(super) fn add_slab(
             let mix = |c: usize| (slab[c] * first.factor + far[c] * second.factor + glint).min(a);
             [mix(0), mix(1), mix(2), a]
         }
-        Light::Centroid => {
+        Some(Lighting::Centroid) => {
             let far = table.look_up(table.back, front.code, back.code);
             let is_flat = front.light == Some(UNLIT) && back.light == Some(UNLIT);
             let k = front.k + (back.k - front.k) * (far[3] / a);
@@ -172,7 +168,7 @@ pub(super) fn add_slab(
             let under = |c: usize| ((slab[c] + far[c]) * light.factor + a * light.glint).min(a);
             [under(0), under(1), under(2), a]
         }
-        Light::Center => {
+        Some(Lighting::Center) => {
             // Both ends deep in a region: so is what lies between.
             let is_flat = front.light == Some(UNLIT) && back.light == Some(UNLIT);
             let light = if is_flat { UNLIT } else { probe.light(probe.place(0.5 * (front.k + back.k))) };
@@ -193,7 +189,7 @@ fn cut_slab(
     [r, g, b, a]: [f32; 4],
 ) -> [f32; 4] {
     let mut color = [r, g, b];
-    if kinds.light.has_weights() {
+    if kinds.has_weights() {
         let far = table.look_up(table.back, front, back);
         color = [r + far[0], g + far[1], b + far[2]];
     }
@@ -217,7 +213,7 @@ pub(super) fn add_flat(sum: &mut Premul, table: &SlabTable<'_>, kinds: Kinds, co
     if slab[3] <= 0.0 {
         return;
     }
-    if kinds.light.has_weights() {
+    if kinds.has_weights() {
         let far = table.look_up(table.back, code, code);
         for c in 0..3 {
             slab[c] += far[c];

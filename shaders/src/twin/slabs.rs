@@ -7,17 +7,20 @@ use glam::Vec4;
 use super::accelerated::{BrickData, RayCounts, first_outside, leaves, sample_at};
 use super::integral::{Integrals, clipped};
 use super::lanes;
-use super::raycast::{FAR, Ray, VolumeReader, clamped, cut_off, first_sample, owned_segment};
+use super::processor::{cut_off, indices};
+use super::raycast::{FAR, Ray, VolumeReader, clamped, first_sample, owned_segment};
 use crate::layout::{BrickUniform, FrameUniform, MAP_EMPTY, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
-use crate::style::{Kinds, Light};
+use crate::style::Kinds;
 
-/// Values that are read ahead of the slabs that need them: a read and a look-up each are a long chain of waits, and a
-/// processor sees no further than one of them.
+/// Values that are read ahead of the slabs that need them, to hide latency: a read and a table look-up are each a chain
+/// of dependent loads, longer than the window in which a processor executes out of order, so that only independent
+/// ones side by side overlap.
 const BATCH: usize = 8;
-/// Where a run may end with any slab: as many as a vector holds, not to read too much in vain.
+/// Values read ahead where a run may end with any slab: a vector of them, since what lies behind its end is read in
+/// vain.
 const OPEN_BATCH: f32 = 4.0;
 
-const SLABS_ALONE: Kinds = Kinds { preintegrated: true, light: Light::None, surfaces: false, mode: 0 };
+const SLABS_ALONE: Kinds = Kinds { preintegrated: true, light: None, surfaces: false, mode: 0 };
 
 /// True where [`slabs_ray`] will do.
 #[must_use]
@@ -127,7 +130,7 @@ pub fn slabs_ray(
                 (0..n).step_by(4).zip(backs.chunks_exact_mut(4).zip(shown.chunks_exact_mut(4)))
             {
                 let (entries, weights) = table.entries(codes(k + first as f32));
-                let ends = lanes::indices(entries).into_iter().zip(weights.to_array());
+                let ends = indices(entries).into_iter().zip(weights.to_array());
                 for ((back, shown), end) in backs.iter_mut().zip(shown).zip(ends) {
                     *back = end;
                     if let Some(before) = before {

@@ -8,7 +8,6 @@ use super::integral::Integrals;
 use super::light::{Lit, Probe};
 use super::raycast::clamped;
 use super::slab::{End, add, lit_color};
-use crate::style::Light;
 
 /// Halvings of a slab in which an isosurface lies: to 1/64 step, before the last interpolation.
 const BISECTIONS: u32 = 6;
@@ -49,7 +48,7 @@ pub(super) fn meet<W: Watch>(
     watch.meets(surface, k * step);
     let [r, g, b, alpha] = with.style.colors[surface];
     let mut color = [r, g, b];
-    if with.kinds.light != Light::None {
+    if with.kinds.light.is_some() {
         color = lit_color(color, light());
     }
     add(sum, [color[0] * alpha, color[1] * alpha, color[2] * alpha, alpha]);

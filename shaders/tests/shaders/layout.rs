@@ -3,10 +3,12 @@
 use std::mem::{offset_of, size_of};
 
 use brickcast_shaders::{
-    BrickUniform, FrameUniform, RaycastVariant, StyleUniform, accelerated_wgsl, distance_wgsl, filter_probe_wgsl,
-    integral_wgsl, macrocell_wgsl, raycast_wgsl,
+    BrickUniform, FrameUniform, Kinds, RaycastVariant, StyleUniform, accelerated_wgsl, distance_wgsl,
+    filter_probe_wgsl, integral_wgsl, macrocell_wgsl, raycast_wgsl,
 };
-use naga::TypeInner;
+use brickcast_volume::scene::{Word, Words};
+use brickcast_volume::style::Lighting;
+use naga::{Expression, Literal, TypeInner};
 
 type Members = Vec<(String, u32)>;
 
@@ -69,6 +71,27 @@ fn the_comparison_can_fail() {
     let moved = good.replace("rect_lo: vec2<u32>,", "moved: u32,\n    rect_lo: vec2<u32>,");
     assert_ne!(moved, good);
     assert_ne!(wgsl_struct(&parse(&moved), "BrickUniform"), brick());
+}
+
+/// The value of a constant; `None` where there is none of that name.
+fn wgsl_constant(module: &naga::Module, name: &str) -> Option<u32> {
+    let (_, constant) = module.constants.iter().find(|(_, constant)| constant.name.as_deref() == Some(name))?;
+    match module.global_expressions[constant.init] {
+        Expression::Literal(Literal::U32(value)) => Some(value),
+        _ => None,
+    }
+}
+
+#[test]
+fn a_lighting_has_one_number_in_both_languages() {
+    let module = parse(&integral_wgsl(RaycastVariant::Exact));
+    for Word { value, word, .. } in Lighting::WORDS {
+        let kinds = Kinds { light: Some(*value), ..Kinds::default() };
+        let name = format!("LIGHT_{}", word.to_uppercase());
+        assert_eq!(wgsl_constant(&module, &name), Some(kinds.light_number()), "{name}");
+    }
+    assert_eq!(Kinds::default().light_number(), 0);
+    assert_eq!(wgsl_constant(&module, "LIGHT_OF_NOBODY"), None);
 }
 
 #[test]

@@ -4,8 +4,12 @@
 override REGIONS: bool;
 // Slabs come from a table over both of their ends.
 override PREINTEGRATED: bool;
-// 0: none, 1: at both ends of a slab, interpolated, 2: in its middle, 3: where what it emits comes from on average.
+// Where slabs and samples take their light: one of those below, or 0 without light.
 override LIGHT: u32;
+// At both ends of a slab, interpolated; in its middle; where what it emits comes from on average.
+const LIGHT_INTERPOLATED: u32 = 1u;
+const LIGHT_CENTER: u32 = 2u;
+const LIGHT_CENTROID: u32 = 3u;
 override SURFACES: bool;
 // 0: composite, 1: maximum, 2: minimum, 3: average.
 override MODE: u32;
@@ -70,7 +74,7 @@ fn look_up(is_back: bool, in_region: bool, nodes: vec2<f32>) -> vec4<f32> {
 // A slab, looked up already, under the light of the cut by which the ray enters.
 fn cut_slab(ray: Ray, in_region: bool, nodes: vec2<f32>, slab: vec4<f32>) -> vec4<f32> {
     var color = slab.rgb;
-    if LIGHT == 1u || LIGHT == 3u {
+    if LIGHT == LIGHT_INTERPOLATED || LIGHT == LIGHT_CENTROID {
         color += look_up(true, in_region, nodes).rgb;
     }
     let light = light_of_entry(ray);
@@ -95,7 +99,7 @@ fn slab_between(
         return of_length(cut_slab(ray, in_region, nodes, slab), length);
     }
     var color = slab.rgb;
-    if LIGHT == 1u {
+    if LIGHT == LIGHT_INTERPOLATED {
         let far = look_up(true, in_region, nodes);
         if !(*front).is_lit {
             (*front).light = light_at(reader, ray, place_at(ray, (*front).k));
@@ -108,7 +112,7 @@ fn slab_between(
         let glint = (slab.a - far.a) * (*front).light.y + far.a * (*back).light.y;
         color = min(slab.rgb * (*front).light.x + far.rgb * (*back).light.x + glint, vec3(slab.a));
     }
-    if LIGHT == 2u {
+    if LIGHT == LIGHT_CENTER {
         // Both ends deep in a region: so is what lies between.
         var light = UNLIT;
         if !((*front).is_lit && (*back).is_lit) {
@@ -116,7 +120,7 @@ fn slab_between(
         }
         color = min(slab.rgb * light.x + slab.a * light.y, vec3(slab.a));
     }
-    if LIGHT == 3u {
+    if LIGHT == LIGHT_CENTROID {
         let far = look_up(true, in_region, nodes);
         var light = UNLIT;
         if !((*front).is_lit && (*back).is_lit) {
@@ -132,7 +136,7 @@ fn slab_between(
 fn flat_slabs(in_region: bool, code: f32, n: f32) -> vec4<f32> {
     let nodes = nodes_of(in_region, code, code);
     var slab = look_up(false, in_region, nodes);
-    if LIGHT == 1u || LIGHT == 3u {
+    if LIGHT == LIGHT_INTERPOLATED || LIGHT == LIGHT_CENTROID {
         slab = vec4(slab.rgb + look_up(true, in_region, nodes).rgb, slab.a);
     }
     return of_length(slab, n);

@@ -59,7 +59,7 @@ words!(
 );
 
 /// Where a slab takes its light.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Lighting {
     /// At both ends, interpolated within the integral (Lum, Wilson & Ma 2004, section 4).
     #[default]
