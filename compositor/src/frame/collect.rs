@@ -18,7 +18,8 @@ pub(crate) enum Event {
         tile: [u32; 2],
         /// `None` for an explicit empty.
         pixels: Option<TilePixels>,
-        /// On the wire; of a list of empties, all count for the first.
+        /// Size of the message on the wire. A message that lists many empty tiles is one event a tile: the first has
+        /// its size, the others 0.
         bytes: usize,
     },
     /// The node waits for its turn or works; a number that grew tells that it did something.

@@ -9,8 +9,8 @@ pub(crate) struct Occupied {
     /// do. Rays meet nothing outside it: its faces are planes of the global cell grid, so the samples inside are those
     /// that the brick takes anyway, each at the same place. No extent where all cells are empty.
     pub(crate) bounds: OwnedBox,
-    /// Enough of the cells within the bounds are empty for skipping to pay.
+    /// Empty-space skipping pays where rays are clipped to `bounds`: enough of the cells in there are empty.
     pub(crate) skips: bool,
-    /// The same where rays cross the whole box, whatever the bounds.
+    /// Empty-space skipping pays where rays cross the whole brick (projections): enough of all its cells are empty.
     pub(crate) skips_uncut: bool,
 }
