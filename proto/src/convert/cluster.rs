@@ -135,6 +135,8 @@ impl TryFrom<wire::StoreDescription> for StoreDescription {
 impl From<PrepareRequest> for wire::PrepareRequest {
     fn from(request: PrepareRequest) -> Self {
         let numbers = |bricks: Vec<BrickId>| bricks.into_iter().map(BrickId::linear).collect();
+        // All bricks of a request are of one level.
+        let level = request.bricks.iter().chain(&request.release).map(|brick| brick.level()).next().unwrap_or(0);
         Self {
             store_hash: request.store.to_string(),
             bricks: numbers(request.bricks),
@@ -142,6 +144,7 @@ impl From<PrepareRequest> for wire::PrepareRequest {
             background: request.background,
             release: numbers(request.release),
             session: request.session.0,
+            level: level.into(),
         }
     }
 }
@@ -150,6 +153,9 @@ impl TryFrom<wire::PrepareRequest> for PrepareRequest {
     type Error = WireError;
 
     fn try_from(request: wire::PrepareRequest) -> Result<Self, WireError> {
+        if request.level != 0 {
+            return Err(WireError::Level(request.level));
+        }
         for list in [&request.bricks, &request.release] {
             at_most("bricks", list.len(), MAX_BRICKS as usize)?;
         }
