@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use brickcast_proto::{Failure, Fault};
 use brickcast_volume::store::StoreError;
 use brickcast_volume::visibility::ViewError;
-use brickcast_volume::{BrickIndex, ChunkIndex, StoreHash, TreeNode};
+use brickcast_volume::{BrickId, BrickIndex, ChunkId, ChunkIndex, StoreHash, TreeNode};
 
 use crate::config::format_bytes;
 use crate::kernel::RaycastError;
@@ -36,11 +36,11 @@ pub enum NodeError {
     #[error("layer {} is no node of this store's merge tree, or has no chunks", .0.0)]
     NoSuchLayer(TreeNode),
     #[error("chunk {chunk} is beyond the store's last, {last}")]
-    NoSuchChunk { chunk: u32, last: u64 },
+    NoSuchChunk { chunk: ChunkId, last: u64 },
     #[error("chunk {chunk} does not lie under layer {}, which orders it", .layer.0)]
-    ChunkElsewhere { chunk: u32, layer: TreeNode },
+    ChunkElsewhere { chunk: ChunkId, layer: TreeNode },
     #[error("brick {brick} is beyond the store's last, {last}")]
-    NoSuchBrick { brick: u32, last: u64 },
+    NoSuchBrick { brick: BrickId, last: u64 },
     #[error(transparent)]
     View(#[from] ViewError),
     #[error("a step of {delta} world units is {ratio:e} opacity units of {unit}: must lie between 1e-9 and 1e6")]

@@ -82,7 +82,7 @@ pub(crate) fn scene(width: u32, height: u32, orbit: Orbit) -> Scene {
 /// All chunks of the tree in one layer, all tiles.
 pub(crate) fn whole_order(tree: &MergeTree, store: StoreHash, scene: Scene) -> RenderOrder {
     let tiles = TileRect::of_picture(scene.view.size);
-    let chunks = (0..tree.chunk_count() as u32).collect();
+    let chunks = tree.chunk_ids().collect();
     let layers = vec![LayerOrder { node: TreeNode(1), chunks, tiles }];
     let (session, frame, epoch) = (SessionId(1), FrameId(7), Epoch(3));
     RenderOrder { session, frame, epoch, store, scene, transport: Transport::F32, layers }

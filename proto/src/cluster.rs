@@ -2,7 +2,7 @@
 
 use brickcast_volume::scene::Scene;
 use brickcast_volume::store::{BrickFactsTable, BrickRanges, Manifest};
-use brickcast_volume::{SessionId, StoreHash};
+use brickcast_volume::{BrickId, SessionId, StoreHash};
 use bytes::Bytes;
 
 /// The longest text of any field, bytes.
@@ -137,15 +137,15 @@ pub struct PrepareRequest {
     /// As in [`crate::RenderOrder`].
     pub session: SessionId,
     pub store: StoreHash,
-    /// Linear brick indices, x fastest, none twice; empty only warms the pipelines.
-    pub bricks: Vec<u32>,
+    /// All of one level, none twice; empty only warms the pipelines.
+    pub bricks: Vec<BrickId>,
     /// What is loaded of the bricks and which pipelines are warmed; its camera does not matter.
     pub scene: Scene,
     /// One brick at a time: no frame waits for more than that.
     pub background: bool,
     /// Bricks to let go of before any is loaded, but for those that a frame or another session uses; none twice, none
     /// that is asked for.
-    pub release: Vec<u32>,
+    pub release: Vec<BrickId>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -1,7 +1,7 @@
 //! What a compositor orders from a node for one frame.
 
 use brickcast_volume::scene::{Scene, Transport};
-use brickcast_volume::{Epoch, FrameId, SessionId, StoreHash, TreeNode};
+use brickcast_volume::{ChunkId, Epoch, FrameId, SessionId, StoreHash, TreeNode};
 
 use crate::tile_rect::TileRect;
 
@@ -31,7 +31,7 @@ pub struct RenderOrder {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LayerOrder {
     pub node: TreeNode,
-    /// Linear chunk indices, x fastest; those under `node` that may have something to show.
-    pub chunks: Vec<u32>,
+    /// Those under `node` that may have something to show.
+    pub chunks: Vec<ChunkId>,
     pub tiles: TileRect,
 }

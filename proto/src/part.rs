@@ -1,6 +1,6 @@
 //! What a node answers: tiles, explicit empties, signs of life, and the receipt last.
 
-use brickcast_volume::{Epoch, FrameId, TreeNode};
+use brickcast_volume::{ChunkId, Epoch, FrameId, TreeNode};
 
 use crate::tile::EncodedTile;
 
@@ -36,8 +36,7 @@ pub struct TilePart {
 /// What the rays of a frame did in one chunk on one node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct ChunkCost {
-    /// Linear index, x fastest.
-    pub chunk: u32,
+    pub chunk: ChunkId,
     /// Reads of the volume, codes or labels, probes included.
     pub samples: u64,
     /// Jumps that read nothing of these.

@@ -202,7 +202,7 @@ impl Loaded<'_> {
         let style = KernelStyle::new(&self.style, truth.step, &self.geometry, scene.range, slabs);
         let mut order: Vec<BrickIndex> = self.grid.bricks().collect();
         sort_front_to_back(&mut order, self.grid.brick_size(), view.viewpoint());
-        let bricks: Vec<_> = order.iter().map(|&b| self.bricks[self.grid.linear(b)].clone()).collect();
+        let bricks: Vec<_> = order.iter().map(|&b| self.bricks[self.grid.id(b).index()].clone()).collect();
         let plain = KernelScene::plain(view, Arc::new(table), truth.early_termination as f32, self.filter);
         let kernel_scene = KernelScene { style, ..plain };
         let jobs: Vec<Job> =

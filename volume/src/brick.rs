@@ -3,7 +3,7 @@
 
 use glam::{IVec3, UVec3};
 
-use crate::ids::BrickIndex;
+use crate::ids::{BrickId, BrickIndex};
 
 /// Voxels that a brick integrates, global index space, half-open `[lo, hi)`; inside the volume.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -134,24 +134,30 @@ impl BrickGrid {
         OwnedBox { lo, hi: (lo + self.brick_size).min(self.volume_dims) }
     }
 
-    /// Position of `brick` in tables over all bricks, x fastest.
+    /// The place of `brick` in tables over all bricks, x fastest.
     #[must_use]
-    pub fn linear(&self, brick: BrickIndex) -> usize {
-        let (d, [x, y, z]) = (self.dims(), brick.0.map(|v| v as usize));
-        x + d.x as usize * (y + d.y as usize * z)
+    pub fn id(&self, brick: BrickIndex) -> BrickId {
+        let (d, [x, y, z]) = (self.dims(), brick.0);
+        BrickId::finest(x + d.x * (y + d.y * z))
     }
 
-    /// The brick at a position of such a table.
+    /// The brick at a place of such a table, of level 0.
     #[must_use]
-    pub fn brick_at(&self, linear: usize) -> BrickIndex {
-        let (dx, dy) = (self.dims().x as usize, self.dims().y as usize);
-        BrickIndex([(linear % dx) as u32, (linear / dx % dy) as u32, (linear / dx / dy) as u32])
+    pub fn index_of(&self, brick: BrickId) -> BrickIndex {
+        let (d, linear) = (self.dims(), brick.linear());
+        BrickIndex([linear % d.x, linear / d.x % d.y, linear / d.x / d.y])
+    }
+
+    /// All places of such a table, ascending.
+    pub fn ids(&self) -> impl Iterator<Item = BrickId> + use<> {
+        // No more than `MAX_BRICKS`.
+        (0..self.brick_count() as u32).map(BrickId::finest)
     }
 
     /// All bricks, x fastest.
     pub fn bricks(&self) -> impl Iterator<Item = BrickIndex> + use<> {
         let grid = *self;
-        (0..grid.brick_count() as usize).map(move |linear| grid.brick_at(linear))
+        grid.ids().map(move |id| grid.index_of(id))
     }
 }
 
@@ -166,7 +172,8 @@ mod tests {
         let voxels: u64 = grid.bricks().map(|b| grid.owned_box(b).voxel_count()).sum();
         assert_eq!(voxels, 33 * 64 * 65);
         for (i, b) in grid.bricks().enumerate() {
-            assert_eq!(grid.linear(b), i);
+            let id = grid.id(b);
+            assert_eq!((id.level(), id.index(), grid.index_of(id)), (0, i, b));
         }
     }
 }

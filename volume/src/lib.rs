@@ -17,6 +17,7 @@ pub mod look_on;
 pub mod macrocell;
 pub mod memory;
 pub mod merge;
+pub mod per_chunk;
 pub mod phantom;
 pub mod preintegration;
 pub mod premul;
@@ -34,8 +35,9 @@ mod words;
 
 pub use brick::{BrickGrid, OwnedBox, StoredBox};
 pub use camera::{Camera, Orbit, Projection};
-pub use ids::{BrickIndex, ChunkIndex, Epoch, FrameId, SessionId, StoreHash, TreeNode};
+pub use ids::{BrickId, BrickIndex, ChunkId, ChunkIndex, Epoch, FrameId, SessionId, StoreHash, TreeNode};
 pub use merge::MergeTree;
+pub use per_chunk::PerChunk;
 pub use premul::{Premul, over};
 pub use space::Geometry;
 pub use visibility::{PictureSize, PixelRect, View};

@@ -3,6 +3,7 @@
 mod check;
 mod imports;
 mod source;
+mod tokens;
 mod tree;
 
 use std::io::Write as _;

@@ -1,5 +1,7 @@
 //! What nodes load beside the frames: copies of hot chunks, and moves where memory forbids copies.
 
+use brickcast_volume::{ChunkId, PerChunk};
+
 use super::balancer::Balancer;
 use super::basket::{Basket, may_load, send};
 use super::copies::copies;
@@ -44,7 +46,7 @@ fn background(b: &mut Balancer) -> Vec<Load> {
 /// Nodes that hold more than they can give their coldest chunks to nodes with room.
 fn relief(b: &mut Balancer, free: &[usize]) -> Vec<Load> {
     let mut baskets: Vec<Basket> = free.iter().map(|&index| Basket::new(index)).collect();
-    let leaving: Vec<u32> = b
+    let leaving: Vec<ChunkId> = b
         .table
         .nodes
         .iter()
@@ -54,10 +56,10 @@ fn relief(b: &mut Balancer, free: &[usize]) -> Vec<Load> {
         .collect();
     for from in b.table.present().collect::<Vec<_>>() {
         let node = &b.table.nodes[from];
-        let mut mine: Vec<usize> = (0..b.chunks.len()).filter(|&c| node.held[c] && b.table.bytes[c] > 0).collect();
-        let gone: u64 = mine.iter().filter(|c| leaving.contains(&(**c as u32))).map(|&c| b.table.bytes[c]).sum();
+        let mut mine: Vec<ChunkId> = b.chunks.ids().filter(|&c| node.held[c] && b.table.bytes[c] > 0).collect();
+        let gone: u64 = mine.iter().filter(|c| leaving.contains(c)).map(|&c| b.table.bytes[c]).sum();
         let mut over = node.bytes.saturating_sub(node.facts.budget + gone);
-        mine.retain(|&c| !leaving.contains(&(c as u32)) && !b.is_settled(c));
+        mine.retain(|c| !leaving.contains(c) && !b.is_settled(*c));
         mine.sort_by(|&x, &y| b.heat[x].total_cmp(&b.heat[y]).then(x.cmp(&y)));
         for chunk in mine {
             let bytes = b.table.bytes[chunk];
@@ -82,13 +84,15 @@ fn moves(b: &mut Balancer, free: &[usize]) -> Vec<Load> {
     let kappa = b.predictor.kappas();
     let bound = b.totals.plan.bound;
     let present: Vec<usize> = b.table.present().collect();
-    let mut moving = vec![false; b.chunks.len()];
+    let mut moving = PerChunk::filled(false, b.chunks.count());
     let mut baskets = Vec::new();
     for &to in free {
         let most = present.iter().copied().reduce(|x, y| if load[y] > load[x] { y } else { x });
         let Some(from) = most.filter(|&n| n != to && load[n] > b.settings.even * bound) else { break };
         let mut basket = Basket::new(to);
-        let mut mine: Vec<usize> = (0..b.chunks.len())
+        let mut mine: Vec<ChunkId> = b
+            .chunks
+            .ids()
             .filter(|&c| b.primary[c] == Some(from) && b.predictor.cost[c] > 0.0 && b.table.bytes[c] > 0)
             .filter(|&c| !b.is_settled(c) && may_load(b, to, c) && !moving[c])
             .collect();

@@ -1,5 +1,7 @@
 //! What the balancer knows between two calls, and how it learns it.
 
+use brickcast_volume::{ChunkId, PerChunk};
+
 use super::predict::Predictor;
 use super::settings::Settings;
 use super::table::Table;
@@ -15,16 +17,16 @@ use super::types::{ChunkFacts, Demand, Load, LoadOutcome, LookId, NodeFacts, Obs
 #[derive(Debug, Clone)]
 pub struct Balancer {
     pub(super) settings: Settings,
-    pub(super) chunks: Vec<ChunkFacts>,
+    pub(super) chunks: PerChunk<ChunkFacts>,
     pub(super) table: Table,
     pub(super) predictor: Predictor,
     /// The frame that was divided last; the first is 1.
     pub(super) frame: u64,
-    /// Per chunk: the index of its primary, and the last frame when another took over from one that was there.
-    pub(super) primary: Vec<Option<usize>>,
-    pub(super) changed: Vec<Option<u64>>,
-    /// Per chunk: its share of a frame's cost, the largest that was seen, fading.
-    pub(super) heat: Vec<f64>,
+    /// The index of its primary, and the last frame when another took over from one that was there.
+    pub(super) primary: PerChunk<Option<usize>>,
+    pub(super) changed: PerChunk<Option<u64>>,
+    /// Its share of a frame's cost, the largest that was seen, fading.
+    pub(super) heat: PerChunk<f64>,
     /// Loads that ended since the last division.
     pub(super) arrived: Vec<Load>,
     /// Frames in a row whose predicted maximum is too high.
@@ -35,17 +37,17 @@ pub struct Balancer {
 
 impl Balancer {
     #[must_use]
-    pub fn new(settings: Settings, chunks: Vec<ChunkFacts>) -> Self {
-        let count = chunks.len();
+    pub fn new(settings: Settings, chunks: PerChunk<ChunkFacts>) -> Self {
+        let count = chunks.count();
         Self {
-            table: Table::new(chunks.iter().map(|c| c.bytes).collect()),
+            table: Table::new(chunks.values().map(|c| c.bytes).collect()),
             predictor: Predictor::new(&settings, &chunks),
             settings,
             chunks,
             frame: 0,
-            primary: vec![None; count],
-            changed: vec![None; count],
-            heat: vec![0.0; count],
+            primary: PerChunk::filled(None, count),
+            changed: PerChunk::filled(None, count),
+            heat: PerChunk::filled(0.0, count),
             arrived: Vec::new(),
             strained: 0,
             next_load: 0,
@@ -56,23 +58,23 @@ impl Balancer {
     /// From now on these looks are rendered, and over all of them these are the facts; of as many chunks as before. Who
     /// holds what and how fast nodes are stays known; what was seen of looks that are no longer among them is
     /// forgotten.
-    pub fn show(&mut self, looks: &[LookId], chunks: Vec<ChunkFacts>) {
-        if chunks.len() != self.chunks.len() {
+    pub fn show(&mut self, looks: &[LookId], chunks: PerChunk<ChunkFacts>) {
+        if chunks.count() != self.chunks.count() {
             return;
         }
-        self.table.weigh(chunks.iter().map(|c| c.bytes).collect());
+        self.table.weigh(chunks.values().map(|c| c.bytes).collect());
         self.predictor.show(looks, &chunks);
         self.chunks = chunks;
     }
 
     /// A node enters, or returns to its seat, with the chunks that it has loaded (unknown ones are ignored). Between
     /// frames.
-    pub fn join(&mut self, seat: Seat, facts: NodeFacts, holds: &[u32]) {
+    pub fn join(&mut self, seat: Seat, facts: NodeFacts, holds: &[ChunkId]) {
         self.leave(seat);
         let index = self.table.seat(seat, facts);
         self.predictor.node(index, facts.throttle);
-        for &chunk in holds.iter().filter(|c| (**c as usize) < self.chunks.len()) {
-            self.table.hold(index, chunk as usize);
+        for &chunk in holds.iter().filter(|c| self.chunks.get(**c).is_some()) {
+            self.table.hold(index, chunk);
         }
     }
 
@@ -81,7 +83,7 @@ impl Balancer {
         let Some(index) = self.table.index(seat) else { return };
         self.table.vacate(index);
         self.arrived.retain(|load| load.seat != seat);
-        for primary in self.primary.iter_mut().filter(|p| **p == Some(index)) {
+        for primary in self.primary.values_mut().filter(|p| **p == Some(index)) {
             *primary = None;
         }
     }
@@ -122,15 +124,14 @@ impl Balancer {
         }
     }
 
-    #[must_use]
-    pub fn chunk_count(&self) -> usize {
-        self.chunks.len()
+    /// All chunks, ascending.
+    pub fn chunks(&self) -> impl Iterator<Item = ChunkId> + use<> {
+        self.chunks.ids()
     }
 
     /// Who renders a chunk, as far as that is settled: its primary, else who holds it.
     #[must_use]
-    pub fn home(&self, chunk: u32) -> Option<Seat> {
-        let chunk = chunk as usize;
+    pub fn home(&self, chunk: ChunkId) -> Option<Seat> {
         let holder = || self.table.holders.get(chunk)?.first().copied();
         let index = self.primary.get(chunk).copied().flatten().or_else(holder)?;
         Some(self.table.nodes[index].seat)
@@ -138,10 +139,10 @@ impl Balancer {
 
     /// The chunks that a seat's node holds, or is to adopt; ascending.
     #[must_use]
-    pub fn holds(&self, seat: Seat) -> Vec<u32> {
+    pub fn holds(&self, seat: Seat) -> Vec<ChunkId> {
         let index = self.table.index(seat);
-        let held = |index: usize| (0..self.chunks.len()).filter(move |&c| self.table.nodes[index].held[c]);
-        index.into_iter().flat_map(held).map(|c| c as u32).collect()
+        let held = |index: usize| self.chunks.ids().filter(move |&c| self.table.nodes[index].held[c]);
+        index.into_iter().flat_map(held).collect()
     }
 
     /// Applies the loads that ended since the last frame.
@@ -150,7 +151,6 @@ impl Balancer {
             let Some(index) = self.table.index(load.seat) else { continue };
             self.table.nodes[index].reserved -= load.bytes;
             for &chunk in &load.chunks {
-                let chunk = chunk as usize;
                 self.table.hold(index, chunk);
                 match load.reason {
                     Reason::Copy => self.totals.copies += 1,
@@ -161,7 +161,7 @@ impl Balancer {
     }
 
     /// Makes a chunk that was moved the new node's, unless its primary changed meanwhile: then it is a copy.
-    fn take_over(&mut self, index: usize, chunk: usize) {
+    fn take_over(&mut self, index: usize, chunk: ChunkId) {
         let old = self.primary[chunk];
         if self.is_settled(chunk) && old.is_some() {
             self.totals.copies += 1;
@@ -175,7 +175,7 @@ impl Balancer {
     }
 
     /// The node becomes the chunk's primary.
-    pub(super) fn appoint(&mut self, index: usize, chunk: usize) {
+    pub(super) fn appoint(&mut self, index: usize, chunk: ChunkId) {
         let old = self.primary[chunk].replace(index);
         if old.is_some_and(|old| old != index) {
             self.changed[chunk] = Some(self.frame);
@@ -184,7 +184,7 @@ impl Balancer {
     }
 
     /// True while a chunk's primary changed too recently to change again.
-    pub(super) fn is_settled(&self, chunk: usize) -> bool {
+    pub(super) fn is_settled(&self, chunk: ChunkId) -> bool {
         self.changed[chunk].is_some_and(|at| self.frame - at < self.settings.hold_frames)
     }
 }

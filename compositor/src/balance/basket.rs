@@ -1,13 +1,15 @@
 //! Requests to load, as they are put together.
 
+use brickcast_volume::ChunkId;
+
 use super::balancer::Balancer;
 use super::types::{Load, Reason};
 
 /// A request that is being put together.
 pub(super) struct Basket {
     pub(super) index: usize,
-    pub(super) chunks: Vec<u32>,
-    pub(super) drops: Vec<u32>,
+    pub(super) chunks: Vec<ChunkId>,
+    pub(super) drops: Vec<ChunkId>,
     bytes: u64,
 }
 
@@ -22,9 +24,9 @@ impl Basket {
     }
 
     /// Reserves a chunk's bytes; the caller has seen that there is room.
-    pub(super) fn take(&mut self, b: &mut Balancer, chunk: usize) {
+    pub(super) fn take(&mut self, b: &mut Balancer, chunk: ChunkId) {
         let bytes = b.table.bytes[chunk];
-        self.chunks.push(chunk as u32);
+        self.chunks.push(chunk);
         self.bytes += bytes;
         b.table.nodes[self.index].reserved += bytes;
         b.table.nodes[self.index].asked.insert(chunk, b.frame);
@@ -44,7 +46,7 @@ pub(super) fn send(b: &mut Balancer, baskets: Vec<Basket>, reason: Reason) -> Ve
 }
 
 /// True where the node was not asked for the chunk lately, does not hold it and does not get it.
-pub(super) fn may_load(b: &Balancer, index: usize, chunk: usize) -> bool {
+pub(super) fn may_load(b: &Balancer, index: usize, chunk: ChunkId) -> bool {
     let node = &b.table.nodes[index];
     !node.held[chunk] && node.asked.get(&chunk).is_none_or(|at| b.frame - at >= b.settings.hold_frames)
 }

@@ -1,5 +1,7 @@
 //! Which chunks get another holder, so that their work can be shared.
 
+use brickcast_volume::{ChunkId, PerChunk};
+
 use super::balancer::Balancer;
 use super::basket::{Basket, may_load, send};
 use super::divide::spares;
@@ -13,7 +15,7 @@ const HUNGRY: f64 = 0.9;
 /// A chunk that could have another holder.
 #[derive(Debug, Clone, Copy)]
 struct Wish {
-    chunk: usize,
+    chunk: ChunkId,
     /// What it is good for, per holder; in one list the same is meant by it.
     worth: f64,
 }
@@ -29,15 +31,15 @@ fn sorted(wishes: impl Iterator<Item = Wish>) -> Vec<Wish> {
 /// do can help with, then, where nothing else is to be loaded, what an eye beside it would make hot.
 pub(super) fn copies(b: &mut Balancer, free: &[usize]) -> Vec<Load> {
     let nodes = b.table.present().count();
-    let mut copies: Vec<usize> = b.table.holders.iter().map(Vec::len).collect();
+    let mut copies: PerChunk<usize> = b.table.holders.values().map(Vec::len).collect();
     for load in b.table.nodes.iter().filter_map(|n| n.outstanding.as_ref()).chain(&b.arrived) {
-        load.chunks.iter().for_each(|&c| copies[c as usize] += 1);
+        load.chunks.iter().for_each(|&c| copies[c] += 1);
     }
-    let open = |c: &usize| b.table.bytes[*c] > 0 && (1..nodes).contains(&copies[*c]);
-    let (needy, sated): (Vec<usize>, Vec<usize>) =
-        (0..copies.len()).filter(open).partition(|&c| copies[c] < needed(b, c, nodes));
-    let hot = |c: usize| Wish { chunk: c, worth: hot(b, c) / copies[c] as f64 };
-    let dense = |c: usize| Wish { chunk: c, worth: b.predictor.rho(c) / copies[c] as f64 };
+    let open = |c: &ChunkId| b.table.bytes[*c] > 0 && (1..nodes).contains(&copies[*c]);
+    let (needy, sated): (Vec<ChunkId>, Vec<ChunkId>) =
+        copies.ids().filter(open).partition(|&c| copies[c] < needed(b, c, nodes));
+    let hot = |c: ChunkId| Wish { chunk: c, worth: hot(b, c) / copies[c] as f64 };
+    let dense = |c: ChunkId| Wish { chunk: c, worth: b.predictor.rho(c) / copies[c] as f64 };
     let mut needed_ones = sorted(needy.into_iter().map(hot));
     let mut hot_ones = sorted(sated.iter().map(|&c| hot(c)).filter(|w| w.worth > 0.0));
     let mut dense_ones = sorted(sated.iter().map(|&c| dense(c)).filter(|w| w.worth > 0.0));
@@ -75,13 +77,13 @@ pub(super) fn copies(b: &mut Balancer, free: &[usize]) -> Vec<Load> {
 }
 
 /// Holders that a chunk needs: two for each node that it would keep busy alone.
-fn needed(b: &Balancer, chunk: usize, nodes: usize) -> usize {
+fn needed(b: &Balancer, chunk: ChunkId, nodes: usize) -> usize {
     let busy = (2.0 * b.heat[chunk] * nodes as f64).ceil() as usize;
     busy.max(b.settings.replicas as usize).min(nodes)
 }
 
 /// Heat; twice as much where the primary's load is twice what it should be.
-fn hot(b: &Balancer, chunk: usize) -> f64 {
+fn hot(b: &Balancer, chunk: ChunkId) -> f64 {
     let plan = &b.totals.plan;
     let strain = b.primary[chunk].and_then(|p| plan.load.get(p)).map_or(1.0, |load| load / plan.bound.max(1e-300));
     b.heat[chunk] * strain.max(1.0)
@@ -89,7 +91,13 @@ fn hot(b: &Balancer, chunk: usize) -> f64 {
 
 /// Puts the first of the wishes that it can into the basket, where `drop` allows in place of colder copies: its place
 /// in the list.
-fn pack(b: &mut Balancer, basket: &mut Basket, wishes: &[Wish], copies: &mut [usize], drop: bool) -> Option<usize> {
+fn pack(
+    b: &mut Balancer,
+    basket: &mut Basket,
+    wishes: &[Wish],
+    copies: &mut PerChunk<usize>,
+    drop: bool,
+) -> Option<usize> {
     let index = basket.index;
     let most = wishes.first().filter(|_| drop).map_or(0.0, |wish| wish.worth);
     let cold = cold(b, index, most, copies);
@@ -108,7 +116,7 @@ fn pack(b: &mut Balancer, basket: &mut Basket, wishes: &[Wish], copies: &mut [us
         }
         b.table.drop(index, spare.chunk);
         copies[spare.chunk] -= 1;
-        basket.drops.push(spare.chunk as u32);
+        basket.drops.push(spare.chunk);
     }
     basket.take(b, chunk);
     copies[chunk] += 1;
@@ -116,10 +124,10 @@ fn pack(b: &mut Balancer, basket: &mut Basket, wishes: &[Wish], copies: &mut [us
 }
 
 /// Copies that a node may give up for one of this worth, coldest first, each with what it is worth to the others.
-fn cold(b: &Balancer, index: usize, worth: f64, copies: &[usize]) -> Vec<Wish> {
-    let left = |c: usize| b.heat[c] / (copies[c].max(2) - 1) as f64;
+fn cold(b: &Balancer, index: usize, worth: f64, copies: &PerChunk<usize>) -> Vec<Wish> {
+    let left = |c: ChunkId| b.heat[c] / (copies[c].max(2) - 1) as f64;
     let long_here =
-        |c: usize| b.table.nodes[index].asked.get(&c).is_none_or(|at| b.frame - at >= b.settings.hold_frames);
+        |c: ChunkId| b.table.nodes[index].asked.get(&c).is_none_or(|at| b.frame - at >= b.settings.hold_frames);
     let mut cold: Vec<Wish> = spares(b, index)
         .filter(|&c| b.table.bytes[c] > 0 && left(c) < COLDER * worth && long_here(c))
         .map(|c| Wish { chunk: c, worth: left(c) })

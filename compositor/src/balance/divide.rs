@@ -1,6 +1,8 @@
 //! One frame's division: every chunk in view gets a primary, primaries that are overloaded hand chunks over or cut
 //! them.
 
+use brickcast_volume::ChunkId;
+
 use super::balancer::Balancer;
 use super::settings::Mode;
 use super::spread::{Own, Plan};
@@ -28,9 +30,9 @@ fn divide(b: &mut Balancer) -> Division {
         b.totals.plan = Plan::default();
         return division;
     }
-    let mut seen: Vec<usize> = (0..b.chunks.len()).filter(|&c| b.predictor.in_view(c)).collect();
+    let mut seen: Vec<ChunkId> = b.chunks.ids().filter(|&c| b.predictor.in_view(c)).collect();
     let total: f64 = seen.iter().map(|&c| b.predictor.cost[c]).sum();
-    for chunk in 0..b.heat.len() {
+    for chunk in b.heat.ids() {
         let now = if total > 0.0 { b.predictor.cost[chunk] / total } else { 0.0 };
         b.heat[chunk] = (b.heat[chunk] * COOLING).max(now);
     }
@@ -40,10 +42,10 @@ fn divide(b: &mut Balancer) -> Division {
     for &node in &present {
         shed(b, node, 0, &mut division);
     }
-    let mut plan = Plan::new(b.predictor.kappas(), present, total, b.chunks.len());
+    let mut plan = Plan::new(b.predictor.kappas(), present, total, b.chunks.count());
     appoint_all(b, &seen, &plan, &mut division);
     // What cannot change is there first: the others find their places around it.
-    let (settled, free): (Vec<usize>, Vec<usize>) = seen.iter().partition(|c| b.is_settled(**c));
+    let (settled, free): (Vec<ChunkId>, Vec<ChunkId>) = seen.iter().partition(|c| b.is_settled(**c));
     for &chunk in settled.iter().chain(&free) {
         place(b, chunk, &mut plan);
     }
@@ -51,7 +53,7 @@ fn divide(b: &mut Balancer) -> Division {
         plan.spread(&b.settings, &b.predictor, &b.table.holders);
     }
     for &chunk in &seen {
-        division.chunks.insert(chunk as u32, parts(b, chunk, &plan));
+        division.chunks.insert(chunk, parts(b, chunk, &plan));
     }
     b.totals.splits = division.chunks.values().map(|parts| parts.len() as u64 - 1).sum();
     b.totals.adoptions += division.adopted.len() as u64;
@@ -64,7 +66,7 @@ fn cuts(b: &Balancer) -> bool {
 }
 
 /// Gives a primary to every chunk in view that has none.
-fn appoint_all(b: &mut Balancer, seen: &[usize], plan: &Plan, division: &mut Division) {
+fn appoint_all(b: &mut Balancer, seen: &[ChunkId], plan: &Plan, division: &mut Division) {
     let mut load = vec![0.0; plan.kappa.len()];
     for &chunk in seen {
         if let Some(primary) = b.primary[chunk] {
@@ -102,7 +104,7 @@ fn least(nodes: &[usize], after: impl Fn(usize) -> f64) -> usize {
 }
 
 /// Where a chunk that nobody shall have held goes: where there is room, else where copies can make room, else anywhere.
-fn home(b: &Balancer, chunk: usize, present: &[usize], after: impl Fn(usize) -> f64) -> usize {
+fn home(b: &Balancer, chunk: ChunkId, present: &[usize], after: impl Fn(usize) -> f64) -> usize {
     let fits = |room: &dyn Fn(usize) -> u64| -> Vec<usize> {
         let bytes = |n: usize| if b.table.nodes[n].held[chunk] { 0 } else { b.table.bytes[chunk] };
         present.iter().copied().filter(|&n| bytes(n) <= room(n)).collect()
@@ -120,13 +122,13 @@ fn home(b: &Balancer, chunk: usize, present: &[usize], after: impl Fn(usize) -> 
 }
 
 /// Chunks that a node may drop: another present node holds each, and they are not this node's own.
-pub(super) fn spares(b: &Balancer, index: usize) -> impl Iterator<Item = usize> + '_ {
+pub(super) fn spares(b: &Balancer, index: usize) -> impl Iterator<Item = ChunkId> + '_ {
     let held = &b.table.nodes[index].held;
-    (0..held.len()).filter(move |&c| held[c] && b.table.holders[c].len() > 1 && b.primary[c] != Some(index))
+    held.ids().filter(move |&c| held[c] && b.table.holders[c].len() > 1 && b.primary[c] != Some(index))
 }
 
 /// The node holds the chunk from now on and loads it on its way, in place of copies if need be.
-fn adopt(b: &mut Balancer, index: usize, chunk: usize, division: &mut Division) {
+fn adopt(b: &mut Balancer, index: usize, chunk: ChunkId, division: &mut Division) {
     if b.table.nodes[index].held[chunk] {
         return;
     }
@@ -134,7 +136,7 @@ fn adopt(b: &mut Balancer, index: usize, chunk: usize, division: &mut Division) 
     let bytes = b.table.bytes[chunk];
     shed(b, index, bytes, division);
     b.table.hold(index, chunk);
-    division.adopted.push((seat, chunk as u32));
+    division.adopted.push((seat, chunk));
 }
 
 /// Drops what a node can do without, coldest first, until it has room for `bytes` within its budget.
@@ -148,19 +150,19 @@ fn shed(b: &mut Balancer, index: usize, bytes: u64, division: &mut Division) {
     }
     // What is on its way is not needed so much.
     (b.table.nodes[index].outstanding, b.table.nodes[index].reserved) = (None, 0);
-    let mut cold: Vec<usize> = spares(b, index).filter(|&c| b.table.bytes[c] > 0).collect();
+    let mut cold: Vec<ChunkId> = spares(b, index).filter(|&c| b.table.bytes[c] > 0).collect();
     cold.sort_by(|&x, &y| b.heat[x].total_cmp(&b.heat[y]).then(x.cmp(&y)));
     for spare in cold {
         if !lacks(b) {
             return;
         }
         b.table.drop(index, spare);
-        division.dropped.push((b.table.nodes[index].seat, spare as u32));
+        division.dropped.push((b.table.nodes[index].seat, spare));
     }
 }
 
 /// Puts a chunk on its primary, or on another holder that becomes it.
-fn place(b: &mut Balancer, chunk: usize, plan: &mut Plan) {
+fn place(b: &mut Balancer, chunk: ChunkId, plan: &mut Plan) {
     let Some(primary) = b.primary[chunk] else { return };
     let cost = b.predictor.cost[chunk];
     let strips = b.predictor.strips[chunk].len() as u32;
@@ -188,7 +190,7 @@ fn place(b: &mut Balancer, chunk: usize, plan: &mut Plan) {
 }
 
 /// The parts of a chunk, the primary's first.
-fn parts(b: &Balancer, chunk: usize, plan: &Plan) -> Vec<Part> {
+fn parts(b: &Balancer, chunk: ChunkId, plan: &Plan) -> Vec<Part> {
     let part = |own: &Own| Part { seat: b.table.nodes[own.node].seat, strips: own.strips };
     let (mine, others): (Vec<&Own>, Vec<&Own>) =
         plan.owners[chunk].iter().partition(|own| b.primary[chunk] == Some(own.node));

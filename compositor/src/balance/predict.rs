@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use brickcast_volume::{ChunkId, PerChunk};
+
 use super::settings::{LoadBy, Settings};
 use super::types::{ChunkFacts, Demand, LookId};
 
@@ -18,8 +20,8 @@ const FORGET: f64 = 0.02;
 /// What frames of one look showed.
 #[derive(Debug, Clone)]
 struct Seen {
-    /// Per chunk: samples per position.
-    rho: Vec<Option<f64>>,
+    /// Samples per position.
+    rho: PerChunk<Option<f64>>,
     /// Seen over expected, of all chunks seen so far: corrects the priors of the others.
     scale: Option<f64>,
 }
@@ -30,23 +32,23 @@ pub(super) struct Predictor {
     nominal_speed: f64,
     /// Bytes per ms.
     pub(super) rate: f64,
-    /// Per chunk: samples per position that are expected before anything was seen.
-    prior: Vec<f64>,
+    /// Samples per position that are expected before anything was seen.
+    prior: PerChunk<f64>,
     seen: BTreeMap<LookId, Seen>,
     /// Of the last view.
     look: LookId,
     /// Per node: declared throttle, and ms per unit of cost.
     throttle: Vec<f64>,
     kappa: Vec<Option<f64>>,
-    /// Of the last view. Per chunk and strip: positions; empty: not in view.
-    pub(super) strips: Vec<Vec<f64>>,
-    /// Per chunk: positions, and predicted cost.
-    geometric: Vec<f64>,
-    pub(super) cost: Vec<f64>,
+    /// Of the last view: positions in each strip; empty: not in view.
+    pub(super) strips: PerChunk<Vec<f64>>,
+    /// Positions, and predicted cost.
+    geometric: PerChunk<f64>,
+    pub(super) cost: PerChunk<f64>,
 }
 
-fn priors(chunks: &[ChunkFacts]) -> Vec<f64> {
-    chunks.iter().map(|c| sane(c.prior).min(MOST_DENSE)).collect()
+fn priors(chunks: &PerChunk<ChunkFacts>) -> PerChunk<f64> {
+    chunks.values().map(|c| sane(c.prior).min(MOST_DENSE)).collect()
 }
 
 /// Not negative, not infinite, not NaN: anything else a caller may say counts as 0.
@@ -55,7 +57,7 @@ fn sane(value: f64) -> f64 {
 }
 
 impl Predictor {
-    pub(super) fn new(settings: &Settings, chunks: &[ChunkFacts]) -> Self {
+    pub(super) fn new(settings: &Settings, chunks: &PerChunk<ChunkFacts>) -> Self {
         Self {
             load_by: settings.load_by,
             nominal_speed: settings.nominal_speed,
@@ -65,9 +67,9 @@ impl Predictor {
             look: LookId::default(),
             throttle: Vec::new(),
             kappa: Vec::new(),
-            strips: vec![Vec::new(); chunks.len()],
-            geometric: vec![0.0; chunks.len()],
-            cost: vec![0.0; chunks.len()],
+            strips: PerChunk::filled(Vec::new(), chunks.count()),
+            geometric: PerChunk::filled(0.0, chunks.count()),
+            cost: PerChunk::filled(0.0, chunks.count()),
         }
     }
 
@@ -83,13 +85,13 @@ impl Predictor {
     }
 
     /// Other looks, and what is expected of their chunks.
-    pub(super) fn show(&mut self, looks: &[LookId], chunks: &[ChunkFacts]) {
+    pub(super) fn show(&mut self, looks: &[LookId], chunks: &PerChunk<ChunkFacts>) {
         self.prior = priors(chunks);
         self.seen.retain(|look, _| looks.contains(look));
     }
 
     /// Samples per position that are expected of a chunk.
-    pub(super) fn rho(&self, chunk: usize) -> f64 {
+    pub(super) fn rho(&self, chunk: ChunkId) -> f64 {
         let seen = self.seen.get(&self.look);
         let scale = seen.and_then(|seen| seen.scale).unwrap_or(1.0);
         seen.and_then(|seen| seen.rho[chunk]).unwrap_or((self.prior[chunk] * scale).min(MOST_DENSE))
@@ -98,7 +100,7 @@ impl Predictor {
     /// Takes a view's demand: predicts the cost of every chunk.
     pub(super) fn ask(&mut self, demand: &Demand) {
         self.look = demand.look;
-        for chunk in 0..self.cost.len() {
+        for chunk in self.cost.ids() {
             let strips = demand.strips.get(chunk).map_or(&[][..], |s| s);
             self.strips[chunk].clear();
             self.strips[chunk].extend(strips.iter().map(|s| sane(*s)));
@@ -107,31 +109,29 @@ impl Predictor {
         }
     }
 
-    pub(super) fn in_view(&self, chunk: usize) -> bool {
+    pub(super) fn in_view(&self, chunk: ChunkId) -> bool {
         !self.strips[chunk].is_empty()
     }
 
     /// Predicted cost of some strips of a chunk. Equal parts where the geometry says nothing.
-    pub(super) fn cost_of(&self, chunk: usize, [lo, hi]: [u32; 2]) -> f64 {
+    pub(super) fn cost_of(&self, chunk: ChunkId, [lo, hi]: [u32; 2]) -> f64 {
         self.strips[chunk][lo as usize..hi as usize].iter().sum::<f64>() * self.rho(chunk)
     }
 
     /// What chunks cost that were asked for by `demand`.
-    pub(super) fn learn_chunks(&mut self, demand: &Demand, costs: &[(u32, f64)]) {
-        let chunks = self.prior.len();
-        let unseen = || Seen { rho: vec![None; chunks], scale: None };
+    pub(super) fn learn_chunks(&mut self, demand: &Demand, costs: &[(ChunkId, f64)]) {
+        let unseen = || Seen { rho: PerChunk::filled(None, self.prior.count()), scale: None };
         let seen = self.seen.entry(demand.look).or_insert_with(unseen);
         let (mut measured, mut expected) = (0.0, 0.0);
         for &(chunk, cost) in costs {
-            let chunk = chunk as usize;
-            let Some(strips) = demand.strips.get(chunk).filter(|_| chunk < chunks) else { continue };
+            let (Some(strips), Some(prior)) = (demand.strips.get(chunk), self.prior.get(chunk)) else { continue };
             let geometric: f64 = strips.iter().map(|s| sane(*s)).sum();
             if geometric <= 0.0 {
                 continue;
             }
             let ratio = (sane(cost) / geometric).min(MOST_DENSE);
             measured += ratio * geometric;
-            expected += self.prior[chunk] * geometric;
+            expected += prior * geometric;
             seen.rho[chunk] = Some(match seen.rho[chunk] {
                 Some(rho) => rho + CHUNK_WEIGHT * (ratio - rho),
                 None => ratio,

@@ -3,6 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use brickcast_volume::{ChunkId, PerChunk};
 use proptest::prelude::*;
 
 use super::*;
@@ -28,7 +29,11 @@ fn event() -> impl Strategy<Value = Event> {
     ]
 }
 
-fn facts() -> Vec<ChunkFacts> {
+fn ids() -> impl Iterator<Item = ChunkId> {
+    (0..CHUNKS as u32).map(ChunkId::new)
+}
+
+fn facts() -> PerChunk<ChunkFacts> {
     // Chunk 5 shows nothing, the others have 10 to 40 bytes.
     let fact = |c: u64| ChunkFacts { bytes: if c == 5 { 0 } else { 10 + 10 * (c % 4) }, prior: 0.5 };
     (0..CHUNKS as u64).map(fact).collect()
@@ -42,13 +47,13 @@ fn mixed(x: u32, y: u32) -> u32 {
 /// A third of the chunks is out of view; some cost nothing, a few nearly everything. The view is the same for some
 /// frames.
 fn demand(view: u32) -> Demand {
-    let strips = |c: u32| {
-        let r = mixed(view >> 30, c);
+    let strips = |c: ChunkId| {
+        let r = mixed(view >> 30, c.linear());
         let scale = [0.0, 1.0, 1.0, 3.0, 40.0][r as usize / 3 % 5];
         let count = if r.is_multiple_of(3) { 0 } else { r % 9 + 1 };
         (0..count).map(|s| scale * f64::from(1 + mixed(r, s) % 4)).collect()
     };
-    Demand { strips: (0..CHUNKS as u32).map(strips).collect(), ..Demand::default() }
+    Demand { strips: ids().map(strips).collect(), ..Demand::default() }
 }
 
 /// What the caller knows, to compare with.
@@ -56,16 +61,16 @@ fn demand(view: u32) -> Demand {
 struct World {
     present: BTreeSet<Seat>,
     outstanding: Vec<Load>,
-    loaded: BTreeMap<(u32, Seat), u64>,
+    loaded: BTreeMap<(ChunkId, Seat), u64>,
     /// Per chunk: its primary, when that changed, whether it has left since.
-    primary: BTreeMap<usize, (Seat, Option<u64>, bool)>,
+    primary: BTreeMap<ChunkId, (Seat, Option<u64>, bool)>,
     over: BTreeSet<Seat>,
 }
 
 impl World {
     fn check_division(&self, b: &Balancer, demand: &Demand, division: &Division) {
-        let in_view = |c: &u32| !demand.strips[*c as usize].is_empty() && !self.present.is_empty();
-        let wanted: Vec<u32> = (0..CHUNKS as u32).filter(in_view).collect();
+        let in_view = |c: &ChunkId| !demand.strips[*c].is_empty() && !self.present.is_empty();
+        let wanted: Vec<ChunkId> = ids().filter(in_view).collect();
         assert_eq!(division.chunks.keys().copied().collect::<Vec<_>>(), wanted);
         for (&chunk, parts) in &division.chunks {
             let mut strips: Vec<[u32; 2]> = parts.iter().map(|p| p.strips).collect();
@@ -75,7 +80,7 @@ impl World {
                 assert!(lo == end && hi > lo, "chunk {chunk}: {parts:?}");
                 end = hi;
             }
-            assert_eq!(end as usize, demand.strips[chunk as usize].len(), "chunk {chunk}: {parts:?}");
+            assert_eq!(end as usize, demand.strips[chunk].len(), "chunk {chunk}: {parts:?}");
             let owners: BTreeSet<Seat> = parts.iter().map(|p| p.seat).collect();
             assert_eq!(owners.len(), parts.len(), "a node has two parts of chunk {chunk}: {parts:?}");
             for seat in owners {
@@ -84,21 +89,21 @@ impl World {
                     "{seat:?} does not hold {chunk}"
                 );
             }
-            assert_eq!(b.primary[chunk as usize].map(|p| b.table.nodes[p].seat), Some(parts[0].seat));
+            assert_eq!(b.primary[chunk].map(|p| b.table.nodes[p].seat), Some(parts[0].seat));
         }
     }
 
     fn check_budgets(&mut self, b: &Balancer) {
         let nodes: Vec<_> = b.table.nodes.iter().filter(|n| n.present).collect();
         for node in &nodes {
-            assert_eq!(node.bytes, b.holds(node.seat).iter().map(|&c| b.chunks[c as usize].bytes).sum::<u64>());
+            assert_eq!(node.bytes, b.holds(node.seat).iter().map(|&c| b.chunks[c].bytes).sum::<u64>());
             let reserved = self.outstanding.iter().chain(&b.arrived).filter(|l| l.seat == node.seat);
             assert!(node.reserved <= reserved.map(|l| l.bytes).sum());
             let over = node.bytes + node.reserved > node.facts.budget;
             if over && self.over.insert(node.seat) {
                 // Copies make room for the only one of a chunk, so this means that some chunk would fit nowhere.
                 let budgets: u64 = nodes.iter().map(|n| n.facts.budget).sum();
-                let needed: u64 = facts().iter().map(|c| c.bytes).sum();
+                let needed: u64 = facts().values().map(|c| c.bytes).sum();
                 assert!(budgets < needed + 40 * nodes.len() as u64, "{:?}: {} bytes", node.seat, node.bytes);
             } else if !over {
                 self.over.remove(&node.seat);
@@ -107,7 +112,7 @@ impl World {
     }
 
     fn check_primaries(&mut self, b: &Balancer) {
-        for chunk in 0..CHUNKS {
+        for chunk in ids() {
             let Some(now) = b.primary[chunk].map(|p| b.table.nodes[p].seat) else { continue };
             let changed = match self.primary.get(&chunk) {
                 None => None,
@@ -166,13 +171,13 @@ fn run(settings: &Settings, script: &[Event]) {
                 let seat = Seat(seat);
                 let node = NodeFacts { throttle: f64::from(throttle), budget: 10 * u64::from(budget) };
                 let mut room = node.budget;
-                let brings = |c: &u32| {
-                    let bytes = facts()[*c as usize].bytes;
-                    let fits = mask >> c & 1 == 1 && bytes <= room;
+                let brings = |c: &ChunkId| {
+                    let bytes = facts()[*c].bytes;
+                    let fits = mask >> c.linear() & 1 == 1 && bytes <= room;
                     room -= if fits { bytes } else { 0 };
                     fits
                 };
-                let holds: Vec<u32> = (0..CHUNKS as u32).filter(brings).collect();
+                let holds: Vec<ChunkId> = ids().filter(brings).collect();
                 world.leave(seat);
                 b.join(seat, node, &holds);
                 twin.join(seat, node, &holds);
@@ -205,7 +210,7 @@ fn run(settings: &Settings, script: &[Event]) {
                 world.check_division(&b, &demand, &division);
                 world.check_budgets(&b);
                 world.check_primaries(&b);
-                let chunks = division.chunks.keys().map(|&c| (c, f64::from(mixed(c, 7) % 50))).collect();
+                let chunks = division.chunks.keys().map(|&c| (c, f64::from(mixed(c.linear(), 7) % 50))).collect();
                 let nodes = world.present.iter().map(|&s| (s, f64::from(mixed(view, 1) % 30), 10.0)).collect();
                 let seen = Observed { chunks, nodes };
                 b.observe(&demand, &seen);

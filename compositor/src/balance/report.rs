@@ -61,7 +61,7 @@ fn report(b: &Balancer) -> Report {
         seat: b.table.nodes[n].seat,
         predicted: t.plan.load.get(n).copied().unwrap_or(0.0),
         measured: measured(n),
-        chunks: b.table.nodes[n].held.iter().filter(|held| **held).count() as u64,
+        chunks: b.table.nodes[n].held.values().filter(|held| **held).count() as u64,
         bytes: b.table.nodes[n].bytes,
     };
     let seats: Vec<SeatLoad> = b.table.present().map(seat).collect();

@@ -1,5 +1,7 @@
 //! Cutting chunks: strips of screen tiles go from the most loaded node to other holders until no node waits for it.
 
+use brickcast_volume::{ChunkId, PerChunk};
+
 use super::predict::Predictor;
 use super::settings::Settings;
 
@@ -21,17 +23,16 @@ pub(super) struct Plan {
     pub(super) load: Vec<f64>,
     /// The lower bound T of the largest load.
     pub(super) bound: f64,
-    /// Per chunk: who renders which strips, in their order. The first to have had them all is the primary; it keeps one
-    /// at least.
-    pub(super) owners: Vec<Vec<Own>>,
-    primary: Vec<usize>,
+    /// Who renders which strips, in their order. The first to have had them all is the primary; it keeps one at least.
+    pub(super) owners: PerChunk<Vec<Own>>,
+    primary: PerChunk<usize>,
     /// Per node: chunks of which it owns strips.
-    chunks: Vec<Vec<usize>>,
+    chunks: Vec<Vec<ChunkId>>,
 }
 
 /// Strips of a chunk for another node.
 struct Cut {
-    chunk: usize,
+    chunk: ChunkId,
     /// Place of the giver among the owners.
     place: usize,
     to: usize,
@@ -45,7 +46,8 @@ struct Cut {
 }
 
 impl Plan {
-    pub(super) fn new(kappa: Vec<f64>, present: Vec<usize>, total: f64, chunks: usize) -> Self {
+    /// Nobody has anything of `count` chunks; together they will cost `total`.
+    pub(super) fn new(kappa: Vec<f64>, present: Vec<usize>, total: f64, count: usize) -> Self {
         let speed: f64 = present.iter().map(|&n| 1.0 / kappa[n]).sum();
         Self {
             load: vec![0.0; kappa.len()],
@@ -53,13 +55,13 @@ impl Plan {
             bound: total / speed,
             present,
             kappa,
-            owners: vec![Vec::new(); chunks],
-            primary: vec![0; chunks],
+            owners: PerChunk::filled(Vec::new(), count),
+            primary: PerChunk::filled(0, count),
         }
     }
 
     /// Gives all strips of a chunk to its primary.
-    pub(super) fn give(&mut self, chunk: usize, own: Own) {
+    pub(super) fn give(&mut self, chunk: ChunkId, own: Own) {
         self.load[own.node] += self.kappa[own.node] * own.cost;
         self.chunks[own.node].push(chunk);
         self.primary[chunk] = own.node;
@@ -67,7 +69,7 @@ impl Plan {
     }
 
     /// Cuts until the most loaded node is even with the others, or cannot be helped.
-    pub(super) fn spread(&mut self, settings: &Settings, predictor: &Predictor, holders: &[Vec<usize>]) {
+    pub(super) fn spread(&mut self, settings: &Settings, predictor: &Predictor, holders: &PerChunk<Vec<usize>>) {
         let mut stuck = vec![false; self.load.len()];
         let mut floor = settings.even * self.bound;
         for _ in 0..8 * self.present.len() + 64 {
@@ -100,9 +102,9 @@ impl Plan {
         &mut self,
         settings: &Settings,
         predictor: &Predictor,
-        holders: &[Vec<usize>],
+        holders: &PerChunk<Vec<usize>>,
         from: usize,
-        chunks: &[usize],
+        chunks: &[ChunkId],
     ) -> bool {
         let cut = self.best_cut(settings, predictor, holders, from, chunks);
         cut.inspect(|cut| self.apply(cut, predictor)).is_some()
@@ -112,9 +114,9 @@ impl Plan {
         &self,
         settings: &Settings,
         predictor: &Predictor,
-        holders: &[Vec<usize>],
+        holders: &PerChunk<Vec<usize>>,
         from: usize,
-        chunks: &[usize],
+        chunks: &[ChunkId],
     ) -> Option<Cut> {
         let enough = self.load[from] - settings.least_gain * self.bound;
         let mut best: Option<Cut> = None;
@@ -145,7 +147,7 @@ impl Plan {
     fn amount(
         &self,
         predictor: &Predictor,
-        chunk: usize,
+        chunk: ChunkId,
         place: usize,
         to: usize,
         (high, joins): (bool, bool),

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use brickcast_volume::{ChunkId, PerChunk};
+
 use super::types::{Load, NodeFacts, Seat};
 
 #[derive(Debug, Clone)]
@@ -9,14 +11,13 @@ pub(super) struct Node {
     pub(super) seat: Seat,
     pub(super) facts: NodeFacts,
     pub(super) present: bool,
-    /// Per chunk.
-    pub(super) held: Vec<bool>,
+    pub(super) held: PerChunk<bool>,
     /// Bytes of the chunks held, and of those on the way.
     pub(super) bytes: u64,
     pub(super) reserved: u64,
     pub(super) outstanding: Option<Load>,
-    /// Per chunk that was ever asked for in the background: the frame.
-    pub(super) asked: BTreeMap<usize, u64>,
+    /// Of each chunk that was ever asked for in the background: the frame.
+    pub(super) asked: BTreeMap<ChunkId, u64>,
 }
 
 impl Node {
@@ -31,14 +32,15 @@ impl Node {
 pub(super) struct Table {
     pub(super) nodes: Vec<Node>,
     seats: BTreeMap<Seat, usize>,
-    /// Per chunk: bytes, and the present nodes that hold it, ascending.
-    pub(super) bytes: Vec<u64>,
-    pub(super) holders: Vec<Vec<usize>>,
+    pub(super) bytes: PerChunk<u64>,
+    /// The present nodes that hold it, ascending.
+    pub(super) holders: PerChunk<Vec<usize>>,
 }
 
 impl Table {
-    pub(super) fn new(bytes: Vec<u64>) -> Self {
-        Self { nodes: Vec::new(), seats: BTreeMap::new(), holders: vec![Vec::new(); bytes.len()], bytes }
+    pub(super) fn new(bytes: PerChunk<u64>) -> Self {
+        let holders = PerChunk::filled(Vec::new(), bytes.count());
+        Self { nodes: Vec::new(), seats: BTreeMap::new(), holders, bytes }
     }
 
     pub(super) fn index(&self, seat: Seat) -> Option<usize> {
@@ -49,7 +51,7 @@ impl Table {
     pub(super) fn seat(&mut self, seat: Seat, facts: NodeFacts) -> usize {
         let index = *self.seats.entry(seat).or_insert(self.nodes.len());
         if index == self.nodes.len() {
-            let held = vec![false; self.bytes.len()];
+            let held = PerChunk::filled(false, self.bytes.count());
             let asked = BTreeMap::new();
             self.nodes.push(Node { seat, facts, present: true, held, bytes: 0, reserved: 0, outstanding: None, asked });
         }
@@ -60,7 +62,7 @@ impl Table {
 
     /// The node is away: it holds nothing, and nothing is on its way to it.
     pub(super) fn vacate(&mut self, index: usize) {
-        for chunk in 0..self.bytes.len() {
+        for chunk in self.bytes.ids() {
             self.drop(index, chunk);
         }
         let node = &mut self.nodes[index];
@@ -68,10 +70,10 @@ impl Table {
     }
 
     /// Chunks have other sizes from now on.
-    pub(super) fn weigh(&mut self, bytes: Vec<u64>) {
+    pub(super) fn weigh(&mut self, bytes: PerChunk<u64>) {
         self.bytes = bytes;
         for node in &mut self.nodes {
-            let held = node.held.iter().zip(&self.bytes).filter(|(held, _)| **held);
+            let held = node.held.values().zip(self.bytes.values()).filter(|(held, _)| **held);
             node.bytes = held.map(|(_, bytes)| bytes).sum();
         }
     }
@@ -80,7 +82,7 @@ impl Table {
         (0..self.nodes.len()).filter(|&n| self.nodes[n].present)
     }
 
-    pub(super) fn hold(&mut self, index: usize, chunk: usize) {
+    pub(super) fn hold(&mut self, index: usize, chunk: ChunkId) {
         let node = &mut self.nodes[index];
         if !std::mem::replace(&mut node.held[chunk], true) {
             node.bytes += self.bytes[chunk];
@@ -90,7 +92,7 @@ impl Table {
         }
     }
 
-    pub(super) fn drop(&mut self, index: usize, chunk: usize) {
+    pub(super) fn drop(&mut self, index: usize, chunk: ChunkId) {
         let node = &mut self.nodes[index];
         if std::mem::replace(&mut node.held[chunk], false) {
             node.bytes -= self.bytes[chunk];

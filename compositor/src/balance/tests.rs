@@ -1,11 +1,21 @@
 //! What the balancer is for: one-sided volumes, slow nodes, heavy chunks, nodes that come and go.
 
+use brickcast_volume::{ChunkId, PerChunk};
+
 use super::*;
 
 const ROOMY: NodeFacts = NodeFacts { throttle: 1.0, budget: 1 << 40 };
 
-fn chunks(count: usize) -> Vec<ChunkFacts> {
-    vec![ChunkFacts { bytes: 1 << 20, prior: 1.0 }; count]
+fn chunks(count: usize) -> PerChunk<ChunkFacts> {
+    PerChunk::filled(ChunkFacts { bytes: 1 << 20, prior: 1.0 }, count)
+}
+
+fn id(chunk: u32) -> ChunkId {
+    ChunkId::new(chunk)
+}
+
+fn ids(chunks: std::ops::Range<u32>) -> Vec<ChunkId> {
+    chunks.map(ChunkId::new).collect()
 }
 
 /// Every chunk has as many positions as `costs` says, in eight strips.
@@ -20,7 +30,7 @@ fn frame(b: &mut Balancer, demand: &Demand, rho: f64, ms: &[f64]) -> f64 {
     let mut seen = Observed::default();
     let mut cost = vec![0.0; ms.len()];
     for (&chunk, parts) in &division.chunks {
-        let strips = &demand.strips[chunk as usize];
+        let strips = &demand.strips[chunk];
         for part in parts {
             let range = part.strips[0] as usize..part.strips[1] as usize;
             cost[part.seat.0 as usize] += strips[range].iter().sum::<f64>() * rho;
@@ -39,7 +49,7 @@ fn two_halves(settings: Settings, throttles: [f64; 2]) -> Balancer {
     let mut b = Balancer::new(settings, chunks(16));
     for (n, holds) in [(0..8), (8..16)].into_iter().enumerate() {
         let facts = NodeFacts { throttle: throttles[n], ..ROOMY };
-        b.join(Seat(n as u64), facts, &holds.collect::<Vec<u32>>());
+        b.join(Seat(n as u64), facts, &ids(holds));
     }
     b
 }
@@ -73,25 +83,25 @@ fn a_node_throttled_to_a_third_gets_a_quarter() {
 fn one_chunk_with_all_the_cost_is_cut_among_all_nodes() {
     let mut b = Balancer::new(Settings::default(), chunks(8));
     for n in 0..4 {
-        b.join(Seat(n), ROOMY, &[0, 1, 2, 3, 4, 5, 6, 7]);
+        b.join(Seat(n), ROOMY, &ids(0..8));
     }
     let division = b.divide(&demand(&[9000.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]));
-    assert_eq!(division.chunks[&0].len(), 4);
-    assert!(division.chunks[&0].iter().all(|p| p.strips[1] - p.strips[0] == 2), "{division:?}");
-    assert!((1..8).all(|c| division.chunks[&c].len() == 1));
+    assert_eq!(division.chunks[&id(0)].len(), 4);
+    assert!(division.chunks[&id(0)].iter().all(|p| p.strips[1] - p.strips[0] == 2), "{division:?}");
+    assert!(ids(1..8).iter().all(|c| division.chunks[c].len() == 1));
 }
 
 #[test]
 fn without_splits_chunks_stay_whole() {
     let mut b = Balancer::new(Settings { split: false, ..Settings::default() }, chunks(3));
-    b.join(Seat(0), ROOMY, &[0, 1, 2]);
-    b.join(Seat(1), ROOMY, &[0, 1, 2]);
+    b.join(Seat(0), ROOMY, &ids(0..3));
+    b.join(Seat(1), ROOMY, &ids(0..3));
     assert!(b.divide(&demand(&[9000.0, 10.0, 10.0])).is_whole());
 }
 
 #[test]
 fn chunks_of_a_dead_node_are_adopted_and_it_gets_work_when_it_returns() {
-    let all: Vec<u32> = (0..16).collect();
+    let all = ids(0..16);
     let mut b = Balancer::new(Settings { replicas: 1, ..Settings::default() }, chunks(16));
     b.join(Seat(0), ROOMY, &all[..8]);
     b.join(Seat(1), ROOMY, &all[8..]);
@@ -99,7 +109,7 @@ fn chunks_of_a_dead_node_are_adopted_and_it_gets_work_when_it_returns() {
     frame(&mut b, &view, 1.0, &[0.01; 2]);
     b.leave(Seat(1));
     let division = b.divide(&view);
-    assert_eq!(division.adopted, (8..16).map(|c| (Seat(0), c)).collect::<Vec<_>>());
+    assert_eq!(division.adopted, ids(8..16).into_iter().map(|c| (Seat(0), c)).collect::<Vec<_>>());
     assert!(b.divide(&view).adopted.is_empty());
     b.join(Seat(1), ROOMY, &all[8..]);
     let ratios: Vec<f64> = (0..3).map(|_| frame(&mut b, &view, 1.0, &[0.01; 2])).collect();
@@ -110,20 +120,20 @@ fn chunks_of_a_dead_node_are_adopted_and_it_gets_work_when_it_returns() {
 fn a_chunk_that_is_out_of_view_is_nobodys() {
     let mut b = two_halves(Settings::default(), [1.0; 2]);
     let mut view = demand(&[100.0; 16]);
-    view.strips[3].clear();
+    view.strips[id(3)].clear();
     let division = b.divide(&view);
-    assert!(!division.chunks.contains_key(&3) && division.chunks.len() == 15);
+    assert!(!division.chunks.contains_key(&id(3)) && division.chunks.len() == 15);
     // In view, though the lattice met none of its positions: somebody has to look.
-    view.strips[3] = vec![0.0, 0.0];
-    assert_eq!(b.divide(&view).chunks[&3].len(), 1);
+    view.strips[id(3)] = vec![0.0, 0.0];
+    assert_eq!(b.divide(&view).chunks[&id(3)].len(), 1);
 }
 
 #[test]
 fn without_room_for_copies_chunks_move_when_it_pays() {
     let tight = |bytes: u64| {
         let mut b = Balancer::new(Settings { replicas: 1, ..Settings::default() }, chunks(16));
-        b.join(Seat(0), NodeFacts { throttle: 1.0, budget: bytes }, &(0..8).collect::<Vec<_>>());
-        b.join(Seat(1), NodeFacts { throttle: 1.0, budget: bytes }, &(8..16).collect::<Vec<_>>());
+        b.join(Seat(0), NodeFacts { throttle: 1.0, budget: bytes }, &ids(0..8));
+        b.join(Seat(1), NodeFacts { throttle: 1.0, budget: bytes }, &ids(8..16));
         b
     };
     let mut b = tight(12 << 20);
@@ -145,9 +155,9 @@ fn a_full_node_gives_up_cold_copies_for_hot_ones() {
     let mut b = Balancer::new(Settings::default(), chunks(16));
     let budget = NodeFacts { throttle: 1.0, budget: 8 << 20 };
     // Seats 1 and 2 hold the same cold half, seat 0 alone the hot one.
-    b.join(Seat(0), budget, &(0..8).collect::<Vec<_>>());
-    b.join(Seat(1), budget, &(8..16).collect::<Vec<_>>());
-    b.join(Seat(2), budget, &(8..16).collect::<Vec<_>>());
+    b.join(Seat(0), budget, &ids(0..8));
+    b.join(Seat(1), budget, &ids(8..16));
+    b.join(Seat(2), budget, &ids(8..16));
     let view = demand(&(0..16).map(|c| if c < 8 { 1000.0 } else { 10.0 }).collect::<Vec<_>>());
     let ratios: Vec<f64> = (0..20).map(|_| frame(&mut b, &view, 1.0, &[0.01; 3])).collect();
     assert!(ratios[0] > 2.5 && ratios[19] <= 1.10, "{ratios:?}");
@@ -170,33 +180,36 @@ fn a_static_division_is_by_cost_and_stays() {
 #[test]
 fn what_was_seen_counts_more_than_what_was_said() {
     let mut b = Balancer::new(Settings { load_by: LoadBy::Time, ..Settings::default() }, chunks(2));
-    b.join(Seat(0), ROOMY, &[0, 1]);
+    b.join(Seat(0), ROOMY, &ids(0..2));
     let view = demand(&[100.0, 0.0]);
     b.divide(&view);
-    b.observe(&view, &Observed { chunks: vec![(0, 20.0)], nodes: vec![(Seat(0), 5.0, 20.0)] });
-    assert!((b.predictor.rho(0) - 0.2).abs() < 1e-12);
+    b.observe(&view, &Observed { chunks: vec![(id(0), 20.0)], nodes: vec![(Seat(0), 5.0, 20.0)] });
+    assert!((b.predictor.rho(id(0)) - 0.2).abs() < 1e-12);
     // The other's prior is corrected by what this one's was worth.
-    assert!((b.predictor.rho(1) - 0.2).abs() < 1e-12);
+    assert!((b.predictor.rho(id(1)) - 0.2).abs() < 1e-12);
     assert_eq!(b.predictor.kappas(), [0.25]);
     b.divide(&view);
     b.observe(
         &view,
-        &Observed { chunks: vec![(0, 40.0), (9, 1.0)], nodes: vec![(Seat(0), 20.0, 40.0), (Seat(7), 1.0, 1.0)] },
+        &Observed {
+            chunks: vec![(id(0), 40.0), (id(9), 1.0)],
+            nodes: vec![(Seat(0), 20.0, 40.0), (Seat(7), 1.0, 1.0)],
+        },
     );
-    assert!((b.predictor.rho(0) - (0.7 * 0.2 + 0.3 * 0.4)).abs() < 1e-12);
+    assert!((b.predictor.rho(id(0)) - (0.7 * 0.2 + 0.3 * 0.4)).abs() < 1e-12);
     assert!((b.predictor.kappas()[0] - (0.8 * 0.25 + 0.2 * 0.5)).abs() < 1e-12);
     // A new node, slow by its own word, is taken for three times as slow as the others are.
     b.join(Seat(1), NodeFacts { throttle: 3.0, ..ROOMY }, &[]);
     assert!((b.predictor.kappas()[1] - 0.9).abs() < 1e-12);
     // Nonsense changes nothing.
-    b.observe(&view, &Observed { chunks: vec![(0, f64::NAN)], nodes: vec![(Seat(0), f64::INFINITY, -1.0)] });
-    assert!(b.predictor.rho(0).is_finite() && b.predictor.kappas().iter().all(|k| k.is_finite() && *k > 0.0));
+    b.observe(&view, &Observed { chunks: vec![(id(0), f64::NAN)], nodes: vec![(Seat(0), f64::INFINITY, -1.0)] });
+    assert!(b.predictor.rho(id(0)).is_finite() && b.predictor.kappas().iter().all(|k| k.is_finite() && *k > 0.0));
 }
 
 #[test]
 fn a_node_that_refuses_is_not_asked_at_once_again() {
     let mut b = Balancer::new(Settings::default(), chunks(8));
-    b.join(Seat(0), ROOMY, &[0, 1, 2, 3, 4, 5, 6, 7]);
+    b.join(Seat(0), ROOMY, &ids(0..8));
     b.join(Seat(1), ROOMY, &[]);
     b.divide(&demand(&[100.0; 8]));
     let loads = b.background();
@@ -215,8 +228,8 @@ fn a_node_that_refuses_is_not_asked_at_once_again() {
 fn what_found_no_room_goes_to_a_node_that_has_some() {
     let mut b = Balancer::new(Settings::default(), chunks(12));
     let small = NodeFacts { throttle: 1.0, budget: 8 << 20 };
-    b.join(Seat(0), small, &(0..6).collect::<Vec<_>>());
-    b.join(Seat(1), small, &(6..12).collect::<Vec<_>>());
+    b.join(Seat(0), small, &ids(0..6));
+    b.join(Seat(1), small, &ids(6..12));
     let view = demand(&[100.0; 12]);
     b.divide(&view);
     b.leave(Seat(1));
@@ -233,27 +246,27 @@ fn what_found_no_room_goes_to_a_node_that_has_some() {
 #[test]
 fn frames_of_several_looks_overlap_and_each_learns_its_own() {
     let mut b = Balancer::new(Settings { load_by: LoadBy::Time, ..Settings::default() }, chunks(2));
-    b.join(Seat(0), ROOMY, &[0, 1]);
+    b.join(Seat(0), ROOMY, &ids(0..2));
     let [one, other] =
         [(1, [100.0, 0.0]), (2, [50.0, 200.0])].map(|(look, costs)| Demand { look: LookId(look), ..demand(&costs) });
     b.divide(&one);
     b.divide(&other);
-    b.observe(&one, &Observed { chunks: vec![(0, 20.0)], nodes: vec![(Seat(0), 5.0, 20.0)] });
-    b.observe(&other, &Observed { chunks: vec![(0, 50.0), (1, 100.0)], nodes: vec![(Seat(0), 37.5, 150.0)] });
+    b.observe(&one, &Observed { chunks: vec![(id(0), 20.0)], nodes: vec![(Seat(0), 5.0, 20.0)] });
+    b.observe(&other, &Observed { chunks: vec![(id(0), 50.0), (id(1), 100.0)], nodes: vec![(Seat(0), 37.5, 150.0)] });
     // Both say the same of the node.
     assert_eq!(b.predictor.kappas(), [0.25]);
     let mut rhos = |demand: &Demand| {
         b.divide(demand);
-        [0, 1].map(|chunk| b.predictor.rho(chunk))
+        [0, 1].map(|chunk| b.predictor.rho(id(chunk)))
     };
     assert_eq!((rhos(&one), rhos(&other)), ([0.2, 0.2], [1.0, 0.5]));
     // The first is shown no more, and chunks take more room.
-    b.show(&[LookId(2)], vec![ChunkFacts { bytes: 3 << 20, prior: 1.0 }; 2]);
+    b.show(&[LookId(2)], PerChunk::filled(ChunkFacts { bytes: 3 << 20, prior: 1.0 }, 2));
     let mut rhos = |demand: &Demand| {
         b.divide(demand);
-        [0, 1].map(|chunk| b.predictor.rho(chunk))
+        [0, 1].map(|chunk| b.predictor.rho(id(chunk)))
     };
     assert_eq!((rhos(&one), rhos(&other)), ([1.0, 1.0], [1.0, 0.5]));
-    assert_eq!((b.holds(Seat(0)), b.report().seats[0].bytes), (vec![0, 1], 6 << 20));
-    assert_eq!((b.home(1), b.home(2)), (Some(Seat(0)), None));
+    assert_eq!((b.holds(Seat(0)), b.report().seats[0].bytes), (ids(0..2), 6 << 20));
+    assert_eq!((b.home(id(1)), b.home(id(2))), (Some(Seat(0)), None));
 }

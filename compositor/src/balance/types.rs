@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use brickcast_volume::{ChunkId, PerChunk};
 use serde::Serialize;
 
 /// A place in the table of nodes; stays the same while its node is away.
@@ -34,9 +35,9 @@ pub struct LookId(pub u64);
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Demand {
     pub look: LookId,
-    /// Per chunk, and in it per strip of screen tiles (along the longer side of its tile rectangle): sample positions
-    /// inside its box. No strips: not in view.
-    pub strips: Vec<Vec<f64>>,
+    /// In each chunk, per strip of screen tiles (along the longer side of its tile rectangle): sample positions inside
+    /// its box. No strips: not in view.
+    pub strips: PerChunk<Vec<f64>>,
 }
 
 /// One owner's part of a chunk in a frame.
@@ -51,11 +52,11 @@ pub struct Part {
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Division {
     /// Per chunk in view: disjoint parts that cover its strips; the primary's first. Empty while no node is present.
-    pub chunks: BTreeMap<u32, Vec<Part>>,
+    pub chunks: BTreeMap<ChunkId, Vec<Part>>,
     /// Chunks that nobody held, and who loads them on the way.
-    pub adopted: Vec<(Seat, u32)>,
+    pub adopted: Vec<(Seat, ChunkId)>,
     /// Copies that are given up on nodes without room; another present node holds each.
-    pub dropped: Vec<(Seat, u32)>,
+    pub dropped: Vec<(Seat, ChunkId)>,
 }
 
 impl Division {
@@ -70,7 +71,7 @@ impl Division {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Observed {
     /// Chunks that were rendered completely: cost, summed over their owners.
-    pub chunks: Vec<(u32, f64)>,
+    pub chunks: Vec<(ChunkId, f64)>,
     /// Nodes that answered: time of rendering in ms, cost summed over their parts.
     pub nodes: Vec<(Seat, f64, f64)>,
 }
@@ -91,10 +92,10 @@ pub struct Load {
     /// Tells one request from another.
     pub id: u64,
     pub seat: Seat,
-    pub chunks: Vec<u32>,
+    pub chunks: Vec<ChunkId>,
     pub bytes: u64,
     /// Copies that the node gives up first; another present node holds each.
-    pub drops: Vec<u32>,
+    pub drops: Vec<ChunkId>,
     pub reason: Reason,
 }
 

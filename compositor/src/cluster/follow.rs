@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use brickcast_proto::{NodeDescription, NodeState, PrepareRequest};
 use brickcast_volume::scene::Scene;
-use brickcast_volume::{SessionId, StoreHash};
+use brickcast_volume::{ChunkId, SessionId, StoreHash};
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio::time::Instant;
@@ -47,7 +47,7 @@ pub(crate) struct Arrival {
     pub(crate) client: NodeClient,
     pub(crate) description: NodeDescription,
     /// Chunks whose bricks it has loaded.
-    pub(crate) holds: Vec<u32>,
+    pub(crate) holds: Vec<ChunkId>,
 }
 
 /// What a session knows of its next frames, so that a node can load what it would be given.
@@ -245,7 +245,7 @@ impl Outlook {
     }
 
     /// The chunks of a node that is new, or comes back.
-    fn what_it_would_hold(mut self, address: &str) -> Vec<u32> {
+    fn what_it_would_hold(mut self, address: &str) -> Vec<ChunkId> {
         let position = self.slots.iter().position(|(a, _)| a == address);
         let position = position.unwrap_or_else(|| {
             self.slots.push((address.to_owned(), true));

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use brickcast_proto::{NodeDescription, NodeState, StoreDescription};
-use brickcast_volume::{Epoch, StoreHash};
+use brickcast_volume::{ChunkId, Epoch, StoreHash};
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 
@@ -124,7 +124,7 @@ impl Members {
         Ok((members, store))
     }
 
-    fn member(&mut self, client: NodeClient, description: NodeDescription, holds: Option<Vec<u32>>) -> Arc<Member> {
+    fn member(&mut self, client: NodeClient, description: NodeDescription, holds: Option<Vec<ChunkId>>) -> Arc<Member> {
         self.serial += 1;
         let serial = self.serial;
         let (mut watched, tell) = (client.clone(), self.tell.clone());

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use brickcast_proto::{NodeDescription, PrepareRequest};
 use brickcast_volume::scene::Scene;
-use brickcast_volume::{Epoch, SessionId, StoreHash};
+use brickcast_volume::{BrickId, ChunkId, Epoch, SessionId, StoreHash};
 use tokio::task::AbortHandle;
 
 use super::discovery::Target;
@@ -18,7 +18,7 @@ pub(crate) struct Member {
     /// Which of the lives behind this address it is; no other member has the same.
     pub(crate) serial: u64,
     /// Chunks that it had loaded when it came; nothing for those of the first table, which load with the session.
-    pub(crate) holds: Option<Vec<u32>>,
+    pub(crate) holds: Option<Vec<ChunkId>>,
     pub(super) watch: AbortHandle,
 }
 
@@ -77,7 +77,7 @@ impl Roster {
     }
 
     /// What a node is asked to load for a session.
-    pub(crate) fn loading(&self, session: SessionId, bricks: Vec<u32>, scene: Scene) -> PrepareRequest {
+    pub(crate) fn loading(&self, session: SessionId, bricks: Vec<BrickId>, scene: Scene) -> PrepareRequest {
         PrepareRequest { session, store: self.store, bricks, scene, background: false, release: Vec::new() }
     }
 }

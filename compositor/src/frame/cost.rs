@@ -1,6 +1,7 @@
 //! What one node's answers cost.
 
 use brickcast_proto::Receipt;
+use brickcast_volume::ChunkId;
 
 /// What one node's answers cost.
 #[derive(Debug, Clone, Default)]
@@ -10,7 +11,7 @@ pub(crate) struct NodeCost {
     /// Its own time for rendering, throttle included.
     pub(crate) work_ms: f64,
     /// Chunks and their cost, in samples.
-    pub(crate) chunks: Vec<(u32, f64)>,
+    pub(crate) chunks: Vec<(ChunkId, f64)>,
 }
 
 impl NodeCost {

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use brickcast_volume::{BrickId, ChunkId, PerChunk};
+
 use super::shown::Shown;
 
 /// A node, and which strips `[from, to)` of a chunk's tiles in view it renders ([`brickcast_proto::TileRect::strips`]).
@@ -10,11 +12,11 @@ pub type Share = (usize, [u32; 2]);
 /// Who renders which chunk, and which parts of the screen of those that are shared.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Assignment {
-    /// Per chunk, x fastest: position in the list of nodes.
-    owner: Vec<usize>,
+    /// Position in the list of nodes.
+    owner: PerChunk<usize>,
     nodes: usize,
     /// Chunks that several nodes render, each some strips of its tiles.
-    shared: BTreeMap<u32, Vec<Share>>,
+    shared: BTreeMap<ChunkId, Vec<Share>>,
 }
 
 impl Assignment {
@@ -23,24 +25,24 @@ impl Assignment {
     #[must_use]
     pub fn contiguous(shown: &Shown, nodes: usize) -> Self {
         let order = shown.tree.chunks_in_tree_order();
-        let mut owner = vec![0; order.len()];
-        let linear: Vec<u32> = order.into_iter().map(|c| shown.tree.chunk_linear(c)).collect();
-        for (chunk, run) in shown.runs(&linear, nodes) {
-            owner[chunk as usize] = run;
+        let mut owner = PerChunk::filled(0, order.len());
+        let chunks: Vec<ChunkId> = order.into_iter().map(|c| shown.tree.chunk_id(c)).collect();
+        for (chunk, run) in shown.runs(&chunks, nodes) {
+            owner[chunk] = run;
         }
         Self::explicit(owner, nodes)
     }
 
     /// An explicit table, e.g. a scattered one in tests: `owner[chunk]` below `nodes`.
     #[must_use]
-    pub fn explicit(owner: Vec<usize>, nodes: usize) -> Self {
+    pub fn explicit(owner: PerChunk<usize>, nodes: usize) -> Self {
         Self { owner, nodes, shared: BTreeMap::new() }
     }
 
     /// The same table for one view, but for chunks whose tiles several nodes share: disjoint shares of nodes below
     /// `nodes`, together all of the chunk's strips.
     #[must_use]
-    pub fn sharing(mut self, shared: BTreeMap<u32, Vec<Share>>) -> Self {
+    pub fn sharing(mut self, shared: BTreeMap<ChunkId, Vec<Share>>) -> Self {
         self.shared = shared;
         self
     }
@@ -52,10 +54,10 @@ impl Assignment {
         if here.is_empty() {
             return self;
         }
-        let order = shown.tree.chunks_in_tree_order().into_iter().map(|c| shown.tree.chunk_linear(c));
-        let orphans: Vec<u32> = order.filter(|&c| !here.contains(&self.owner[c as usize])).collect();
+        let order = shown.tree.chunks_in_tree_order().into_iter().map(|c| shown.tree.chunk_id(c));
+        let orphans: Vec<ChunkId> = order.filter(|&c| !here.contains(&self.owner[c])).collect();
         for (chunk, run) in shown.runs(&orphans, here.len()) {
-            self.owner[chunk as usize] = here[run];
+            self.owner[chunk] = here[run];
         }
         self.shared.retain(|_, parts| parts.iter().all(|(node, _)| here.contains(node)));
         self
@@ -68,29 +70,29 @@ impl Assignment {
 
     /// The node that renders a chunk, or most of it.
     #[must_use]
-    pub fn owner_of(&self, chunk: u32) -> usize {
-        self.owner[chunk as usize]
+    pub fn owner_of(&self, chunk: ChunkId) -> usize {
+        self.owner[chunk]
     }
 
     /// The nodes that share a chunk's tiles; empty where one renders it whole.
     #[must_use]
-    pub fn sharers_of(&self, chunk: u32) -> &[Share] {
+    pub fn sharers_of(&self, chunk: ChunkId) -> &[Share] {
         self.shared.get(&chunk).map_or(&[], |parts| &parts[..])
     }
 
     /// The chunks that `node` must hold, in the grid's order.
     #[must_use]
-    pub fn chunks_of(&self, node: usize) -> Vec<u32> {
-        let holds = |chunk: u32| match self.sharers_of(chunk) {
+    pub fn chunks_of(&self, node: usize) -> Vec<ChunkId> {
+        let holds = |chunk: ChunkId| match self.sharers_of(chunk) {
             [] => self.owner_of(chunk) == node,
             sharers => sharers.iter().any(|(n, _)| *n == node),
         };
-        (0..self.owner.len() as u32).filter(|&chunk| holds(chunk)).collect()
+        self.owner.ids().filter(|&chunk| holds(chunk)).collect()
     }
 
-    /// The bricks that `node` must hold: linear brick indices.
+    /// The bricks that `node` must hold.
     #[must_use]
-    pub fn bricks_of(&self, shown: &Shown, node: usize) -> Vec<u32> {
+    pub fn bricks_of(&self, shown: &Shown, node: usize) -> Vec<BrickId> {
         shown.bricks_in(&self.chunks_of(node))
     }
 }

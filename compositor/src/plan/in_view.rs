@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use brickcast_proto::{LayerOrder, TileRect};
 use brickcast_volume::chord::expected_samples;
 use brickcast_volume::merge::MergeTree;
-use brickcast_volume::{ChunkIndex, PixelRect, View};
+use brickcast_volume::{ChunkId, ChunkIndex, PerChunk, PixelRect, View};
 use glam::UVec2;
 use rayon::prelude::*;
 
@@ -20,8 +20,8 @@ pub type Orders = Vec<Vec<LayerOrder>>;
 #[derive(Debug)]
 pub struct InView {
     tree: MergeTree,
-    /// Per chunk, x fastest: the pixels that it may touch; empty where it shows nothing.
-    rects: Vec<PixelRect>,
+    /// The pixels that each may touch; empty where it shows nothing.
+    rects: PerChunk<PixelRect>,
 }
 
 /// Rays through a chunk, and at least through a strip of it, by which its cost in a view is told beforehand.
@@ -34,29 +34,29 @@ impl InView {
     #[must_use]
     pub fn new(shown: &Shown, view: &View) -> Self {
         let tree = shown.tree;
-        let rect = |(c, &bricks): (usize, &u32)| match tree.chunk_at(c as u32) {
+        let rect = |(c, &bricks): (ChunkId, &u32)| match tree.chunk_at(c) {
             Some(chunk) if bricks > 0 => shown
                 .bricks_of(chunk)
                 .map(|b| view.project(&tree.grid().owned_box(b)))
                 .fold(NOTHING, |all, one| all.union(&one)),
             _ => NOTHING,
         };
-        Self { tree, rects: shown.per_chunk.iter().enumerate().map(rect).collect() }
+        Self { tree, rects: shown.per_chunk.iter().map(rect).collect() }
     }
 
     /// The chunks in view and the tiles that they touch.
     #[must_use]
-    pub fn chunks(&self) -> BTreeMap<u32, TileRect> {
-        let seen = self.rects.iter().enumerate().filter(|(_, r)| !r.is_empty());
-        seen.map(|(c, r)| (c as u32, TileRect::around(r))).collect()
+    pub fn chunks(&self) -> BTreeMap<ChunkId, TileRect> {
+        let seen = self.rects.iter().filter(|(_, r)| !r.is_empty());
+        seen.map(|(c, r)| (c, TileRect::around(r))).collect()
     }
 
-    /// Per chunk, x fastest, and per strip of its tiles: about how many sample positions lie inside the box of its
-    /// shown bricks. No strips: not in view.
+    /// Per chunk, and per strip of its tiles: about how many sample positions lie inside the box of its shown bricks.
+    /// No strips: not in view.
     #[must_use]
-    pub fn sample_positions(&self, shown: &Shown, view: &View) -> Vec<Vec<f64>> {
+    pub fn sample_positions(&self, shown: &Shown, view: &View) -> PerChunk<Vec<f64>> {
         let kernel = view.kernel();
-        let of_chunk = |(chunk, rect): (usize, &PixelRect)| -> Vec<f64> {
+        let of_chunk = |(chunk, rect): (ChunkId, &PixelRect)| -> Vec<f64> {
             let Some(voxels) = shown.boxes[chunk].filter(|_| !rect.is_empty()) else { return Vec::new() };
             let tiles = TileRect::around(rect);
             let strips = tiles.strip_count();
@@ -66,21 +66,22 @@ impl InView {
             };
             (0..strips).map(strip).collect()
         };
-        self.rects.par_iter().enumerate().map(of_chunk).collect()
+        let rects: Vec<_> = self.rects.iter().collect();
+        rects.into_par_iter().map(of_chunk).collect::<Vec<_>>().into()
     }
 
     /// The layers that render the chunks that are `mine`, and no others: maximal subtrees all of whose chunks in view
     /// are.
     #[must_use]
-    pub fn layers(&self, mine: impl Fn(u32) -> bool) -> Vec<LayerOrder> {
+    pub fn layers(&self, mine: impl Fn(ChunkId) -> bool) -> Vec<LayerOrder> {
         let tree = &self.tree;
-        let rect = |c: ChunkIndex| self.rects[tree.chunk_linear(c) as usize];
-        tree.layers(&|c| !rect(c).is_empty(), &|c| mine(tree.chunk_linear(c)))
+        let rect = |c: ChunkIndex| self.rects[tree.chunk_id(c)];
+        tree.layers(&|c| !rect(c).is_empty(), &|c| mine(tree.chunk_id(c)))
             .into_iter()
             .map(|(node, chunks)| LayerOrder {
                 node,
                 tiles: TileRect::around(&chunks.iter().fold(NOTHING, |all, &c| all.union(&rect(c)))),
-                chunks: chunks.into_iter().map(|c| tree.chunk_linear(c)).collect(),
+                chunks: chunks.into_iter().map(|c| tree.chunk_id(c)).collect(),
             })
             .collect()
     }
@@ -112,13 +113,13 @@ impl InView {
     /// Deals what nobody renders any more to `takers` nodes, in runs of the tree's order: the orders of each.
     #[must_use]
     pub fn deal(&self, shown: &Shown, open: &Unordered, takers: usize) -> Vec<Orders> {
-        let order = self.tree.chunks_in_tree_order().into_iter().map(|c| self.tree.chunk_linear(c));
-        let ordered: Vec<u32> = order.filter(|&c| !open.of(c).is_empty()).collect();
+        let order = self.tree.chunks_in_tree_order().into_iter().map(|c| self.tree.chunk_id(c));
+        let ordered: Vec<ChunkId> = order.filter(|&c| !open.of(c).is_empty()).collect();
         let mut dealt = vec![(BTreeSet::new(), Vec::new()); takers];
         for (chunk, run) in shown.runs(&ordered, takers) {
             let (whole, parts) = &mut dealt[run];
             match open.of(chunk) {
-                [all] if *all == TileRect::around(&self.rects[chunk as usize]) => _ = whole.insert(chunk),
+                [all] if *all == TileRect::around(&self.rects[chunk]) => _ = whole.insert(chunk),
                 some => parts.extend(some.iter().map(|tiles| (chunk, *tiles))),
             }
         }
@@ -127,9 +128,9 @@ impl InView {
 
     /// One order for all that is `whole` and the first part of each chunk of `parts`, and more where a chunk has
     /// several: an order names no layer twice.
-    fn orders(&self, whole: &BTreeSet<u32>, parts: &[(u32, TileRect)]) -> Orders {
+    fn orders(&self, whole: &BTreeSet<ChunkId>, parts: &[(ChunkId, TileRect)]) -> Orders {
         let mut orders = vec![self.layers(|chunk| whole.contains(&chunk))];
-        let mut taken: BTreeMap<u32, usize> = BTreeMap::new();
+        let mut taken: BTreeMap<ChunkId, usize> = BTreeMap::new();
         for &(chunk, tiles) in parts {
             let Some(index) = self.tree.chunk_at(chunk) else { continue };
             let at = taken.entry(chunk).or_insert(0);

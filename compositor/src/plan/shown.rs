@@ -5,7 +5,7 @@ use brickcast_volume::merge::MergeTree;
 use brickcast_volume::regions::{BrickFacts, Drawn};
 use brickcast_volume::scene::Scene;
 use brickcast_volume::store::{BrickRanges, Manifest};
-use brickcast_volume::{BrickIndex, ChunkIndex, OwnedBox};
+use brickcast_volume::{BrickId, BrickIndex, ChunkId, ChunkIndex, OwnedBox, PerChunk};
 
 /// A store as the compositor knows it: no voxels, only what planning needs.
 #[derive(Debug, Clone)]
@@ -36,10 +36,10 @@ pub struct Shown {
     pub(super) tree: MergeTree,
     /// Per brick, x fastest: true where its stored box has opacity somewhere.
     bricks: Vec<bool>,
-    /// Per chunk, x fastest: how many of its bricks are shown.
-    pub(super) per_chunk: Vec<u32>,
-    /// Per chunk: the smallest box of voxels around them.
-    pub(super) boxes: Vec<Option<OwnedBox>>,
+    /// How many of its bricks are shown.
+    pub(super) per_chunk: PerChunk<u32>,
+    /// The smallest box of voxels around them.
+    pub(super) boxes: PerChunk<Option<OwnedBox>>,
 }
 
 /// Of every brick, x fastest: how it is drawn, and whether it has regions; nothing where it shows nothing.
@@ -61,10 +61,10 @@ impl Shown {
 
     /// `bricks` says of each brick, x fastest, whether it is shown.
     pub(super) fn of(tree: MergeTree, bricks: Vec<bool>) -> Self {
-        let mut per_chunk = vec![0; tree.chunk_count() as usize];
-        let mut boxes: Vec<Option<OwnedBox>> = vec![None; per_chunk.len()];
-        for brick in tree.grid().bricks().filter(|b| bricks[tree.grid().linear(*b)]) {
-            let chunk = tree.chunk_linear(tree.chunk_of(brick)) as usize;
+        let mut per_chunk = PerChunk::filled(0, tree.chunk_count() as usize);
+        let mut boxes: PerChunk<Option<OwnedBox>> = PerChunk::filled(None, per_chunk.count());
+        for brick in tree.grid().bricks().filter(|b| bricks[tree.grid().id(*b).index()]) {
+            let chunk = tree.chunk_id(tree.chunk_of(brick));
             let owned = tree.grid().owned_box(brick);
             per_chunk[chunk] += 1;
             boxes[chunk] =
@@ -79,11 +79,11 @@ impl Shown {
     }
 
     /// Cuts `chunks` into `runs` contiguous runs with nearly equal numbers of shown bricks: each chunk and its run.
-    pub(super) fn runs(&self, chunks: &[u32], runs: usize) -> Vec<(u32, usize)> {
-        let weight = |c: u32| u64::from(self.per_chunk[c as usize]);
+    pub(super) fn runs(&self, chunks: &[ChunkId], runs: usize) -> Vec<(ChunkId, usize)> {
+        let weight = |c: ChunkId| u64::from(self.per_chunk[c]);
         let total = chunks.iter().map(|&c| weight(c)).sum::<u64>().max(1);
         let mut before = 0;
-        let run = |&chunk: &u32| {
+        let run = |&chunk: &ChunkId| {
             let w = weight(chunk);
             // The run that the chunk's middle falls into; doubled to stay in integers.
             let run = (2 * before + w) * runs as u64 / (2 * total);
@@ -93,9 +93,9 @@ impl Shown {
         chunks.iter().map(run).collect()
     }
 
-    /// How many bricks of each chunk are shown, x fastest.
+    /// How many bricks of each chunk are shown.
     #[must_use]
-    pub fn per_chunk(&self) -> &[u32] {
+    pub fn per_chunk(&self) -> &PerChunk<u32> {
         &self.per_chunk
     }
 
@@ -104,18 +104,18 @@ impl Shown {
         self.tree
     }
 
-    /// The shown bricks of `chunks`: linear brick indices, in the grid's order.
+    /// The shown bricks of `chunks`, in the grid's order.
     #[must_use]
-    pub fn bricks_in(&self, chunks: &[u32]) -> Vec<u32> {
-        let of = |&chunk: &u32| self.tree.chunk_at(chunk).map(|c| self.bricks_of(c).collect::<Vec<_>>());
+    pub fn bricks_in(&self, chunks: &[ChunkId]) -> Vec<BrickId> {
+        let of = |&chunk: &ChunkId| self.tree.chunk_at(chunk).map(|c| self.bricks_of(c).collect::<Vec<_>>());
         let all = chunks.iter().filter_map(of).flatten();
-        let mut bricks: Vec<u32> = all.map(|b| self.tree.grid().linear(b) as u32).collect();
+        let mut bricks: Vec<BrickId> = all.map(|b| self.tree.grid().id(b)).collect();
         bricks.sort_unstable();
         bricks
     }
 
     /// The shown bricks of a chunk.
     pub fn bricks_of(&self, chunk: ChunkIndex) -> impl Iterator<Item = BrickIndex> + '_ {
-        self.tree.bricks_of(chunk).filter(|b| self.bricks[self.tree.grid().linear(*b)])
+        self.tree.bricks_of(chunk).filter(|b| self.bricks[self.tree.grid().id(*b).index()])
     }
 }

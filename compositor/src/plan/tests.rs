@@ -2,7 +2,7 @@
 
 use brickcast_volume::BrickGrid;
 use brickcast_volume::merge::MergeTree;
-use brickcast_volume::{Epoch, FrameId, View};
+use brickcast_volume::{BrickId, ChunkId, Epoch, FrameId, View};
 
 use super::*;
 use crate::frame::ledger::{Ledger, Ticket, Void};
@@ -15,7 +15,7 @@ fn shown() -> Shown {
     Shown::of(tree, bricks)
 }
 
-fn bricks(table: &Assignment, shown: &Shown, nodes: usize) -> Vec<Vec<u32>> {
+fn bricks(table: &Assignment, shown: &Shown, nodes: usize) -> Vec<Vec<BrickId>> {
     (0..nodes).map(|n| table.bricks_of(shown, n)).collect()
 }
 
@@ -52,7 +52,7 @@ fn shared_chunks_are_ordered_once_tile_by_tile() {
         let count = tiles.strip_count();
         vec![(2, [0, count / 3]), (0, [count / 3, count / 2]), (1, [count / 2, count])]
     };
-    let even = in_view.chunks().into_iter().filter(|(c, _)| c % 2 == 0);
+    let even = in_view.chunks().into_iter().filter(|(c, _)| c.linear() % 2 == 0);
     let shared = even.map(|(c, tiles)| (c, shares(&tiles))).collect();
     let table = Assignment::contiguous(&shown, 3).sharing(shared);
     let mut ledger = Ledger::new(FrameId(1), Epoch(1), in_view.chunks());
@@ -65,7 +65,7 @@ fn shared_chunks_are_ordered_once_tile_by_tile() {
             tickets += 1;
         }
         let holds = table.chunks_of(node);
-        assert!(in_view.chunks().keys().filter(|c| **c % 2 == 0).all(|c| holds.contains(c)));
+        assert!(in_view.chunks().keys().filter(|c| c.linear() % 2 == 0).all(|c| holds.contains(c)));
     }
     assert!(ledger.unordered().is_empty() && tickets == 3 && shared > 20, "{tickets}, {shared}");
     // Two of three are lost; of what they leave, some chunks are open in part only.
@@ -82,19 +82,18 @@ fn shared_chunks_are_ordered_once_tile_by_tile() {
     assert!(ledger.unordered().is_empty());
     // Absent nodes share nothing.
     let rest = table.without_absent(&shown, &[true, false, true]);
-    assert!((0..80).all(|c| rest.sharers_of(c).is_empty()));
+    assert!((0..80).map(ChunkId::new).all(|c| rest.sharers_of(c).is_empty()));
 }
 
 #[test]
 fn runs_cover_every_chunk_once_in_nearly_equal_shares() {
     let shown = shown();
-    let all: Vec<u32> = (0..80).collect();
+    let all: Vec<ChunkId> = (0..80).map(ChunkId::new).collect();
     for count in 1..=7 {
         let runs = shown.runs(&all, count);
         assert_eq!(runs.iter().map(|(c, _)| *c).collect::<Vec<_>>(), all);
         assert!(runs.windows(2).all(|w| w[0].1 <= w[1].1) && runs.iter().all(|(_, r)| *r < count));
-        let weight =
-            |run| runs.iter().filter(|(_, r)| *r == run).map(|(c, _)| shown.per_chunk[*c as usize]).sum::<u32>();
+        let weight = |run| runs.iter().filter(|(_, r)| *r == run).map(|(c, _)| shown.per_chunk[*c]).sum::<u32>();
         let weights: Vec<u32> = (0..count).map(weight).collect();
         let (least, most) = (weights.iter().min().unwrap(), weights.iter().max().unwrap());
         assert!(most - least <= 2, "{count}: {weights:?}");

@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, Weak};
 
+use brickcast_volume::PerChunk;
 use brickcast_volume::scene::Scene;
 
 use crate::balance::LookId;
@@ -17,8 +18,8 @@ pub(crate) struct ShownLook {
     /// A scene that has it; camera and size are of no account.
     pub(crate) scene: Scene,
     pub(crate) shown: Arc<Shown>,
-    /// Per chunk: resident bytes of what is shown of it.
-    pub(crate) bytes: Vec<u64>,
+    /// Resident bytes of what is shown of it.
+    pub(crate) bytes: PerChunk<u64>,
 }
 
 impl ShownLook {
@@ -26,7 +27,7 @@ impl ShownLook {
     pub(crate) fn new(id: LookId, store: &StoreFacts, scene: &Scene) -> Self {
         let shown = Shown::in_scene(store, scene);
         let (grid, tree, ghost) = (store.manifest.grid, shown.tree(), scene.ghost());
-        let chunks = (0..tree.chunk_count() as u32).filter_map(|chunk| tree.chunk_at(chunk));
+        let chunks = tree.chunk_ids().filter_map(|chunk| tree.chunk_at(chunk));
         let stored = |brick| grid.owned_box(brick).stored(ghost).voxel_count();
         let bytes = chunks.map(|chunk| shown.bricks_of(chunk).map(stored).sum::<u64>() * BYTES_PER_VOXEL).collect();
         Self { id, scene: scene.clone(), shown: Arc::new(shown), bytes }

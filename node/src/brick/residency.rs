@@ -8,7 +8,7 @@ use std::collections::{HashMap, HashSet};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use brickcast_volume::{SessionId, StoreHash};
+use brickcast_volume::{BrickId, SessionId, StoreHash};
 use rayon::prelude::*;
 
 use crate::error::NodeError;
@@ -20,8 +20,7 @@ const PATIENCE: Duration = Duration::from_millis(100);
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct BrickKey {
     pub store: StoreHash,
-    /// Linear index in the store's brick grid, x fastest.
-    pub brick: u32,
+    pub brick: BrickId,
     /// Ghost layers on each side.
     pub ghost: u32,
     pub recipe: Recipe,
@@ -118,10 +117,10 @@ impl Residency {
         slots.filter(|slot| matches!(slot.state, State::Ready(_))).map(|slot| slot.bytes).sum()
     }
 
-    /// Lets go of these bricks of a store (linear indices), however they are drawn, but for those that a lease holds or
-    /// that another session used, too. Returns their bytes.
-    pub fn release(&self, session: SessionId, store: StoreHash, bricks: &[u32]) -> u64 {
-        let bricks: HashSet<u32> = bricks.iter().copied().collect();
+    /// Lets go of these bricks of a store, however they are drawn, but for those that a lease holds or that another
+    /// session used, too. Returns their bytes.
+    pub fn release(&self, session: SessionId, store: StoreHash, bricks: &[BrickId]) -> u64 {
+        let bricks: HashSet<BrickId> = bricks.iter().copied().collect();
         let mut table = self.lock();
         let gone: Vec<(BrickKey, Slot)> = table
             .slots

@@ -28,8 +28,8 @@ pub(super) struct Band {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Dispatch {
     pub(super) job: usize,
-    /// Position in the job's list.
-    pub(super) brick: usize,
+    /// Of its brick in the job's list.
+    pub(super) position: usize,
     pub(super) uniform: BrickUniform,
     pub(super) features: Features,
     /// Upper bound.
@@ -73,7 +73,7 @@ pub(super) fn batches(rects: &[PixelRect], capacity: u32) -> Vec<Batch> {
 pub(super) fn dispatches(
     view: &View,
     band: &Band,
-    (brick, most): (usize, f64),
+    (position, most): (usize, f64),
     (boxes, features): (BrickUniform, Features),
 ) -> Vec<Dispatch> {
     let owned = &boxes.owned();
@@ -97,7 +97,7 @@ pub(super) fn dispatches(
                 ..boxes
             };
             let samples = per_pixel * f64::from(size.x) * f64::from(size.y);
-            pieces.push(Dispatch { job: band.job, brick, uniform, features, samples });
+            pieces.push(Dispatch { job: band.job, position, uniform, features, samples });
         }
     }
     pieces
@@ -165,7 +165,7 @@ mod tests {
         let mut corner = covered.lo;
         for piece in pieces {
             let u = piece.uniform;
-            assert!(piece.samples <= DISPATCH_SAMPLES && piece.brick == 3);
+            assert!(piece.samples <= DISPATCH_SAMPLES && piece.position == 3);
             assert_eq!(u.rect_lo, corner.to_array());
             assert_eq!(u.accumulator_base, 77 + (corner.y - 1000) * 8192 + corner.x);
             pixels += u.rect_size[0] as usize * u.rect_size[1] as usize;

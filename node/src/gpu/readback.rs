@@ -241,7 +241,7 @@ fn run(
                     }
                     let [width, height] = dispatch.uniform.rect_size;
                     pass.set_bind_group(1, &buffers.bind_group, &[(i as u64 * stride) as u32]);
-                    pass.set_bind_group(2, &bricks[dispatch.job][dispatch.brick].bind_group, &[]);
+                    pass.set_bind_group(2, &bricks[dispatch.job][dispatch.position].bind_group, &[]);
                     let groups = |pixels: u32| pixels.div_ceil(WORKGROUP_PIXELS);
                     pass.dispatch_workgroups(groups(width), groups(height), 1);
                 }
@@ -289,7 +289,7 @@ fn collect(
         for (dispatch, counter) in dispatches.iter().zip(counters.as_chunks::<16>().0) {
             let number = |i: usize| u64::from(u32::from_le_bytes(counter.as_chunks::<4>().0[i]));
             let positions = number(usize::from(!dispatch.uniform.reads_every_position(dispatch.features)));
-            let counts = &mut images[dispatch.job].counts[dispatch.brick];
+            let counts = &mut images[dispatch.job].counts[dispatch.position];
             *counts = counts.plus(BrickCounts { samples: number(0), positions, leapt: number(2), skips: number(3) });
         }
     })

@@ -88,7 +88,7 @@ impl Node {
     fn wish(&self, request: &PrepareRequest, store: &OpenStore) -> Result<Wish, NodeError> {
         let grid = store.store.manifest().grid;
         let all = request.bricks.iter().chain(&request.release);
-        if let Some(&brick) = all.into_iter().find(|&&brick| u64::from(brick) >= grid.brick_count()) {
+        if let Some(&brick) = all.into_iter().find(|brick| u64::from(brick.linear()) >= grid.brick_count()) {
             return Err(NodeError::NoSuchBrick { brick, last: grid.brick_count().saturating_sub(1) });
         }
         let choice = BrickChoice::new(&*store.store, &request.scene, &self.tables)?;
@@ -96,7 +96,7 @@ impl Node {
         let mut bytes = 0_u64;
         for &brick in &request.bricks {
             // What the scene does not show need not be there.
-            let Some(chosen) = choice.of(grid.brick_at(brick as usize), &*self.raycaster) else { continue };
+            let Some(chosen) = choice.of(grid.index_of(brick), &*self.raycaster) else { continue };
             bytes = bytes.saturating_add(chosen.wanted.bytes);
             if bytes <= self.config.memory_budget {
                 bricks.push(chosen.wanted);

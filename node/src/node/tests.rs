@@ -6,7 +6,7 @@ use std::time::Duration;
 use brickcast_proto::{Part, PrepareRequest};
 use brickcast_volume::scene::Scene;
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
-use brickcast_volume::{BrickGrid, MergeTree, Orbit, SessionId, StoreHash};
+use brickcast_volume::{BrickGrid, BrickId, MergeTree, Orbit, SessionId, StoreHash};
 
 use super::*;
 use crate::config::DataRoot;
@@ -43,7 +43,7 @@ impl Bench {
     /// For all bricks; every one of them is shown.
     fn load_all(&self) -> PrepareRequest {
         let scene = Self::scene(-2.0);
-        let bricks = (0..BRICKS).collect();
+        let bricks = (0..BRICKS).map(BrickId::finest).collect();
         PrepareRequest { session: SessionId(1), store: self.hash, bricks, scene, background: true, release: Vec::new() }
     }
 
@@ -110,7 +110,7 @@ async fn a_frame_overtakes_loading_in_the_background() {
 async fn bricks_are_let_go_of_on_demand_and_others_take_their_room() {
     let bench = Bench::new();
     let all = bench.node.prepare(Caller::default(), bench.load_all()).await.unwrap();
-    let (bricks, release) = (vec![0], vec![5, 6, 7]);
+    let (bricks, release) = (vec![BrickId::finest(0)], [5, 6, 7].map(BrickId::finest).to_vec());
     let receipt =
         bench.node.prepare(Caller::default(), PrepareRequest { bricks, release, ..bench.load_all() }).await.unwrap();
     assert_eq!(bench.node.residency.occupancy().bricks, BRICKS as usize - 3);
@@ -118,10 +118,11 @@ async fn bricks_are_let_go_of_on_demand_and_others_take_their_room() {
     // Loaded anew when they are wanted again, and they alone.
     let again = bench.node.prepare(Caller::default(), bench.load_all()).await.unwrap();
     assert_eq!((again.resident_bytes, bench.uploads()), (all.resident_bytes, BRICKS as usize + 3));
-    let unknown = PrepareRequest { bricks: vec![], release: vec![BRICKS], ..bench.load_all() };
+    let beyond = BrickId::finest(BRICKS);
+    let unknown = PrepareRequest { bricks: vec![], release: vec![beyond], ..bench.load_all() };
     assert!(matches!(
         bench.node.prepare(Caller::default(), unknown).await,
-        Err(NodeError::NoSuchBrick { brick: BRICKS, .. })
+        Err(NodeError::NoSuchBrick { brick, .. }) if brick == beyond
     ));
 }
 

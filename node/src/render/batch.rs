@@ -43,8 +43,8 @@ struct Begun {
 struct Part {
     unit: usize,
     rect: PixelRect,
-    /// Positions in the plan's bricks, front to back: those that may show in `rect`.
-    bricks: Vec<usize>,
+    /// Of bricks in the plan, front to back: those that may show in `rect`.
+    positions: Vec<usize>,
 }
 
 /// A slice that fits the memory.
@@ -110,7 +110,7 @@ impl<'a> Batches<'a> {
             wanted.iter().map(|w| w.key).zip(lease.bricks()).collect();
         let key = |position: &usize| self.plan.bricks[*position].wanted.key;
         let brick = |position: &usize| resident[&key(position)].clone();
-        let job = |part: &Part| Job { bricks: part.bricks.iter().map(&brick).collect(), rect: part.rect };
+        let job = |part: &Part| Job { bricks: part.positions.iter().map(&brick).collect(), rect: part.rect };
         let jobs: Vec<Job> = parts.iter().map(job).collect();
         let render = || workshop.raycaster.render_watched(&self.plan.scene, &jobs, watch);
         let started = Instant::now();
@@ -120,10 +120,10 @@ impl<'a> Batches<'a> {
         self.size.took(samples, now - started, now);
         meter.worked(work_ms);
         for (part, image) in parts.iter().zip(images) {
-            for (position, counts) in part.bricks.iter().zip(&image.counts) {
+            for (position, counts) in part.positions.iter().zip(&image.counts) {
                 let PlannedBrick { wanted, drawn, index, .. } = &self.plan.bricks[*position];
                 let tree = &self.plan.tree;
-                meter.rendered(wanted.key.brick, tree.chunk_linear(tree.chunk_of(*index)), drawn, counts);
+                meter.rendered(wanted.key.brick, tree.chunk_id(tree.chunk_of(*index)), drawn, counts);
             }
             self.begun[part.unit - self.next].layer.put(image)?;
         }
@@ -144,7 +144,8 @@ impl<'a> Batches<'a> {
             if !parts.is_empty() && left < self.size.samples() * 0.1 {
                 break;
             }
-            let new = unit.bricks.iter().map(|&p| self.plan.bricks[p].wanted).filter(|w| !wanted.contains_key(&w.key));
+            let all = unit.positions.iter().map(|&p| self.plan.bricks[p].wanted);
+            let new = all.filter(|w| !wanted.contains_key(&w.key));
             let more = new.map(|w| w.bytes).fold(0, u64::saturating_add);
             let is_begun = at - self.next < self.begun.len();
             let pixels = if is_begun { 0 } else { (unit.rect.pixel_count() * size_of::<Premul>()) as u64 };
@@ -159,15 +160,15 @@ impl<'a> Batches<'a> {
             let rect = rest.cut(unit.samples_per_pixel, left);
             let is_whole = rest.is_empty();
             let touches = |&p: &usize| !self.plan.bricks[p].rect.intersect(&rect).is_empty();
-            let bricks: Vec<usize> = unit.bricks.iter().copied().filter(touches).collect();
-            for &Wanted { key, bytes } in bricks.iter().map(|&p| &self.plan.bricks[p].wanted) {
+            let positions: Vec<usize> = unit.positions.iter().copied().filter(touches).collect();
+            for &Wanted { key, bytes } in positions.iter().map(|&p| &self.plan.bricks[p].wanted) {
                 if wanted.insert(key, bytes).is_none() {
                     brick_bytes = brick_bytes.saturating_add(bytes);
                 }
             }
             picture_bytes += pixels;
             samples += rect.pixel_count() as f64 * unit.samples_per_pixel;
-            parts.push(Part { unit: at, rect, bricks });
+            parts.push(Part { unit: at, rect, positions });
             if !is_whole {
                 break;
             }

@@ -58,12 +58,11 @@ impl<'a> BrickChoice<'a> {
     /// `None` where the brick shows nothing.
     pub(crate) fn of(&self, index: BrickIndex, raycaster: &dyn Raycaster) -> Option<Chosen> {
         let manifest = self.store.manifest();
-        let (linear, owned) = (manifest.grid.linear(index), manifest.grid.owned_box(index));
+        let (id, owned) = (manifest.grid.id(index), manifest.grid.owned_box(index));
         let brick = self.look.of(index);
         let (drawn, ghost) = (brick.drawn?, self.scene.ghost());
         let recipe = Recipe::of(self.scene, drawn.flattened, brick.has_regions());
-        let brick = u32::try_from(linear).unwrap_or(u32::MAX);
-        let key = BrickKey { store: self.store.hash(), brick, ghost, recipe };
+        let key = BrickKey { store: self.store.hash(), brick: id, ghost, recipe };
         let bytes = match drawn.only_region {
             Some(_) if knows_only_region(ghost) => 0,
             _ => raycaster.brick_bytes(owned.stored(ghost).voxel_count(), recipe),

@@ -33,7 +33,7 @@ pub(crate) fn load_bricks<'a>(
         let manifest = store.store.manifest();
         let grid = manifest.grid;
         let owned = |key: &BrickKey| {
-            let voxels = grid.owned_box(grid.brick_at(key.brick as usize)).voxel_count();
+            let voxels = grid.owned_box(grid.index_of(key.brick)).voxel_count();
             voxels * bytes_read(key, &*store.store)
         };
         LoadMeter {
@@ -48,7 +48,7 @@ pub(crate) fn load_bricks<'a>(
 /// The region that a flattened brick lies in with all that it stores, if it does: its mean is all there is to load.
 fn only_region(key: &BrickKey, store: &dyn BrickSource) -> Option<Region> {
     key.recipe.guard.filter(|_| knows_only_region(key.ghost))?;
-    let facts = store.brick_facts()?.get(key.brick as usize)?;
+    let facts = store.brick_facts()?.get(key.brick.index())?;
     store.region_table()?.get(facts.only_region).copied()
 }
 
@@ -70,7 +70,7 @@ fn load_brick(
 ) -> Result<Arc<dyn ResidentBrick>, NodeError> {
     let broken = |source| NodeError::of_store(&store.name, source);
     let (grid, recipe, store) = (store.store.manifest().grid, key.recipe, &*store.store);
-    let index = grid.brick_at(key.brick as usize);
+    let index = grid.index_of(key.brick);
     let owned = grid.owned_box(index);
     let table = match recipe.guard.is_some() || recipe.region_flags {
         true => store.region_table(),

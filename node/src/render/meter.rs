@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use brickcast_proto::{ChunkCost, Receipt};
 use brickcast_volume::regions::Drawn;
+use brickcast_volume::{BrickId, ChunkId};
 
 use crate::kernel::BrickCounts;
 
@@ -13,12 +14,12 @@ use crate::kernel::BrickCounts;
 pub struct FrameMeter {
     started: Instant,
     counts: BrickCounts,
-    costs: BTreeMap<u32, ChunkCost>,
+    costs: BTreeMap<ChunkId, ChunkCost>,
     work_ms: f64,
-    bricks: HashSet<u32>,
-    flattened: HashSet<u32>,
-    uniform: HashSet<u32>,
-    over_tolerance: HashSet<u32>,
+    bricks: HashSet<BrickId>,
+    flattened: HashSet<BrickId>,
+    uniform: HashSet<BrickId>,
+    over_tolerance: HashSet<BrickId>,
     layers: u32,
     tiles: u32,
     empty_tiles: u32,
@@ -68,8 +69,8 @@ impl FrameMeter {
         }
     }
 
-    /// A brick (linear index) of a chunk (likewise) was rendered into one accumulator.
-    pub fn rendered(&mut self, brick: u32, chunk: u32, drawn: &Drawn, counts: &BrickCounts) {
+    /// A brick of a chunk was rendered into one accumulator.
+    pub fn rendered(&mut self, brick: BrickId, chunk: ChunkId, drawn: &Drawn, counts: &BrickCounts) {
         self.bricks.insert(brick);
         for (bricks, is) in [
             (&mut self.flattened, drawn.flattened),
@@ -124,7 +125,7 @@ impl FrameMeter {
     }
 }
 
-fn count(bricks: &HashSet<u32>) -> u32 {
+fn count(bricks: &HashSet<BrickId>) -> u32 {
     u32::try_from(bricks.len()).unwrap_or(u32::MAX)
 }
 
@@ -137,9 +138,11 @@ mod tests {
         let mut meter = FrameMeter::new(Instant::now(), 2);
         let plain = Drawn { flattened: false, over_tolerance: false, only_region: None };
         let flat = Drawn { flattened: true, ..plain };
-        meter.rendered(7, 2, &plain, &BrickCounts { samples: 10, positions: 9, leapt: 0, skips: 1 });
-        meter.rendered(7, 2, &flat, &BrickCounts { samples: 5, positions: 20, leapt: 15, skips: 2 });
-        meter.rendered(8, 0, &plain, &BrickCounts { samples: 4, ..BrickCounts::default() });
+        let (seven, eight) = (BrickId::finest(7), BrickId::finest(8));
+        let (first, third) = (ChunkId::new(0), ChunkId::new(2));
+        meter.rendered(seven, third, &plain, &BrickCounts { samples: 10, positions: 9, leapt: 0, skips: 1 });
+        meter.rendered(seven, third, &flat, &BrickCounts { samples: 5, positions: 20, leapt: 15, skips: 2 });
+        meter.rendered(eight, first, &plain, &BrickCounts { samples: 4, ..BrickCounts::default() });
         meter.worked(1.5);
         meter.worked(2.0);
         meter.answered(3, 4);
@@ -147,7 +150,7 @@ mod tests {
         assert_eq!((receipt.bricks, receipt.samples, receipt.layers), (2, 19, 2));
         assert_eq!((receipt.positions, receipt.leapt_positions, receipt.flattened_bricks), (29, 15, 1));
         assert_eq!((receipt.tiles, receipt.empty_tiles), (3, 4));
-        let cost = |chunk, samples, skips| ChunkCost { chunk, samples, skips };
+        let cost = |chunk, samples, skips| ChunkCost { chunk: ChunkId::new(chunk), samples, skips };
         assert_eq!(receipt.costs, [cost(0, 4, 0), cost(2, 15, 3)]);
         assert_eq!((receipt.skips, receipt.work_ms), (3, 3.5));
     }

@@ -70,8 +70,8 @@ pub(super) enum Join {
 pub(super) struct Unit {
     /// The chunk's leaf in exact mode.
     pub leaf: Option<TreeNode>,
-    /// Positions in the plan's bricks, front to back.
-    pub bricks: Vec<usize>,
+    /// Of its bricks in the plan, front to back.
+    pub positions: Vec<usize>,
     pub rect: PixelRect,
     /// Of all bricks, as in [`PlannedBrick`], on average.
     pub samples_per_pixel: f64,
@@ -130,9 +130,9 @@ impl FramePlan {
         // Bricks by chunk, front to back within each.
         let mut by_chunk: HashMap<TreeNode, Vec<usize>> = HashMap::new();
         for chunk in chunks {
-            let bricks = self.visible(*chunk, &window, choice, workshop)?;
-            if !bricks.is_empty() {
-                by_chunk.insert(self.tree.leaf(*chunk), bricks);
+            let positions = self.visible(*chunk, &window, choice, workshop)?;
+            if !positions.is_empty() {
+                by_chunk.insert(self.tree.leaf(*chunk), positions);
             }
         }
         let mut leaves = Vec::new();
@@ -165,8 +165,8 @@ impl FramePlan {
                 }
                 Join::Tree
             } else {
-                for bricks in self.within_budget(&all, &band, budget) {
-                    self.add_unit(None, &bricks, &band);
+                for run in self.within_budget(&all, &band, budget) {
+                    self.add_unit(None, &run, &band);
                 }
                 Join::InOrder
             };
@@ -178,19 +178,19 @@ impl FramePlan {
 
     /// Pixels of a piece: the sooner it is done, the sooner its tiles are on their way. Bricks that do not fit the
     /// memory at once are loaded once for every piece, so that there are as few as possible.
-    fn band_pixels(&self, bricks: &[usize], window: &PixelRect, workshop: Workshop<'_>) -> u64 {
-        if self.bytes(bricks) > workshop.residency.budget() {
+    fn band_pixels(&self, positions: &[usize], window: &PixelRect, workshop: Workshop<'_>) -> u64 {
+        if self.bytes(positions) > workshop.residency.budget() {
             return MAX_BAND_PIXELS;
         }
-        let per_pixel = self.samples(bricks, window) / window.pixel_count().max(1) as f64;
+        let per_pixel = self.samples(positions, window) / window.pixel_count().max(1) as f64;
         let pixels = SliceSize::of_piece(workshop.raycaster.info()) / per_pixel.max(1e-9);
         (pixels as u64).min(MAX_BAND_PIXELS)
     }
 
-    /// What `bricks` take within `rect`: a guess.
-    fn samples(&self, bricks: &[usize], rect: &PixelRect) -> f64 {
+    /// What the bricks at `positions` take within `rect`: a guess.
+    fn samples(&self, positions: &[usize], rect: &PixelRect) -> f64 {
         let of = |brick: &PlannedBrick| brick.rect.intersect(rect).pixel_count() as f64 * brick.samples_per_pixel;
-        bricks.iter().map(|&p| of(&self.bricks[p])).sum()
+        positions.iter().map(|&p| of(&self.bricks[p])).sum()
     }
 
     /// Adds the bricks of `chunk` that may show something within `window`; their positions, front to back.
@@ -233,11 +233,11 @@ impl FramePlan {
         indices.iter().map(|index| at[index]).collect()
     }
 
-    /// `bricks` that touch `band`, cut front to back into runs that fit the budget.
-    fn within_budget(&self, bricks: &[usize], band: &PixelRect, budget: u64) -> Vec<Vec<usize>> {
+    /// The bricks at `positions` that touch `band`, cut front to back into runs that fit the budget.
+    fn within_budget(&self, positions: &[usize], band: &PixelRect, budget: u64) -> Vec<Vec<usize>> {
         let mut runs: Vec<Vec<usize>> = Vec::new();
         let mut bytes = 0_u64;
-        for &position in bricks.iter().filter(|&&p| !self.bricks[p].rect.intersect(band).is_empty()) {
+        for &position in positions.iter().filter(|&&p| !self.bricks[p].rect.intersect(band).is_empty()) {
             let more = self.bricks[position].wanted.bytes;
             match runs.last_mut() {
                 Some(run) if bytes.saturating_add(more) <= budget => run.push(position),
@@ -251,10 +251,10 @@ impl FramePlan {
         runs
     }
 
-    fn add_unit(&mut self, leaf: Option<TreeNode>, bricks: &[usize], band: &PixelRect) {
+    fn add_unit(&mut self, leaf: Option<TreeNode>, positions: &[usize], band: &PixelRect) {
         let mut rect = PixelRect { lo: UVec2::ZERO, hi: UVec2::ZERO };
         let mut touching = Vec::new();
-        for &position in bricks {
+        for &position in positions {
             let part = self.bricks[position].rect.intersect(band);
             if !part.is_empty() {
                 rect = rect.union(&part);
@@ -263,12 +263,12 @@ impl FramePlan {
         }
         if !touching.is_empty() {
             let samples_per_pixel = self.samples(&touching, &rect) / rect.pixel_count().max(1) as f64;
-            self.units.push(Unit { leaf, bricks: touching, rect, samples_per_pixel });
+            self.units.push(Unit { leaf, positions: touching, rect, samples_per_pixel });
         }
     }
 
-    pub(super) fn bytes(&self, bricks: &[usize]) -> u64 {
-        bricks.iter().map(|&p| self.bricks[p].wanted.bytes).fold(0, u64::saturating_add)
+    pub(super) fn bytes(&self, positions: &[usize]) -> u64 {
+        positions.iter().map(|&p| self.bricks[p].wanted.bytes).fold(0, u64::saturating_add)
     }
 }
 
@@ -284,15 +284,14 @@ fn check(tree: &MergeTree, layer: &LayerOrder) -> Result<Vec<ChunkIndex>, NodeEr
     layer
         .chunks
         .iter()
-        .map(|&linear| {
-            let chunk = tree
-                .chunk_at(linear)
-                .ok_or(NodeError::NoSuchChunk { chunk: linear, last: tree.chunk_count().saturating_sub(1) })?;
-            let c = glam::UVec3::from(chunk.0);
+        .map(|&chunk| {
+            let last = || tree.chunk_count().saturating_sub(1);
+            let index = tree.chunk_at(chunk).ok_or_else(|| NodeError::NoSuchChunk { chunk, last: last() })?;
+            let c = glam::UVec3::from(index.0);
             if c.cmpge(lo).all() && c.cmplt(hi).all() {
-                Ok(chunk)
+                Ok(index)
             } else {
-                Err(NodeError::ChunkElsewhere { chunk: linear, layer: layer.node })
+                Err(NodeError::ChunkElsewhere { chunk, layer: layer.node })
             }
         })
         .collect()

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use brickcast_proto::{ChunkCost, Part, Receipt, RenderOrder, Throttle, TileRect, decode_tile};
 use brickcast_volume::scene::SceneParts;
 use brickcast_volume::store::{ChunkCache, Store};
-use brickcast_volume::{MergeTree, Orbit, Premul, SessionId, StoreHash, TreeNode, over};
+use brickcast_volume::{BrickId, ChunkId, MergeTree, Orbit, Premul, SessionId, StoreHash, TreeNode, over};
 
 use super::*;
 use crate::brick::residency::Residency;
@@ -132,13 +132,13 @@ fn difference(a: &[Premul], b: &[Premul]) -> f32 {
 /// Layers of an assignment of chunks to `nodes`, the layers of one node in an order of their own.
 fn split(bench: &Bench, order: &RenderOrder, nodes: u32) -> Vec<RenderOrder> {
     let tree = bench.tree();
-    let owner = |chunk| (tree.chunk_linear(chunk).wrapping_mul(2_654_435_761) >> 13) % nodes;
+    let owner = |chunk| (tree.chunk_id(chunk).linear().wrapping_mul(2_654_435_761) >> 13) % nodes;
     (0..nodes)
         .map(|node| {
             let layers = tree.layers(&|_| true, &|c| owner(c) == node);
             let layers = layers.into_iter().map(|(n, chunks)| brickcast_proto::LayerOrder {
                 node: n,
-                chunks: chunks.into_iter().map(|c| tree.chunk_linear(c)).collect(),
+                chunks: chunks.into_iter().map(|c| tree.chunk_id(c)).collect(),
                 tiles: order.layers[0].tiles,
             });
             RenderOrder { layers: layers.collect(), ..order.clone() }
@@ -260,9 +260,9 @@ fn costs_are_told_by_chunk_and_are_the_same_for_every_assignment() {
     let tree = bench.tree();
     let mut parts = Vec::new();
     for part in split(&bench, &order, 3) {
-        let ordered: Vec<u32> = part.layers.iter().flat_map(|l| l.chunks.clone()).collect();
+        let ordered: Vec<ChunkId> = part.layers.iter().flat_map(|l| l.chunks.clone()).collect();
         let costs = costs(&part);
-        assert!(costs.iter().all(|c| ordered.contains(&c.chunk) && u64::from(c.chunk) < tree.chunk_count()));
+        assert!(costs.iter().all(|c| ordered.contains(&c.chunk) && tree.chunk_at(c.chunk).is_some()));
         parts.extend(costs);
     }
     parts.sort_unstable_by_key(|c| c.chunk);
@@ -281,7 +281,7 @@ fn orders_that_do_not_fit_the_store_are_refused() {
         error.to_string()
     };
     assert!(refused(|o| o.layers[0].node = TreeNode(u64::MAX)).contains("merge tree"));
-    assert!(refused(|o| o.layers[0].chunks.push(100_000)).contains("100000"));
+    assert!(refused(|o| o.layers[0].chunks.push(ChunkId::new(100_000))).contains("100000"));
     assert!(refused(|o| o.layers[0].node = TreeNode(2)).contains("does not lie under"));
     assert!(refused(|o| o.scene = o.scene.with(|s| s.look.opacity_unit = 1e-300).unwrap()).contains("opacity units"));
 }
@@ -314,7 +314,7 @@ impl Turns for Wanted<'_> {
     fn give_way(&self) -> Result<(), NodeError> {
         self.given.set(self.given.get() + 1);
         let before = self.residency.occupancy().bricks;
-        self.residency.release(SessionId(1), self.store, &(0..175).collect::<Vec<_>>());
+        self.residency.release(SessionId(1), self.store, &(0..175).map(BrickId::finest).collect::<Vec<_>>());
         assert!(before > 0 && self.residency.occupancy().bricks == 0, "a lease is held");
         Ok(())
     }

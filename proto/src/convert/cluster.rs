@@ -2,7 +2,7 @@
 
 use brickcast_volume::brick::MAX_BRICKS;
 use brickcast_volume::store::{BrickFactsTable, BrickRanges, Manifest, StoreError};
-use brickcast_volume::{SessionId, StoreHash};
+use brickcast_volume::{BrickId, SessionId, StoreHash};
 use bytes::Bytes;
 
 use super::{WireError, at_most, duration, text};
@@ -134,13 +134,17 @@ impl TryFrom<wire::StoreDescription> for StoreDescription {
 
 impl From<PrepareRequest> for wire::PrepareRequest {
     fn from(request: PrepareRequest) -> Self {
+        let numbers = |bricks: Vec<BrickId>| bricks.into_iter().map(BrickId::linear).collect();
+        // All bricks of a request are of one level.
+        let level = request.bricks.iter().chain(&request.release).map(|brick| brick.level()).next().unwrap_or(0);
         Self {
             store_hash: request.store.to_string(),
-            bricks: request.bricks,
+            bricks: numbers(request.bricks),
             scene: Some((&request.scene).into()),
             background: request.background,
-            release: request.release,
+            release: numbers(request.release),
             session: request.session.0,
+            level: level.into(),
         }
     }
 }
@@ -149,6 +153,9 @@ impl TryFrom<wire::PrepareRequest> for PrepareRequest {
     type Error = WireError;
 
     fn try_from(request: wire::PrepareRequest) -> Result<Self, WireError> {
+        if request.level != 0 {
+            return Err(WireError::Level(request.level));
+        }
         for list in [&request.bricks, &request.release] {
             at_most("bricks", list.len(), MAX_BRICKS as usize)?;
         }
@@ -163,12 +170,13 @@ impl TryFrom<wire::PrepareRequest> for PrepareRequest {
         {
             return Err(WireError::Beyond { what: "brick", index: index.into(), last: MAX_BRICKS - 1 });
         }
+        let finest = |bricks: Vec<u32>| bricks.into_iter().map(BrickId::finest).collect();
         Ok(Self {
             store: request.store_hash.parse()?,
-            bricks: request.bricks,
+            bricks: finest(request.bricks),
             scene: request.scene.ok_or(WireError::Missing("scene"))?.try_into()?,
             background: request.background,
-            release: request.release,
+            release: finest(request.release),
             session: SessionId(request.session),
         })
     }

@@ -67,6 +67,8 @@ pub enum WireError {
     Tiles { node: TreeNode, tiles: TileRect, picture: TileRect },
     #[error("{what} {index} is beyond the last one, {last}")]
     Beyond { what: &'static str, index: u64, last: u64 },
+    #[error("bricks of level {0}: this node knows level 0 only, the finest")]
+    Level(u32),
     #[error("{what} must be strictly increasing; {after} follows {before}")]
     Order { what: &'static str, before: u32, after: u32 },
     #[error("the order has crc32c {got:08x}, it says {want:08x}: damaged on the way; send it again")]

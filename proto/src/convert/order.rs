@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use brickcast_volume::scene::Transport;
-use brickcast_volume::{Epoch, FrameId, SessionId, TreeNode};
+use brickcast_volume::{ChunkId, Epoch, FrameId, SessionId, TreeNode};
 use prost::Message as _;
 
 use super::scene::{format_from_wire, format_to_wire};
@@ -16,7 +16,7 @@ impl From<&LayerOrder> for wire::Layer {
     fn from(layer: &LayerOrder) -> Self {
         Self {
             tree_node: layer.node.0,
-            chunks: layer.chunks.clone(),
+            chunks: layer.chunks.iter().map(|chunk| chunk.linear()).collect(),
             tile_x0: layer.tiles.lo[0],
             tile_y0: layer.tiles.lo[1],
             tile_x1: layer.tiles.hi[0],
@@ -73,7 +73,7 @@ impl TryFrom<wire::Layer> for LayerOrder {
             return Err(WireError::NoChunks(node));
         }
         let tiles = TileRect { lo: [layer.tile_x0, layer.tile_y0], hi: [layer.tile_x1, layer.tile_y1] };
-        Ok(Self { node, chunks: layer.chunks, tiles })
+        Ok(Self { node, chunks: layer.chunks.into_iter().map(ChunkId::new).collect(), tiles })
     }
 }
 
@@ -130,9 +130,9 @@ fn disjoint(layers: &[LayerOrder]) -> Result<(), WireError> {
         }
     }
     let mut chunks = HashSet::new();
-    for &index in layers.iter().flat_map(|l| &l.chunks) {
-        if !chunks.insert(index) {
-            return Err(WireError::Twice { what: "chunk", index });
+    for chunk in layers.iter().flat_map(|l| &l.chunks) {
+        if !chunks.insert(chunk) {
+            return Err(WireError::Twice { what: "chunk", index: chunk.linear() });
         }
     }
     Ok(())

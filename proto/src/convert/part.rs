@@ -1,6 +1,6 @@
 //! What a node answers: tiles, empties, the receipt.
 
-use brickcast_volume::{Epoch, FrameId};
+use brickcast_volume::{ChunkId, Epoch, FrameId};
 
 use super::scene::{format_from_wire, format_to_wire};
 use super::{WireError, at_most, duration, tree_node};
@@ -59,7 +59,7 @@ impl From<Receipt> for wire::Receipt {
             costs: r
                 .costs
                 .into_iter()
-                .map(|c| wire::ChunkCost { chunk: c.chunk, samples: c.samples, skips: c.skips })
+                .map(|c| wire::ChunkCost { chunk: c.chunk.linear(), samples: c.samples, skips: c.skips })
                 .collect(),
         }
     }
@@ -93,7 +93,7 @@ impl TryFrom<wire::Receipt> for Receipt {
             costs: r
                 .costs
                 .into_iter()
-                .map(|c| ChunkCost { chunk: c.chunk, samples: c.samples, skips: c.skips })
+                .map(|c| ChunkCost { chunk: ChunkId::new(c.chunk), samples: c.samples, skips: c.skips })
                 .collect(),
         })
     }

@@ -15,7 +15,9 @@ use brickcast_volume::scene::{
 };
 use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Lighting, Mode, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
-use brickcast_volume::{Camera, Epoch, FrameId, Geometry, Orbit, PictureSize, Premul, SessionId, StoreHash, TreeNode};
+use brickcast_volume::{
+    BrickId, Camera, ChunkId, Epoch, FrameId, Geometry, Orbit, PictureSize, Premul, SessionId, StoreHash, TreeNode,
+};
 use glam::{DVec3, UVec2};
 use prost::Message;
 
@@ -134,7 +136,7 @@ fn order(random: &mut Random) -> RenderOrder {
     let tiles = TileRect::of_picture(scene.view.size);
     let layer = |i: u32| LayerOrder {
         node: TreeNode(8 + u64::from(i)),
-        chunks: (0..3).map(|c| i * 3 + c).collect(),
+        chunks: (0..3).map(|c| ChunkId::new(i * 3 + c)).collect(),
         tiles: TileRect { lo: [0, 0], hi: [tiles.hi[0], 1 + i % tiles.hi[1]] },
     };
     let transport = if scene.quality.exact { Transport::F32 } else { [Transport::F16, Transport::U8][random.below(2)] };
@@ -154,8 +156,9 @@ fn part(random: &mut Random) -> FramePart {
         0 => Part::Empty { node: TreeNode(5), tiles: vec![0, 3, 77] },
         2 => Part::Progress { work: random.below(1000) as u64 },
         1 => {
-            let cost = |i: usize| ChunkCost { chunk: i as u32 * 3, samples: i as u64 * 1000, skips: 1 << i };
-            let costs = (0..random.below(20)).map(cost).collect();
+            let chunk = |i: u32| ChunkId::new(i * 3);
+            let cost = |i: u32| ChunkCost { chunk: chunk(i), samples: u64::from(i) * 1000, skips: 1 << i };
+            let costs = (0..random.below(20) as u32).map(cost).collect();
             let (render_ms, work_ms) = (random.unit(), random.unit());
             Part::Receipt(Receipt { render_ms, work_ms, samples: 12, skips: 5, tiles: 4, costs, ..Receipt::default() })
         }
@@ -189,8 +192,8 @@ fn node() -> NodeDescription {
 }
 
 fn prepare(random: &mut Random) -> PrepareRequest {
-    let bricks = (0..random.below(40) as u32).map(|b| b * 3).collect();
-    let release = (0..random.below(10) as u32).map(|b| b * 3 + 1).collect();
+    let bricks = (0..random.below(40) as u32).map(|b| BrickId::finest(b * 3)).collect();
+    let release = (0..random.below(10) as u32).map(|b| BrickId::finest(b * 3 + 1)).collect();
     let (session, background) = (SessionId(random.below(1000) as u64), random.below(2) == 1);
     PrepareRequest { session, store: StoreHash(3), bricks, scene: scene(random), background, release }
 }

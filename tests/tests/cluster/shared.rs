@@ -315,7 +315,7 @@ async fn a_frame_ends_with_the_epoch_that_it_began_with() {
     let changes = async {
         shows.notified().await;
         let began = Instant::now();
-        cluster.session().assign(brickcast::plan::Assignment::explicit(Vec::new(), 0));
+        cluster.session().assign(brickcast::plan::Assignment::explicit(Vec::new().into(), 0));
         (render(&mut other, &small).await, began)
     };
     let (frame, (later, began)) = tokio::join!(

@@ -10,7 +10,7 @@ use brickcast_tests::process::{NodeProcess, brickcast_ok};
 use brickcast_tests::turn;
 use brickcast_volume::scene::{Filter, Look, Quality, Scene, Transport, ViewSpec};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
-use brickcast_volume::{Camera, Epoch, FrameId, MergeTree, Orbit, PictureSize, SessionId, TreeNode};
+use brickcast_volume::{BrickId, Camera, ChunkId, Epoch, FrameId, MergeTree, Orbit, PictureSize, SessionId, TreeNode};
 use futures_util::StreamExt as _;
 
 const ONE_THREAD: [(&str, &str); 1] = [("RAYON_NUM_THREADS", "1")];
@@ -41,17 +41,17 @@ impl Rig {
         let view = ViewSpec { camera, size: PictureSize::new(side, side).unwrap() };
         let plain = Quality { step: 0.25, early_termination: 1.0, ..Quality::default() };
         let scene = Scene::new(look, view, Quality { filter: Filter::Exact, ..plain }).unwrap();
-        let chunks = (0..MergeTree::of(store.manifest.grid).chunk_count() as u32).collect();
+        let chunks = MergeTree::of(store.manifest.grid).chunk_ids().collect();
         let layers = vec![LayerOrder { node: TreeNode(1), chunks, tiles: TileRect::of_picture(scene.view.size) }];
         let (frame, epoch, transport) = (FrameId(1), Epoch(1), Transport::F16);
         let order = RenderOrder { session: SessionId(1), frame, epoch, store: store.hash, scene, transport, layers };
         let mut rig = Self { node, client, order };
         // Loading is not what is measured here.
-        rig.prepare((0..512).collect()).await;
+        rig.prepare((0..512).map(BrickId::finest).collect()).await;
         rig
     }
 
-    async fn prepare(&mut self, bricks: Vec<u32>) {
+    async fn prepare(&mut self, bricks: Vec<BrickId>) {
         let (store, scene) = (self.order.store, self.order.scene.clone());
         let request =
             PrepareRequest { session: SessionId(1), store, bricks, scene, background: false, release: Vec::new() };
@@ -85,8 +85,8 @@ async fn a_throttled_node_declares_it_and_takes_so_many_times_its_own_work() {
     assert!(list.contains("throttle 3"), "{list}");
     let (fast, slow) = (whole.render().await, third.render().await);
     assert_eq!(fast.costs, slow.costs, "the same work");
-    assert!(fast.costs.iter().map(|c| c.chunk).eq(0..64), "{:?}", fast.costs);
-    whole.order.layers[0].chunks = vec![37];
+    assert!(fast.costs.iter().map(|c| c.chunk).eq((0..64).map(ChunkId::new)), "{:?}", fast.costs);
+    whole.order.layers[0].chunks = vec![ChunkId::new(37)];
     assert_eq!(whole.render().await.costs, fast.costs[37..38], "of a chunk on its own");
     let sum = |of: fn(&brickcast_proto::ChunkCost) -> u64| fast.costs.iter().map(of).sum::<u64>();
     assert!(fast.samples > 1_000_000 && fast.samples == sum(|c| c.samples) && fast.load_ms == 0.0, "{fast:?}");

@@ -112,8 +112,9 @@ fn leaping_depends_on_no_partition() {
                     let frame = rig.render(&exact).await;
                     let got = rig::bits(&frame.picture);
                     assert!(*bits.get_or_insert_with(|| got.clone()) == got, "{count} nodes, bricks of {brick_size}");
-                    let chunks = MergeTree::of(store.manifest().grid).chunk_count() as usize;
-                    rig.session.assign(Assignment::explicit((0..chunks).map(|c| c * 7 % 5 % count).collect(), count));
+                    let chunks = MergeTree::of(store.manifest().grid).chunk_ids();
+                    let scattered = chunks.map(|c| c.index() * 7 % 5 % count).collect();
+                    rig.session.assign(Assignment::explicit(scattered, count));
                     let frame = rig.render(&exact).await;
                     assert!(bits.as_ref() == Some(&rig::bits(&frame.picture)), "scattered over {count} nodes");
                     let one = reference.get_or_insert_with(|| frame.picture.clone());

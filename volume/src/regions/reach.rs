@@ -2,7 +2,7 @@
 
 use super::table::{BrickFacts, NO_REGION};
 use crate::brick::{BrickGrid, RANGE_MARGIN};
-use crate::ids::BrickIndex;
+use crate::ids::{BrickId, BrickIndex};
 
 /// The range of codes, and what is known of regions, over the brick's owned box grown by what positions up to `reach`
 /// voxels beyond it read: the brick's own where the store's margin covers that (steps up to one voxel), else joined
@@ -15,9 +15,9 @@ pub fn within_reach(
     brick: BrickIndex,
     reach: u32,
 ) -> ([u16; 2], Option<BrickFacts>) {
-    let own = grid.linear(brick);
-    let range_of = |i: usize| ranges.get(i).copied().unwrap_or([0, u16::MAX]);
-    let fact_of = |i: usize| facts.and_then(|f| f.get(i)).copied();
+    let own = grid.id(brick);
+    let range_of = |brick: BrickId| ranges.get(brick.index()).copied().unwrap_or([0, u16::MAX]);
+    let fact_of = |brick: BrickId| facts.and_then(|f| f.get(brick.index())).copied();
     let (mut range, mut fact) = (range_of(own), fact_of(own));
     if reach < RANGE_MARGIN {
         return (range, fact);
@@ -28,10 +28,10 @@ pub fn within_reach(
     for z in span(2) {
         for y in span(1) {
             for x in span(0) {
-                let i = grid.linear(BrickIndex([x, y, z]));
-                let [min, max] = range_of(i);
+                let near = grid.id(BrickIndex([x, y, z]));
+                let [min, max] = range_of(near);
                 range = [range[0].min(min), range[1].max(max)];
-                fact = match (fact, fact_of(i)) {
+                fact = match (fact, fact_of(near)) {
                     (Some(a), Some(b)) => Some(joined(a, b)),
                     _ => None,
                 };
@@ -64,7 +64,7 @@ mod tests {
         let grid = BrickGrid::new(UVec3::new(80, 8, 20), 8).unwrap();
         let mut ranges = vec![[100, 200]; grid.brick_count() as usize];
         let odd = BrickIndex([5, 0, 1]);
-        ranges[grid.linear(odd)] = [7, 200];
+        ranges[grid.id(odd).index()] = [7, 200];
         for reach in [0, 1, 2, 7, 8, 16] {
             for brick in grid.bricks() {
                 let (range, facts) = within_reach(&grid, &ranges, None, brick, reach);

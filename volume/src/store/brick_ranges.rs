@@ -37,8 +37,7 @@ impl BrickRanges {
         let ranges: Vec<_> = bytes.chunks_exact(4).map(|b| [u16_at(b, 0), u16_at(b, 2)]).collect();
         let may_lack = manifest.no_data.is_some();
         let sound = |range: &[u16; 2]| range[0] <= range[1] || (may_lack && *range == Self::NONE);
-        if let Some(linear) = ranges.iter().position(|range| !sound(range)) {
-            let ([min, max], brick) = (ranges[linear], manifest.grid.brick_at(linear));
+        if let Some((&[min, max], brick)) = ranges.iter().zip(manifest.grid.bricks()).find(|(range, _)| !sound(range)) {
             return Err(RangesError::Inverted { brick, min, max }.into());
         }
         Ok(Self(ranges))

@@ -5,6 +5,7 @@ mod documents;
 mod error_texts;
 mod file_length;
 mod flags;
+mod ids;
 mod law;
 mod line_width;
 mod machine_paths;
@@ -14,10 +15,11 @@ mod shaders;
 
 pub(crate) use law::Check;
 
-pub(crate) const ALL: [Check; 10] = [
+pub(crate) const ALL: [Check; 11] = [
     manifests::CHECK,
     circles::CHECK,
     names::CHECK,
+    ids::CHECK,
     flags::CHECK,
     shaders::CHECK,
     documents::CHECK,

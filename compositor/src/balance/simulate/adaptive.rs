@@ -1,5 +1,7 @@
 //! Our own balancer in the modelled cluster.
 
+use brickcast_volume::PerChunk;
+
 use super::lattice::Picture;
 use super::machine::Machine;
 use super::outcome::ViewRow;
@@ -25,19 +27,20 @@ pub(super) struct Adaptive {
     now_ms: f64,
     /// When they will have ended, and when they began.
     loads: Vec<(f64, f64, Load)>,
-    bytes: Vec<u64>,
+    bytes: PerChunk<u64>,
 }
 
 impl Adaptive {
     /// The nodes hold contiguous runs at first.
     pub(super) fn new(world: &World, spec: &Spec, settings: &Settings) -> Self {
-        let bytes: Vec<u64> = (0..world.count()).map(|c| world.bytes(c)).collect();
-        let facts = bytes.iter().zip(&world.shown).map(|(&bytes, &prior)| ChunkFacts { bytes, prior }).collect();
+        let bytes: PerChunk<u64> = world.chunks().map(|c| world.bytes(c)).collect();
+        let facts =
+            bytes.values().zip(world.shown.values()).map(|(&bytes, &prior)| ChunkFacts { bytes, prior }).collect();
         let balancer = Balancer::new(settings.clone(), facts);
         let mut all = Self { balancer, budget: world.budget(spec), now_ms: 0.0, loads: Vec::new(), bytes };
         let runs = world.runs(spec.nodes as usize);
         let mut holds = vec![Vec::new(); spec.nodes as usize];
-        runs.iter().enumerate().for_each(|(chunk, node)| holds[*node].push(chunk as u32));
+        runs.iter().for_each(|(chunk, node)| holds[*node].push(chunk));
         for (node, holds) in holds.iter().enumerate() {
             let facts = NodeFacts { throttle: spec.throttle_of(node as u64), budget: all.budget };
             all.balancer.join(Seat(node as u64), facts, holds);
@@ -74,14 +77,14 @@ impl Adaptive {
             self.balancer.finished(&load, LoadOutcome::Loaded { ms: end - start });
         }
         let division = self.balancer.divide(&picture.demand);
-        let mut owners: Owners = vec![Vec::new(); world.count()];
+        let mut owners: Owners = PerChunk::filled(Vec::new(), world.count());
         for (&chunk, parts) in &division.chunks {
-            owners[chunk as usize] = parts.iter().map(|p| (p.seat.0 as usize, p.strips)).collect();
+            owners[chunk] = parts.iter().map(|p| (p.seat.0 as usize, p.strips)).collect();
         }
         let mut row = share(world, picture, machines, &(owners, 0, 0));
         let mut adopted = vec![0; machines.len()];
         for (seat, chunk) in &division.adopted {
-            adopted[seat.0 as usize] += self.bytes[*chunk as usize];
+            adopted[seat.0 as usize] += self.bytes[*chunk];
         }
         let ms = |n: usize| {
             let deviates = noise(TIME_NOISE, &[spec.seed, 13, u64::from(view), n as u64]);
@@ -89,7 +92,7 @@ impl Adaptive {
         };
         let present: Vec<usize> = (0..machines.len()).filter(|&n| machines[n].present).collect();
         let seen = Observed {
-            chunks: division.chunks.keys().map(|&c| (c, picture.cost(c as usize))).collect(),
+            chunks: division.chunks.keys().map(|&c| (c, picture.cost(c))).collect(),
             nodes: present.iter().map(|&n| (Seat(n as u64), ms(n), row.cost[n])).collect(),
         };
         self.balancer.observe(&picture.demand, &seen);

@@ -1,7 +1,9 @@
 //! What a view costs: rays through the grid on a lattice of pixels.
 
+use brickcast_volume::{ChunkId, PerChunk};
 use glam::{DVec3, IVec3};
 
+use super::grid::chunk_at;
 use super::path::{Eye, eye};
 use super::random::noise;
 use super::spec::{PathKind, Spec};
@@ -46,8 +48,8 @@ impl Seen {
 /// One view: what it costs, and what the balancer is told of it.
 #[derive(Debug)]
 pub(super) struct Picture {
-    /// Per chunk; `None`: not in view, or nothing of it is shown.
-    pub(super) seen: Vec<Option<Seen>>,
+    /// `None`: not in view, or nothing of it is shown.
+    pub(super) seen: PerChunk<Option<Seen>>,
     pub(super) demand: Demand,
 }
 
@@ -57,7 +59,7 @@ impl Picture {
         let tiles = spec.size.div_ceil(TILE);
         let rays = RAYS * LEAST_RAYS.div_ceil(RAYS * tiles) * tiles;
         let pixels = (f64::from(spec.size) / f64::from(rays)).powi(2);
-        let mut sums: Vec<Sums> = (0..world.count()).map(|_| Sums::new(tiles as usize)).collect();
+        let mut sums: PerChunk<Sums> = world.chunks().map(|_| Sums::new(tiles as usize)).collect();
         for ray in 0..rays * rays {
             let (x, y) = (ray % rays, ray / rays);
             let tile = [x, y].map(|v| (v * tiles / rays) as usize);
@@ -69,15 +71,16 @@ impl Picture {
                 sums[chunk].add(tile, length * POSITIONS * pixels, told);
             });
         }
-        let demand = Demand { strips: vec![Vec::new(); world.count()], ..Demand::default() };
-        let mut picture = Self { seen: vec![None; world.count()], demand };
-        for (chunk, sums) in sums.iter().enumerate().filter(|(c, _)| world.shown[*c] > 0.0) {
+        let strips = PerChunk::filled(Vec::new(), world.count());
+        let demand = Demand { strips, ..Demand::default() };
+        let mut picture = Self { seen: PerChunk::filled(None, world.count()), demand };
+        for (chunk, sums) in sums.iter().filter(|(c, _)| world.shown[*c] > 0.0) {
             let Some(mut seen) = sums.seen() else { continue };
             let side = seen.long_side();
             let strips = seen.lo[side]..seen.hi[side];
             let rho = world.rho[chunk] * deviation(world, spec, chunk, view);
             let cost = |strip: usize| {
-                let mottle = noise(STRIP_NOISE, &[world.seed, 6, chunk as u64, u64::from(view), strip as u64]);
+                let mottle = noise(STRIP_NOISE, &[world.seed, 6, chunk.linear().into(), u64::from(view), strip as u64]);
                 sums.all[side][strip] * rho * mottle
             };
             seen.cost = strips.clone().map(cost).collect();
@@ -88,7 +91,7 @@ impl Picture {
     }
 
     /// The cost of a chunk; 0 out of view.
-    pub(super) fn cost(&self, chunk: usize) -> f64 {
+    pub(super) fn cost(&self, chunk: ChunkId) -> f64 {
         self.seen[chunk].as_ref().map_or(0.0, |seen| seen.cost.iter().sum())
     }
 }
@@ -122,8 +125,8 @@ impl Sums {
 }
 
 /// By how much a chunk costs more in a view than its density says.
-fn deviation(world: &World, spec: &Spec, chunk: usize, view: u32) -> f64 {
-    let at = |knot: u32| noise(CHUNK_NOISE, &[world.seed, 5, chunk as u64, u64::from(knot)]);
+fn deviation(world: &World, spec: &Spec, chunk: ChunkId, view: u32) -> f64 {
+    let at = |knot: u32| noise(CHUNK_NOISE, &[world.seed, 5, chunk.linear().into(), u64::from(knot)]);
     match spec.path {
         PathKind::Random => at(view),
         PathKind::Dive => {
@@ -134,7 +137,7 @@ fn deviation(world: &World, spec: &Spec, chunk: usize, view: u32) -> f64 {
 }
 
 /// Tells each chunk that a ray crosses, with the length within (Amanatides & Woo 1987).
-fn walk(world: &World, eye: &Eye, direction: DVec3, tell: &mut impl FnMut(usize, f64)) {
+fn walk(world: &World, eye: &Eye, direction: DVec3, tell: &mut impl FnMut(ChunkId, f64)) {
     let dims = world.dims.as_dvec3();
     let (mut enter, mut leave) = (0.0_f64, f64::MAX);
     let inverse = direction.map(|d| if d.abs() < 1e-12 { 1e12 } else { 1.0 / d });
@@ -154,9 +157,8 @@ fn walk(world: &World, eye: &Eye, direction: DVec3, tell: &mut impl FnMut(usize,
         let exits = (ahead - eye.at) * inverse;
         let axis = if exits.x <= exits.y && exits.x <= exits.z { 0 } else { 1 + usize::from(exits.z < exits.y) };
         let exit = exits[axis].min(leave);
-        let dims = world.dims.as_ivec3();
         if exit > t {
-            tell((cell.x + dims.x * (cell.y + dims.y * cell.z)) as usize, exit - t);
+            tell(chunk_at(world.dims, cell.as_uvec3()), exit - t);
         }
         t = t.max(exit);
         cell[axis] += step[axis];
@@ -217,7 +219,7 @@ mod tests {
         for view in [0, 30] {
             let picture = Picture::new(&world, &spec, view);
             let (mut told, mut true_cost) = (0.0, 0.0);
-            for chunk in 0..world.count() {
+            for chunk in world.chunks() {
                 assert_eq!(picture.demand.strips[chunk].is_empty(), picture.seen[chunk].is_none());
                 told += picture.demand.strips[chunk].iter().sum::<f64>() * world.rho[chunk];
                 true_cost += picture.cost(chunk);

@@ -1,12 +1,15 @@
 //! The merge tree over a grid of chunks (as [`brickcast_volume::merge`], for grids of any number): order, and the
 //! layers of a division.
 
+use brickcast_volume::ChunkId;
 use glam::UVec3;
+
+use super::grid::chunk_at;
 
 /// One tree node: two children, or a chunk.
 #[derive(Debug)]
 enum Node {
-    Leaf(usize),
+    Leaf(ChunkId),
     Inner(Box<Node>, Box<Node>),
 }
 
@@ -18,13 +21,13 @@ pub(super) struct Tree {
 impl Tree {
     pub(super) fn new(dims: UVec3) -> Self {
         let edge = UVec3::splat(dims.max_element().next_power_of_two());
-        let root = build(UVec3::ZERO, edge, 0, dims).unwrap_or(Node::Leaf(0));
+        let root = build(UVec3::ZERO, edge, 0, dims).unwrap_or(Node::Leaf(ChunkId::default()));
         Self { root }
     }
 
     /// All chunks, so that runs of them are compact in space.
-    pub(super) fn order(&self) -> Vec<usize> {
-        fn walk(node: &Node, out: &mut Vec<usize>) {
+    pub(super) fn order(&self) -> Vec<ChunkId> {
+        fn walk(node: &Node, out: &mut Vec<ChunkId>) {
             match node {
                 Node::Leaf(chunk) => out.push(*chunk),
                 Node::Inner(low, high) => {
@@ -42,9 +45,9 @@ impl Tree {
     /// view.
     pub(super) fn layers(
         &self,
-        in_view: &impl Fn(usize) -> bool,
-        owner: &impl Fn(usize) -> Option<usize>,
-    ) -> Vec<Vec<usize>> {
+        in_view: &impl Fn(ChunkId) -> bool,
+        owner: &impl Fn(ChunkId) -> Option<usize>,
+    ) -> Vec<Vec<ChunkId>> {
         let mut layers = Vec::new();
         if let Cover::One(_, chunks) = cover(&self.root, in_view, owner, &mut layers) {
             layers.push(chunks);
@@ -58,7 +61,7 @@ fn build(lo: UVec3, edge: UVec3, axis: usize, dims: UVec3) -> Option<Node> {
         return None;
     }
     if edge == UVec3::ONE {
-        return Some(Node::Leaf((lo.x + dims.x * (lo.y + dims.y * lo.z)) as usize));
+        return Some(Node::Leaf(chunk_at(dims, lo)));
     }
     let mut half = edge;
     half[axis] /= 2;
@@ -74,16 +77,16 @@ fn build(lo: UVec3, edge: UVec3, axis: usize, dims: UVec3) -> Option<Node> {
 enum Cover {
     /// Nothing in view.
     Nothing,
-    One(usize, Vec<usize>),
+    One(usize, Vec<ChunkId>),
     /// What one node renders of it is among the layers already.
     Several,
 }
 
 fn cover(
     node: &Node,
-    in_view: &impl Fn(usize) -> bool,
-    owner: &impl Fn(usize) -> Option<usize>,
-    layers: &mut Vec<Vec<usize>>,
+    in_view: &impl Fn(ChunkId) -> bool,
+    owner: &impl Fn(ChunkId) -> Option<usize>,
+    layers: &mut Vec<Vec<ChunkId>>,
 ) -> Cover {
     let (low, high) = match node {
         Node::Leaf(chunk) if !in_view(*chunk) => return Cover::Nothing,
@@ -116,13 +119,16 @@ mod tests {
         let tree = Tree::new(UVec3::new(5, 3, 6));
         let mut order = tree.order();
         order.sort_unstable();
-        assert_eq!(order, (0..90).collect::<Vec<_>>());
+        assert_eq!(order, (0..90).map(ChunkId::new).collect::<Vec<_>>());
         assert_eq!(tree.layers(&|_| true, &|_| Some(3)).len(), 1);
-        let owner = |c: usize| (!c.is_multiple_of(11)).then_some(c / 7 % 4);
-        let layers = tree.layers(&|c| !c.is_multiple_of(5), &owner);
-        let mut all: Vec<usize> = layers.concat();
+        let is_multiple_of = |c: ChunkId, n| c.index().is_multiple_of(n);
+        let owner = |c: ChunkId| (!is_multiple_of(c, 11)).then_some(c.index() / 7 % 4);
+        let layers = tree.layers(&|c| !is_multiple_of(c, 5), &owner);
+        let mut all: Vec<ChunkId> = layers.concat();
         assert!(layers.iter().all(|l| l.iter().all(|c| owner(*c) == owner(l[0]))));
         all.sort_unstable();
-        assert_eq!(all, (0..90_usize).filter(|c| !c.is_multiple_of(5) && !c.is_multiple_of(11)).collect::<Vec<_>>());
+        let mut want: Vec<ChunkId> = (0..90).map(ChunkId::new).collect();
+        want.retain(|c| !is_multiple_of(*c, 5) && !is_multiple_of(*c, 11));
+        assert_eq!(all, want);
     }
 }

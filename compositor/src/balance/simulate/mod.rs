@@ -5,6 +5,7 @@
 //! numbers.
 
 mod adaptive;
+mod grid;
 mod lattice;
 mod layers;
 mod machine;

@@ -105,7 +105,7 @@ impl<'a> Record<'a> {
         Outcome {
             spec: self.spec.clone(),
             dims: self.world.dims.into(),
-            shown: self.world.shown.iter().filter(|s| **s > 0.0).count(),
+            shown: self.world.shown.values().filter(|s| **s > 0.0).count(),
             budget: self.world.budget(self.spec),
             warm_up,
             rows: self.names.iter().map(|name| self.row(name, &self.views[name], warm_up)).collect(),

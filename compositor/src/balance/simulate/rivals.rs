@@ -1,7 +1,9 @@
 //! What others would do: blocks that never change, and partitions that know all costs of the view before.
 
+use brickcast_volume::{ChunkId, PerChunk};
 use glam::UVec3;
 
+use super::grid::chunk_at;
 use super::lattice::Picture;
 use super::machine::Machine;
 use super::outcome::ViewRow;
@@ -9,8 +11,8 @@ use super::random::hash;
 use super::spec::Spec;
 use super::world::World;
 
-/// Per chunk: who renders which strips.
-pub(super) type Owners = Vec<Vec<(usize, [u32; 2])>>;
+/// Who renders which strips of each chunk.
+pub(super) type Owners = PerChunk<Vec<(usize, [u32; 2])>>;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
@@ -27,22 +29,22 @@ enum Kind {
 #[derive(Debug)]
 pub(super) struct Rival {
     kind: Kind,
-    homes: Vec<[usize; 2]>,
+    homes: PerChunk<[usize; 2]>,
     /// Of the view before.
-    last: Vec<Option<usize>>,
+    last: PerChunk<Option<usize>>,
 }
 
 impl Rival {
     pub(super) fn all(world: &World, spec: &Spec) -> Vec<Self> {
         let nodes = spec.nodes as usize;
         let first = world.runs(nodes);
-        let second = |(chunk, home): (usize, &usize)| {
-            let other = hash(&[world.seed, 11, chunk as u64]) as usize % nodes.saturating_sub(1).max(1);
+        let second = |(chunk, home): (ChunkId, &usize)| {
+            let other = hash(&[world.seed, 11, chunk.linear().into()]) as usize % nodes.saturating_sub(1).max(1);
             [*home, (home + 1 + other) % nodes]
         };
-        let homes: Vec<[usize; 2]> = first.iter().enumerate().map(second).collect();
+        let homes: PerChunk<[usize; 2]> = first.iter().map(second).collect();
         let kinds = [Kind::Static, Kind::Kd, Kind::Lpt, Kind::Replicas2];
-        kinds.map(|kind| Self { kind, homes: homes.clone(), last: vec![None; world.count()] }).into()
+        kinds.map(|kind| Self { kind, homes: homes.clone(), last: PerChunk::filled(None, world.count()) }).into()
     }
 
     pub(super) fn name(&self) -> &'static str {
@@ -61,14 +63,14 @@ impl Rival {
         let owner = match self.kind {
             Kind::Static => {
                 let runs = world.runs(present.len());
-                let stays = |c: usize| {
+                let stays = |c: ChunkId| {
                     let home = self.homes[c][0];
                     if machines[home].present { home } else { present[runs[c]] }
                 };
-                (0..world.count()).map(stays).collect()
+                world.chunks().map(stays).collect()
             }
             Kind::Kd => {
-                let mut owner = vec![present[0]; world.count()];
+                let mut owner = PerChunk::filled(present[0], world.count());
                 cut(world, picture, machines, &present, [UVec3::ZERO, world.dims], &mut owner);
                 owner
             }
@@ -79,8 +81,8 @@ impl Rival {
             }),
         };
         let (mut changed, mut bytes) = (0, 0);
-        let mut owners = vec![Vec::new(); world.count()];
-        for (chunk, seen) in picture.seen.iter().enumerate() {
+        let mut owners = PerChunk::filled(Vec::new(), world.count());
+        for (chunk, seen) in picture.seen.iter() {
             let Some(seen) = seen else { continue };
             owners[chunk] = vec![(owner[chunk], [0, seen.cost.len() as u32])];
             if self.last[chunk].replace(owner[chunk]).is_some_and(|last| last != owner[chunk]) {
@@ -93,11 +95,16 @@ impl Rival {
     }
 }
 
-fn lpt(world: &World, picture: &Picture, machines: &[Machine], holders: impl Fn(usize) -> Vec<usize>) -> Vec<usize> {
-    let mut order: Vec<(f64, usize)> = (0..world.count()).map(|c| (picture.cost(c), c)).collect();
+fn lpt(
+    world: &World,
+    picture: &Picture,
+    machines: &[Machine],
+    holders: impl Fn(ChunkId) -> Vec<usize>,
+) -> PerChunk<usize> {
+    let mut order: Vec<(f64, ChunkId)> = world.chunks().map(|c| (picture.cost(c), c)).collect();
     order.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     let mut load = vec![0.0; machines.len()];
-    let mut owner = vec![0; world.count()];
+    let mut owner = PerChunk::filled(0, world.count());
     for (cost, chunk) in order {
         let after = |n: &usize| load[*n] + machines[*n].throttle * cost;
         let best = holders(chunk).into_iter().min_by(|a, b| after(a).total_cmp(&after(b))).unwrap_or_default();
@@ -114,16 +121,16 @@ fn cut(
     machines: &[Machine],
     nodes: &[usize],
     [lo, hi]: [UVec3; 2],
-    owner: &mut [usize],
+    owner: &mut PerChunk<usize>,
 ) {
-    let linear = |p: UVec3| (p.x + world.dims.x * (p.y + world.dims.y * p.z)) as usize;
+    let chunk = |p: UVec3| chunk_at(world.dims, p);
     let cells = |lo: UVec3, hi: UVec3| {
         (lo.z..hi.z).flat_map(move |z| (lo.y..hi.y).flat_map(move |y| (lo.x..hi.x).map(move |x| UVec3::new(x, y, z))))
     };
     if nodes.len() < 2 || (hi - lo) == UVec3::ONE {
         // The fastest of them, where there is nothing left to cut.
         let fastest = nodes.iter().copied().min_by(|a, b| machines[*a].throttle.total_cmp(&machines[*b].throttle));
-        cells(lo, hi).for_each(|p| owner[linear(p)] = fastest.unwrap_or_default());
+        cells(lo, hi).for_each(|p| owner[chunk(p)] = fastest.unwrap_or_default());
         return;
     }
     let (left, right) = nodes.split_at(nodes.len() / 2);
@@ -132,7 +139,7 @@ fn cut(
     let mut best = (f64::INFINITY, 0, 0);
     for axis in 0..3 {
         let mut layers = vec![0.0; (hi[axis] - lo[axis]) as usize];
-        cells(lo, hi).for_each(|p| layers[(p[axis] - lo[axis]) as usize] += picture.cost(linear(p)));
+        cells(lo, hi).for_each(|p| layers[(p[axis] - lo[axis]) as usize] += picture.cost(chunk(p)));
         let total = layers.iter().sum::<f64>();
         let mut before = 0.0;
         for (i, layer) in layers.iter().enumerate().take(layers.len() - 1) {
@@ -157,17 +164,17 @@ pub(super) fn share(
     (owners, handovers, bytes_loaded): &(Owners, u64, u64),
 ) -> ViewRow {
     let mut cost = vec![0.0; machines.len()];
-    for (seen, parts) in picture.seen.iter().zip(owners) {
+    for (seen, parts) in picture.seen.values().zip(owners.values()) {
         for &(node, [lo, hi]) in parts {
             cost[node] += seen.iter().flat_map(|s| &s.cost[lo as usize..hi as usize]).sum::<f64>();
         }
     }
-    let whole = |c: usize| match owners[c][..] {
+    let whole = |c: ChunkId| match owners[c][..] {
         [(node, _)] => Some(node),
         _ => None,
     };
     let merged = world.tree.layers(&|c| !owners[c].is_empty(), &whole);
-    let cut: Vec<usize> = (0..owners.len()).filter(|&c| owners[c].len() > 1).collect();
+    let cut: Vec<ChunkId> = owners.ids().filter(|&c| owners[c].len() > 1).collect();
     let parts = cut.iter().flat_map(|&c| owners[c].iter().map(move |(_, strips)| (c, *strips)));
     let tiles = merged.iter().map(|chunks| {
         let seen = || chunks.iter().filter_map(|&c| picture.seen[c].as_ref());

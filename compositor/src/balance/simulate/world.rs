@@ -1,7 +1,9 @@
 //! The modelled volume: chunks on a grid, a body with surfaces in it, and nodes that hold them at first.
 
+use brickcast_volume::{ChunkId, PerChunk};
 use glam::{DVec3, UVec3};
 
+use super::grid::{chunk_ids, corner};
 use super::layers::Tree;
 use super::random::{noise, uniform};
 use super::spec::Spec;
@@ -18,10 +20,10 @@ const POINTS: u32 = 6;
 pub(super) struct World {
     pub(super) dims: UVec3,
     pub(super) tree: Tree,
-    /// Per chunk, x fastest: samples per position, hidden from the balancer; 0: nothing is shown.
-    pub(super) rho: Vec<f64>,
+    /// Samples per position, hidden from the balancer; 0: nothing is shown.
+    pub(super) rho: PerChunk<f64>,
     /// What is known before: the share of its eight bricks that are shown.
-    pub(super) shown: Vec<f64>,
+    pub(super) shown: PerChunk<f64>,
     /// What the camera looks at: the body's dense part.
     pub(super) target: DVec3,
     pub(super) seed: u64,
@@ -68,9 +70,8 @@ impl World {
                 0.0
             }
         };
-        let count = dims.element_product();
         let (mut rho, mut shown) = (Vec::new(), Vec::new());
-        for chunk in 0..count {
+        for chunk in chunk_ids(dims) {
             let lo = corner(dims, chunk).as_dvec3();
             let mut sum = 0.0;
             let mut octants = [false; 8];
@@ -81,32 +82,37 @@ impl World {
                 let octant = at * 2 / POINTS;
                 octants[(octant.x + 2 * octant.y + 4 * octant.z) as usize] |= density > 0.0;
             }
-            let grain = noise(0.3, &[seed, 3, u64::from(chunk)]);
+            let grain = noise(0.3, &[seed, 3, chunk.linear().into()]);
             rho.push(sum / f64::from(POINTS.pow(3)) * grain);
             shown.push(octants.iter().filter(|o| **o).count() as f64 / 8.0);
         }
-        Self { dims, tree: Tree::new(dims), rho, shown, target: core * d, seed }
+        Self { dims, tree: Tree::new(dims), rho: rho.into(), shown: shown.into(), target: core * d, seed }
     }
 
     pub(super) fn count(&self) -> usize {
-        self.rho.len()
+        self.rho.count()
     }
 
-    pub(super) fn bytes(&self, chunk: usize) -> u64 {
+    /// All chunks, x fastest.
+    pub(super) fn chunks(&self) -> impl Iterator<Item = ChunkId> + use<> {
+        self.rho.ids()
+    }
+
+    pub(super) fn bytes(&self, chunk: ChunkId) -> u64 {
         (CHUNK_BYTES as f64 * self.shown[chunk]) as u64
     }
 
     /// Memory of a node for chunks.
     pub(super) fn budget(&self, spec: &Spec) -> u64 {
-        let all: u64 = (0..self.count()).map(|c| self.bytes(c)).sum();
+        let all: u64 = self.chunks().map(|c| self.bytes(c)).sum();
         ((spec.memory * all as f64 / spec.nodes as f64) as u64).max(16 * CHUNK_BYTES)
     }
 
     /// Contiguous runs of the tree's order with nearly equal numbers of shown bricks, as a session deals chunks at
     /// first: the run of every chunk.
-    pub(super) fn runs(&self, runs: usize) -> Vec<usize> {
-        let total = self.shown.iter().sum::<f64>().max(1e-9);
-        let mut owner = vec![0; self.count()];
+    pub(super) fn runs(&self, runs: usize) -> PerChunk<usize> {
+        let total = self.shown.values().sum::<f64>().max(1e-9);
+        let mut owner = PerChunk::filled(0, self.count());
         let mut before = 0.0;
         for chunk in self.tree.order() {
             let middle = before + self.shown[chunk] / 2.0;
@@ -115,11 +121,6 @@ impl World {
         }
         owner
     }
-}
-
-/// The low corner of a chunk.
-pub(super) fn corner(dims: UVec3, chunk: u32) -> UVec3 {
-    UVec3::new(chunk % dims.x, chunk / dims.x % dims.y, chunk / dims.x / dims.y)
 }
 
 #[cfg(test)]
@@ -140,12 +141,13 @@ mod tests {
     #[test]
     fn a_world_has_empty_and_heavy_chunks() {
         let world = World::new(&Spec::default());
-        let empty = world.rho.iter().filter(|r| **r == 0.0).count();
-        let heavy = world.rho.iter().filter(|r| **r > 0.8).count();
+        let empty = world.rho.values().filter(|r| **r == 0.0).count();
+        let heavy = world.rho.values().filter(|r| **r > 0.8).count();
         assert!((100..400).contains(&empty) && (3..100).contains(&heavy), "{empty} empty, {heavy} heavy");
-        assert!(world.rho.iter().zip(&world.shown).all(|(r, s)| (*r > 0.0) == (*s > 0.0)));
+        assert!(world.rho.values().zip(world.shown.values()).all(|(r, s)| (*r > 0.0) == (*s > 0.0)));
         let runs = world.runs(8);
-        let bricks = |n| runs.iter().zip(&world.shown).filter(|(r, _)| **r == n).map(|(_, s)| s * 8.0).sum::<f64>();
+        let shown = || runs.values().zip(world.shown.values());
+        let bricks = |n| shown().filter(|(r, _)| **r == n).map(|(_, s)| s * 8.0).sum::<f64>();
         let all: Vec<f64> = (0..8).map(bricks).collect();
         assert!(all.iter().all(|b| (b - all.iter().sum::<f64>() / 8.0).abs() <= 8.0), "{all:?}");
     }

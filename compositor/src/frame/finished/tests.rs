@@ -3,7 +3,9 @@
 use brickcast_volume::merge::MergeTree;
 use brickcast_volume::style::Mode;
 use brickcast_volume::transfer_function::{Colormap, TransferFunction};
-use brickcast_volume::{BrickGrid, Camera, Epoch, FrameId, Geometry, Orbit, PictureSize, Premul, TreeNode, View};
+use brickcast_volume::{
+    BrickGrid, Camera, ChunkId, Epoch, FrameId, Geometry, Orbit, PictureSize, Premul, TreeNode, View,
+};
 
 use super::*;
 use crate::frame::ledger::{Ticket, Void};
@@ -28,8 +30,8 @@ impl FrameSink for Heard {
     }
 }
 
-fn order(chunk: u32, hi: [u32; 2]) -> LayerOrder {
-    LayerOrder { node: LEAVES[chunk as usize], chunks: vec![chunk], tiles: TileRect { lo: [0, 0], hi } }
+fn order(chunk: ChunkId, hi: [u32; 2]) -> LayerOrder {
+    LayerOrder { node: LEAVES[chunk.index()], chunks: vec![chunk], tiles: TileRect { lo: [0, 0], hi } }
 }
 
 fn red(r: f32) -> Option<Vec<Premul>> {
@@ -55,28 +57,29 @@ fn a_tile_is_told_when_nothing_of_it_is_missing_and_again_where_that_was_void() 
         finished: 0,
     };
     let rect = |hi| TileRect { lo: [0, 0], hi };
-    let mut ledger = Ledger::new(NOW.0, NOW.1, [(0, rect([2, 1])), (1, rect([1, 1]))].into());
+    let [first, second] = [0, 1].map(ChunkId::new);
+    let mut ledger = Ledger::new(NOW.0, NOW.1, [(first, rect([2, 1])), (second, rect([1, 1]))].into());
     let ordered = |ledger: &mut Ledger, finished: &mut Finished<'_>, ticket, layer: LayerOrder| {
         ledger.order(ticket, std::slice::from_ref(&layer)).unwrap();
         finished.owed(&[layer]);
     };
-    ordered(&mut ledger, &mut finished, ONE, order(0, [2, 1]));
+    ordered(&mut ledger, &mut finished, ONE, order(first, [2, 1]));
     // Chunk 1 is ordered from nobody yet: its tile waits, too.
     finished.recount(&ledger);
-    let answer = |ledger: &mut Ledger, finished: &mut Finished<'_>, ticket, chunk: usize, tile, pixels| {
-        ledger.accept(NOW, ticket, LEAVES[chunk], tile, pixels);
+    let answer = |ledger: &mut Ledger, finished: &mut Finished<'_>, ticket, chunk: ChunkId, tile, pixels| {
+        ledger.accept(NOW, ticket, LEAVES[chunk.index()], tile, pixels);
         finished.answered(tile, ledger);
     };
-    answer(&mut ledger, &mut finished, ONE, 0, [0, 0], red(0.25));
-    ordered(&mut ledger, &mut finished, TWO, order(1, [1, 1]));
-    answer(&mut ledger, &mut finished, ONE, 0, [1, 0], red(0.5));
-    answer(&mut ledger, &mut finished, TWO, 1, [0, 0], None);
+    answer(&mut ledger, &mut finished, ONE, first, [0, 0], red(0.25));
+    ordered(&mut ledger, &mut finished, TWO, order(second, [1, 1]));
+    answer(&mut ledger, &mut finished, ONE, first, [1, 0], red(0.5));
+    answer(&mut ledger, &mut finished, TWO, second, [0, 0], None);
     // The first stream turns out to be damaged; the other node renders its share again.
     ledger.make_void(ONE, Void::All);
     finished.recount(&ledger);
-    ordered(&mut ledger, &mut finished, TWO, order(0, [2, 1]));
-    answer(&mut ledger, &mut finished, TWO, 0, [1, 0], None);
-    answer(&mut ledger, &mut finished, TWO, 0, [0, 0], red(0.75));
+    ordered(&mut ledger, &mut finished, TWO, order(first, [2, 1]));
+    answer(&mut ledger, &mut finished, TWO, first, [1, 0], None);
+    answer(&mut ledger, &mut finished, TWO, first, [0, 0], red(0.75));
     assert!(ledger.is_complete());
     let clear = [[2, 0], [0, 1], [1, 1], [2, 1]].map(|tile| (tile, None));
     let shown = [([1, 0], Some(0.5)), ([0, 0], Some(0.25)), ([1, 0], None), ([0, 0], Some(0.75))];

@@ -10,7 +10,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use brickcast_proto::{LayerOrder, TileRect};
-use brickcast_volume::{Epoch, FrameId, Premul, TreeNode};
+use brickcast_volume::{ChunkId, Epoch, FrameId, Premul, TreeNode};
 
 use crate::plan::Unordered;
 
@@ -46,7 +46,7 @@ pub enum Verdict {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum LedgerError {
     #[error("chunk {chunk} of layer {} is ordered already for a tile, or not in view", .layer.0)]
-    ChunkTaken { chunk: u32, layer: TreeNode },
+    ChunkTaken { chunk: ChunkId, layer: TreeNode },
     #[error("layer {} lies above or below layer {}, which is owed already", .layer.0, .other.0)]
     Overlap { layer: TreeNode, other: TreeNode },
 }
@@ -54,7 +54,7 @@ pub enum LedgerError {
 #[derive(Debug)]
 struct Debt {
     ticket: Ticket,
-    chunks: Vec<u32>,
+    chunks: Vec<ChunkId>,
     tiles: TileRect,
     answered: Vec<bool>,
     open: usize,
@@ -67,7 +67,7 @@ pub struct Ledger {
     frame: FrameId,
     epoch: Epoch,
     /// The tiles of every chunk in view.
-    in_view: BTreeMap<u32, TileRect>,
+    in_view: BTreeMap<ChunkId, TileRect>,
     unordered: Unordered,
     /// Several of one node only where tickets share a chunk's tiles.
     debts: HashMap<TreeNode, Vec<Debt>>,
@@ -78,7 +78,7 @@ pub struct Ledger {
 impl Ledger {
     /// A frame that is owed these chunks, for these tiles; nothing is ordered yet.
     #[must_use]
-    pub fn new(frame: FrameId, epoch: Epoch, in_view: BTreeMap<u32, TileRect>) -> Self {
+    pub fn new(frame: FrameId, epoch: Epoch, in_view: BTreeMap<ChunkId, TileRect>) -> Self {
         let unordered = Unordered::all(&in_view);
         Self { frame, epoch, in_view, unordered, debts: HashMap::new(), open: 0, duplicates: 0 }
     }
@@ -119,7 +119,7 @@ impl Ledger {
     }
 
     /// The tiles of `chunk` that `layer` is for: all that it has, or of a chunk by itself those that the layer names.
-    fn owed_of(&self, layer: &LayerOrder, chunk: u32) -> TileRect {
+    fn owed_of(&self, layer: &LayerOrder, chunk: ChunkId) -> TileRect {
         match (self.in_view.get(&chunk), &layer.chunks[..]) {
             (Some(all), [_]) if all.covers(&layer.tiles) => layer.tiles,
             (Some(all), _) => *all,

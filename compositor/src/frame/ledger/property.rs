@@ -19,28 +19,28 @@ struct World {
     tree: MergeTree,
     from: Viewpoint,
     size: PictureSize,
-    rects: BTreeMap<u32, TileRect>,
+    rects: BTreeMap<ChunkId, TileRect>,
 }
 
 impl World {
     fn new(eye: DVec3) -> Self {
         let tree = MergeTree::of(BrickGrid::new(UVec3::new(40, 32, 24), 8).unwrap());
         // Every seventh chunk is out of view, the others touch one, two or four tiles.
-        let rect = |c: u32| match c % 4 {
+        let rect = |c: ChunkId| match c.linear() % 4 {
             0 => TileRect { lo: [0, 0], hi: [2, 2] },
             1 => TileRect { lo: [0, 0], hi: [1, 2] },
             2 => TileRect { lo: [1, 0], hi: [2, 1] },
             _ => TileRect { lo: [1, 1], hi: [2, 2] },
         };
-        let rects = (0..tree.chunk_count() as u32).filter(|c| c % 7 != 3).map(|c| (c, rect(c))).collect();
+        let rects = tree.chunk_ids().filter(|c| c.linear() % 7 != 3).map(|c| (c, rect(c))).collect();
         Self { tree, from: Viewpoint::Eye(eye), size: PictureSize::new(67, 65).unwrap(), rects }
     }
 
-    fn layers(&self, mine: &dyn Fn(u32) -> bool) -> Vec<LayerOrder> {
-        let linear = |c: ChunkIndex| self.tree.chunk_linear(c);
-        let layers = self.tree.layers(&|c| self.rects.contains_key(&linear(c)), &|c| mine(linear(c)));
+    fn layers(&self, mine: &dyn Fn(ChunkId) -> bool) -> Vec<LayerOrder> {
+        let id = |c: ChunkIndex| self.tree.chunk_id(c);
+        let layers = self.tree.layers(&|c| self.rects.contains_key(&id(c)), &|c| mine(id(c)));
         let layer = |(node, chunks): (TreeNode, Vec<ChunkIndex>)| {
-            let chunks: Vec<u32> = chunks.into_iter().map(linear).collect();
+            let chunks: Vec<ChunkId> = chunks.into_iter().map(id).collect();
             let rects = chunks.iter().map(|c| self.rects[c]);
             let tiles = rects.reduce(|a, b| TileRect {
                 lo: [a.lo[0].min(b.lo[0]), a.lo[1].min(b.lo[1])],
@@ -55,9 +55,9 @@ impl World {
     /// tile.
     fn answer(&self, layer: &LayerOrder, tile: [u32; 2]) -> Option<TilePixels> {
         let count = TileRect::tile_pixels(tile, self.size).pixel_count();
-        let leaf = |chunk: u32| -> TilePixels {
+        let leaf = |chunk: ChunkId| -> TilePixels {
             let pixel = |i: usize| {
-                let v = |n: usize| ((chunk as usize * 7919 + i * 104_729 + n * 31) % 997) as f32 / 997.0;
+                let v = |n: usize| ((chunk.index() * 7919 + i * 104_729 + n * 31) % 997) as f32 / 997.0;
                 let a = v(3) * 0.7;
                 Premul { r: v(0) * a, g: v(1) * a, b: v(2) * a, a }
             };
@@ -65,7 +65,7 @@ impl World {
         };
         let shows = |node: TreeNode| {
             let (lo, _) = self.tree.chunk_box(node)?;
-            let chunk = self.tree.chunk_linear(ChunkIndex(lo.into()));
+            let chunk = self.tree.chunk_id(ChunkIndex(lo.into()));
             self.rects.get(&chunk).filter(|r| r.contains(tile)).map(|_| leaf(chunk))
         };
         let join = &mut |f: TilePixels, b: TilePixels| f.into_iter().zip(b).map(|(f, b)| over(f, b)).collect();
@@ -115,10 +115,10 @@ proptest! {
         let mut ledger = Ledger::new(AT.0, AT.1, world.rects.clone());
         // All answers that any ticket ever gave or will give: void ones arrive late, too.
         let mut tickets: Vec<Vec<(LayerOrder, [u32; 2])>> = Vec::new();
-        let order = |ledger: &mut Ledger, tickets: &mut Vec<Vec<_>>, share: &dyn Fn(u32) -> usize| {
+        let order = |ledger: &mut Ledger, tickets: &mut Vec<Vec<_>>, share: &dyn Fn(ChunkId) -> usize| {
             let open = ledger.unordered().clone();
-            let all_open = |c: u32| world.rects.get(&c).is_some_and(|r| open.of(c) == [*r]);
-            let is_whole = |c: u32| all_open(c) && !(c + scatter).is_multiple_of(3);
+            let all_open = |c: ChunkId| world.rects.get(&c).is_some_and(|r| open.of(c) == [*r]);
+            let is_whole = |c: ChunkId| all_open(c) && !(c.linear() + scatter).is_multiple_of(3);
             let mut send = |layers: Vec<LayerOrder>| {
                 if !layers.is_empty() {
                     ledger.order(Ticket(tickets.len()), &layers).unwrap();
@@ -142,7 +142,7 @@ proptest! {
             }
             assert!(ledger.unordered().is_empty());
         };
-        order(&mut ledger, &mut tickets, &|c| (c * scatter / 7) as usize % nodes);
+        order(&mut ledger, &mut tickets, &|c| (c.linear() * scatter / 7) as usize % nodes);
         for (what, pick) in script {
             let pick = usize::from(pick);
             let ticket = pick % tickets.len();
@@ -156,8 +156,8 @@ proptest! {
                     prop_assert!(void == 0 || !ledger.is_complete());
                     // Other cuts each time: runs, cards, one node for all.
                     order(&mut ledger, &mut tickets, &|c| match pick % 3 {
-                        0 => c as usize / 16 % nodes,
-                        1 => (c as usize + pick) % nodes,
+                        0 => c.index() / 16 % nodes,
+                        1 => (c.index() + pick) % nodes,
                         _ => pick % nodes,
                     });
                 }
@@ -189,14 +189,14 @@ proptest! {
         prop_assert!(ledger.is_complete());
         prop_assert_eq!(ledger.missing_tiles(), Vec::<[u32; 2]>::new());
         // Every tile of every chunk is covered exactly once.
-        let tiles_of = |d: &Debt| -> Vec<(u32, [u32; 2])> {
-            let of = |chunk: &u32| {
+        let tiles_of = |d: &Debt| -> Vec<(ChunkId, [u32; 2])> {
+            let of = |chunk: &ChunkId| {
                 let mine = world.rects[chunk].tiles().filter(|t| d.tiles.contains(*t));
                 mine.map(|t| (*chunk, t)).collect()
             };
-            d.chunks.iter().flat_map(|c: &u32| -> Vec<_> { of(c) }).collect()
+            d.chunks.iter().flat_map(|c: &ChunkId| -> Vec<_> { of(c) }).collect()
         };
-        let mut covered: Vec<(u32, [u32; 2])> = ledger.layers_owed().flat_map(tiles_of).collect();
+        let mut covered: Vec<(ChunkId, [u32; 2])> = ledger.layers_owed().flat_map(tiles_of).collect();
         covered.sort_unstable();
         let mut want: Vec<_> = world.rects.iter().flat_map(|(c, r)| r.tiles().map(|t| (*c, t))).collect();
         want.sort_unstable();

@@ -10,13 +10,18 @@ fn rect(hi: [u32; 2]) -> TileRect {
     TileRect { lo: [0, 0], hi }
 }
 
+fn ids(chunks: &[u32]) -> Vec<ChunkId> {
+    chunks.iter().copied().map(ChunkId::new).collect()
+}
+
 fn layer(node: u64, chunks: &[u32], hi: [u32; 2]) -> LayerOrder {
-    LayerOrder { node: TreeNode(node), chunks: chunks.to_vec(), tiles: rect(hi) }
+    LayerOrder { node: TreeNode(node), chunks: ids(chunks), tiles: rect(hi) }
 }
 
 /// Chunks 0 and 1 under node 2 from the first ticket, chunk 2 under node 3 from the second.
 fn ledger() -> Ledger {
-    let in_view = [(0, rect([2, 1])), (1, rect([1, 1])), (2, rect([1, 1]))].into();
+    let in_view = [(0, rect([2, 1])), (1, rect([1, 1])), (2, rect([1, 1]))];
+    let in_view = in_view.map(|(chunk, tiles)| (ChunkId::new(chunk), tiles)).into();
     let mut ledger = Ledger::new(NOW.0, NOW.1, in_view);
     assert!(!ledger.is_complete(), "what is ordered from nobody is owed");
     ledger.order(ONE, &[layer(2, &[0, 1], [2, 1])]).unwrap();
@@ -67,7 +72,7 @@ fn late_tiles_of_a_void_layer_change_no_pixel() {
     l.accept(NOW, ONE, TreeNode(2), [0, 0], pixel(0.5));
     assert_eq!((l.make_void(ONE, Void::Open), l.make_void(TWO, Void::Open)), (1, 0), "what is answered whole stays");
     assert_eq!(l.layers().collect::<Vec<_>>(), [TreeNode(3)]);
-    assert_eq!(l.unordered().chunks().collect::<Vec<_>>(), [0, 1]);
+    assert_eq!(l.unordered().chunks().collect::<Vec<_>>(), ids(&[0, 1]));
     assert_eq!(l.missing_tiles(), [[0, 0], [1, 0]]);
     assert!(!l.is_complete());
     assert_eq!(l.accept(NOW, ONE, TreeNode(2), [1, 0], pixel(0.5)), Verdict::Unordered);
@@ -87,20 +92,20 @@ fn nothing_of_a_damaged_stream_stays() {
     let mut l = ledger();
     l.accept(NOW, TWO, TreeNode(3), [0, 0], pixel(0.3));
     assert_eq!(l.make_void(TWO, Void::All), 1);
-    assert_eq!((l.layers().count(), l.unordered().chunks().collect::<Vec<_>>()), (0, vec![2]));
+    assert_eq!((l.layers().count(), l.unordered().chunks().collect::<Vec<_>>()), (0, ids(&[2])));
 }
 
 #[test]
 fn an_order_that_would_owe_a_chunk_twice_is_refused_whole() {
     let mut l = ledger();
-    let taken = LedgerError::ChunkTaken { chunk: 2, layer: TreeNode(5) };
+    let taken = LedgerError::ChunkTaken { chunk: ChunkId::new(2), layer: TreeNode(5) };
     l.make_void(ONE, Void::Open);
     assert_eq!(l.order(Ticket(2), &[layer(4, &[0], [1, 1]), layer(5, &[2], [1, 1])]), Err(taken));
     let above = LedgerError::Overlap { layer: TreeNode(1), other: TreeNode(3) };
     assert_eq!(l.order(Ticket(2), &[layer(1, &[0, 1], [1, 1])]), Err(above));
     let below = LedgerError::Overlap { layer: TreeNode(9), other: TreeNode(4) };
     assert_eq!(l.order(Ticket(2), &[layer(4, &[0], [1, 1]), layer(9, &[1], [1, 1])]), Err(below));
-    assert_eq!(l.unordered().chunks().collect::<Vec<_>>(), [0, 1]);
+    assert_eq!(l.unordered().chunks().collect::<Vec<_>>(), ids(&[0, 1]));
     l.order(Ticket(2), &[layer(2, &[0, 1], [2, 1])]).unwrap();
 }
 
@@ -111,11 +116,11 @@ fn no_tile_of_a_shared_chunk_is_owed_by_two_tickets() {
     let mut l = ledger();
     l.make_void(ONE, Void::Open);
     l.order(Ticket(2), &[part([0, 0], [1, 1])]).unwrap();
-    let taken = LedgerError::ChunkTaken { chunk: 0, layer: TreeNode(4) };
+    let taken = LedgerError::ChunkTaken { chunk: ChunkId::new(0), layer: TreeNode(4) };
     // The very tiles that are owed; these and the one that is open.
     for hi in [[1, 1], [2, 1]] {
         assert_eq!(l.order(Ticket(3), &[part([0, 0], hi)]), Err(taken.clone()), "{hi:?}");
     }
-    assert_eq!((l.unordered().of(0), l.owed_by(Ticket(3))), (&[part([1, 0], [2, 1]).tiles][..], 0));
+    assert_eq!((l.unordered().of(ChunkId::new(0)), l.owed_by(Ticket(3))), (&[part([1, 0], [2, 1]).tiles][..], 0));
     l.order(Ticket(3), &[part([1, 0], [2, 1])]).unwrap();
 }

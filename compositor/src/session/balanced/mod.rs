@@ -8,8 +8,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Weak};
 
 use brickcast_proto::PrepareRequest;
-use brickcast_volume::SessionId;
 use brickcast_volume::scene::Scene;
+use brickcast_volume::{BrickId, ChunkId, PerChunk, SessionId};
 use serde::Serialize;
 use tokio::task::JoinSet;
 
@@ -31,7 +31,7 @@ pub struct BalanceStats {
     #[serde(flatten)]
     pub report: Report,
     /// Chunks whose primary is another than in the frame before that showed them, whosever that was.
-    pub moved: Vec<u32>,
+    pub moved: Vec<ChunkId>,
     /// What nodes began to load beside their frames.
     pub loads: Vec<Load>,
 }
@@ -49,7 +49,7 @@ pub(crate) struct Balanced {
     seats: BTreeSet<Seat>,
     loads: JoinSet<(Load, LoadOutcome)>,
     /// Who was a chunk's primary last.
-    owners: BTreeMap<u32, Seat>,
+    owners: BTreeMap<ChunkId, Seat>,
 }
 
 /// One frame's share of it, kept while the frame is under way.
@@ -60,7 +60,7 @@ pub(crate) struct Divided {
     look: Arc<ShownLook>,
     pub(crate) roster: Roster,
     pub(crate) table: Assignment,
-    moved: Vec<u32>,
+    moved: Vec<ChunkId>,
 }
 
 impl Divided {
@@ -120,19 +120,19 @@ impl Balanced {
         self.follow(&roster, first);
         let division = self.balancer.divide(&demand);
         let positions = positions(&roster);
-        let mut owner: Vec<usize> = (0..look.bytes.len() as u32).map(|c| first.owner_of(c)).collect();
+        let mut owner: PerChunk<usize> = look.bytes.ids().map(|c| first.owner_of(c)).collect();
         let mut shared = BTreeMap::new();
         for (chunk, parts) in &division.chunks {
             let share = |p: &Part| Some((*positions.get(&p.seat)?, p.strips));
             let shares: Vec<_> = parts.iter().filter_map(share).collect();
             if let Some((position, _)) = shares.first() {
-                owner[*chunk as usize] = *position;
+                owner[*chunk] = *position;
             }
             if parts.len() > 1 {
                 shared.insert(*chunk, shares);
             }
         }
-        let now: BTreeMap<u32, Seat> =
+        let now: BTreeMap<ChunkId, Seat> =
             division.chunks.iter().filter_map(|(c, parts)| Some((*c, parts.first()?.seat))).collect();
         let moved = now.iter().filter(|(c, s)| self.owners.get(c).is_some_and(|o| o != *s)).map(|(c, _)| *c).collect();
         self.owners.extend(now);
@@ -144,9 +144,8 @@ impl Balanced {
     /// Where chunks are at home: what a session loads there is where its frames will be rendered.
     pub(super) fn homes(&self, roster: &Roster, first: &Assignment) -> Assignment {
         let positions = positions(roster);
-        let chunks = self.balancer.chunk_count() as u32;
-        let home = |c: u32| self.balancer.home(c).and_then(|seat| positions.get(&seat).copied());
-        let owner = (0..chunks).map(|c| home(c).unwrap_or_else(|| first.owner_of(c))).collect();
+        let home = |c: ChunkId| self.balancer.home(c).and_then(|seat| positions.get(&seat).copied());
+        let owner = self.balancer.chunks().map(|c| home(c).unwrap_or_else(|| first.owner_of(c))).collect();
         Assignment::explicit(owner, roster.slots().len())
     }
 
@@ -193,7 +192,7 @@ impl Balanced {
         costs: &[NodeCost],
         clean: bool,
     ) -> BalanceStats {
-        let mut chunks: BTreeMap<u32, f64> = BTreeMap::new();
+        let mut chunks: BTreeMap<ChunkId, f64> = BTreeMap::new();
         for (chunk, cost) in costs.iter().flat_map(|node| &node.chunks) {
             *chunks.entry(*chunk).or_default() += cost;
         }
@@ -235,11 +234,11 @@ impl Balanced {
         &self,
         load: &Load,
         first: &Arc<ShownLook>,
-        request: impl Fn(Vec<u32>, &Arc<ShownLook>) -> PrepareRequest,
+        request: impl Fn(Vec<BrickId>, &Arc<ShownLook>) -> PrepareRequest,
     ) -> Vec<PrepareRequest> {
         let others = self.looks.iter().filter_map(Weak::upgrade).filter(|look| !Arc::ptr_eq(look, first));
         let looks: Vec<Arc<ShownLook>> = std::iter::once(first.clone()).chain(others).collect();
-        let release: BTreeSet<u32> = looks.iter().flat_map(|look| look.shown.bricks_in(&load.drops)).collect();
+        let release: BTreeSet<BrickId> = looks.iter().flat_map(|look| look.shown.bricks_in(&load.drops)).collect();
         let mut requests = Vec::new();
         for look in &looks {
             let bricks = look.shown.bricks_in(&load.chunks);
@@ -272,11 +271,11 @@ async fn loaded(mut client: NodeClient, requests: Vec<PrepareRequest>) -> LoadOu
 
 /// The facts of all chunks over several looks: of each the most that one of them shows, since most bricks are the same
 /// ones.
-fn chunks(looks: &[Arc<ShownLook>]) -> Vec<ChunkFacts> {
-    let count = looks.first().map_or(0, |look| look.bytes.len());
-    let most = |chunk: usize| looks.iter().map(|look| look.bytes[chunk]).max().unwrap_or(0);
+fn chunks(looks: &[Arc<ShownLook>]) -> PerChunk<ChunkFacts> {
+    let most = |chunk: ChunkId| looks.iter().map(|look| look.bytes[chunk]).max().unwrap_or(0);
     let facts = |bytes| ChunkFacts { bytes, prior: if bytes == 0 { 0.0 } else { 1.0 } };
-    (0..count).map(|chunk| facts(most(chunk))).collect()
+    let Some(first) = looks.first() else { return PerChunk::default() };
+    first.bytes.ids().map(|chunk| facts(most(chunk))).collect()
 }
 
 fn positions(roster: &Roster) -> BTreeMap<Seat, usize> {

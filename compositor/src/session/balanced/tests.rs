@@ -70,11 +70,11 @@ async fn what_is_shared_out_is_ordered_whole_from_the_first_moment() {
     let mut balanced = Balanced::new(1, settings, &look);
     // One chunk has nearly all of the cost: it cannot but be shared.
     let positions = in_view.sample_positions(&shown, &view);
-    let cost = |(chunk, strips): (usize, &Vec<f64>)| {
-        let density = if chunk == 5 { 4.0 } else { 0.1 };
-        (chunk as u32, density * strips.iter().sum::<f64>())
+    let cost = |(chunk, strips): (ChunkId, &Vec<f64>)| {
+        let density = if chunk == ChunkId::new(5) { 4.0 } else { 0.1 };
+        (chunk, density * strips.iter().sum::<f64>())
     };
-    let chunks: Vec<(u32, f64)> = positions.iter().enumerate().map(cost).collect();
+    let chunks: Vec<(ChunkId, f64)> = positions.iter().map(cost).collect();
     let costs = [NodeCost { position: 0, work_ms: 1.0, chunks }];
 
     let mut sharing = 0;

@@ -20,14 +20,22 @@ impl ResidentBrick for Brick {
 }
 
 fn want(bricks: &[u32]) -> Vec<Wanted> {
-    let key = |&brick: &u32| BrickKey { store: StoreHash(1), brick, ghost: 1, recipe: Recipe::default() };
+    let key = |brick: &u32| {
+        let brick = BrickId::finest(*brick);
+        BrickKey { store: StoreHash(1), brick, ghost: 1, recipe: Recipe::default() }
+    };
     bricks.iter().map(|b| Wanted { key: key(b), bytes: 10 }).collect()
 }
 
 fn numbers(keys: &[BrickKey]) -> Vec<u32> {
-    let mut numbers: Vec<u32> = keys.iter().map(|k| k.brick).collect();
+    let mut numbers: Vec<u32> = keys.iter().map(|k| k.brick.linear()).collect();
     numbers.sort_unstable();
     numbers
+}
+
+fn release(residency: &Residency, session: SessionId, bricks: &[u32]) -> u64 {
+    let bricks: Vec<BrickId> = bricks.iter().copied().map(BrickId::finest).collect();
+    residency.release(session, StoreHash(1), &bricks)
 }
 
 fn load(_: BrickKey) -> Result<Arc<dyn ResidentBrick>, NodeError> {
@@ -56,11 +64,11 @@ fn released_bricks_go_at_once_but_not_what_a_lease_holds_nor_another_stores() {
     let held = residency.lease(ME, &wanted[1..2], &load, &|| false).unwrap();
     assert_eq!(residency.resident_bytes(&wanted), 50);
     // 0 goes in both its forms, 1 is held, 3 is another store's, 9 was never there.
-    assert_eq!(residency.release(ME, StoreHash(1), &[0, 1, 3, 9]), 20);
+    assert_eq!(release(&residency, ME, &[0, 1, 3, 9]), 20);
     assert_eq!(residency.occupancy(), Occupancy { bytes: 30, bricks: 3 });
     assert_eq!(residency.resident_bytes(&wanted), 30);
     drop(held);
-    assert_eq!(residency.release(ME, StoreHash(1), &[0, 1]), 10, "no lease holds it any more");
+    assert_eq!(release(&residency, ME, &[0, 1]), 10, "no lease holds it any more");
     assert_eq!(residency.occupancy(), Occupancy { bytes: 20, bricks: 2 });
 }
 
@@ -71,8 +79,8 @@ fn bricks_that_another_session_uses_are_not_let_go_of() {
     let residency = Residency::new(100);
     drop(residency.lease(ME, &want(&[0, 1, 2]), &load, &|| false).unwrap());
     drop(residency.lease(other, &want(&[1, 3]), &load, &|| false).unwrap());
-    assert_eq!(residency.release(ME, StoreHash(1), &[0, 1, 2, 3]), 20, "0 and 2 are mine alone");
-    assert_eq!(residency.release(other, StoreHash(1), &[1, 3]), 10, "1 was mine, too");
+    assert_eq!(release(&residency, ME, &[0, 1, 2, 3]), 20, "0 and 2 are mine alone");
+    assert_eq!(release(&residency, other, &[1, 3]), 10, "1 was mine, too");
     // Room is another matter: what nobody used for longest goes.
     drop(residency.lease(ME, &want(&(10..20).collect::<Vec<_>>()), &load, &|| false).unwrap());
     assert_eq!(residency.occupancy().bricks, 10);

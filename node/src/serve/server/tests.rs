@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use brickcast_proto::{FramePart, NodeState, Part, PrepareRequest, Receipt, RenderOrder, StoreQuery};
 use brickcast_volume::scene::Scene;
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
-use brickcast_volume::{MergeTree, Orbit, SessionId, StoreHash};
+use brickcast_volume::{BrickId, MergeTree, Orbit, SessionId, StoreHash};
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use tonic::transport::Channel;
@@ -121,15 +121,16 @@ async fn stores_are_described_prepared_and_refused_by_name() {
         assert_eq!(status.code(), code, "{status:?}");
         assert!(status.message().contains(name), "{status:?}");
     }
-    let request = |bricks: Vec<u32>| {
+    let request = |bricks: std::ops::Range<u32>| {
+        let bricks = bricks.map(BrickId::finest).collect();
         let (store, scene) = (served.hash, everything_shown());
         PrepareRequest { session: SessionId(1), store, bricks, scene, background: false, release: Vec::new() }
     };
-    let receipt = client.prepare(request((0..175).collect())).await.unwrap();
+    let receipt = client.prepare(request(0..175)).await.unwrap();
     assert!(receipt.fits && receipt.bricks == 175, "{receipt:?}");
     assert_eq!(receipt.owned_bytes, 40 * 33 * 50);
     assert_eq!(served.raycaster.uploads.load(Ordering::SeqCst), 175);
-    assert_eq!(client.prepare(request(vec![175])).await.unwrap_err().code(), Code::InvalidArgument);
+    assert_eq!(client.prepare(request(175..176)).await.unwrap_err().code(), Code::InvalidArgument);
     let node = client.describe().await;
     assert_eq!((node.resident_bricks, node.memory_used), (175, receipt.resident_bytes));
     assert_eq!((node.state, node.protocol), (NodeState::Serving, brickcast_proto::PROTOCOL_VERSION));
@@ -151,7 +152,7 @@ async fn links_that_come_after_a_store_was_opened_are_refused() {
         client.prepare(PrepareRequest {
             session: SessionId(1),
             store: halos,
-            bricks: (0..36).collect(),
+            bricks: (0..36).map(BrickId::finest).collect(),
             scene: everything_shown(),
             background: false,
             release: Vec::new(),

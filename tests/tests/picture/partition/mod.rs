@@ -14,7 +14,7 @@ use brickcast_volume::scene::{Acceleration, Filter, Leap, Look, Quality, Scene, 
 use brickcast_volume::store::{PrepareOptions, Store, prepare};
 use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Mode, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
-use brickcast_volume::{MergeTree, PictureSize};
+use brickcast_volume::{ChunkId, MergeTree, PictureSize};
 use glam::DVec3;
 
 const DIMS: [usize; 3] = [130, 117, 101];
@@ -154,16 +154,17 @@ fn the_same_bits_from_any_number_of_nodes() {
                         }
                     }
                     // Not only compact shares: chunks dealt out like cards.
-                    let chunks = MergeTree::of(store.manifest().grid).chunk_count() as usize;
-                    session.assign(Assignment::explicit((0..chunks).map(|c| c * 7 % 5 % count).collect(), count));
+                    let chunks: Vec<ChunkId> = MergeTree::of(store.manifest().grid).chunk_ids().collect();
+                    let scattered = chunks.iter().map(|c| c.index() * 7 % 5 % count).collect();
+                    session.assign(Assignment::explicit(scattered, count));
                     let frame =
                         render(&mut session, &scene(&store, cameras[0].1, (67, 53), true), Transport::F32).await;
                     assert!(expected[0] == bits(&frame), "scattered: {count} nodes, bricks of {brick_size}");
                     // Nor only whole ones: the strips of tiles of every second chunk dealt out to all nodes.
                     let strips = |n: usize| [n as u32, if n + 1 == count { u32::MAX } else { n as u32 + 1 }];
                     let shares: Vec<Share> = (0..count).map(|n| (n, strips(n))).collect();
-                    let shared = (0..chunks as u32).step_by(2).map(|c| (c, shares.clone())).collect();
-                    session.assign(Assignment::explicit(vec![0; chunks], count).sharing(shared));
+                    let shared = chunks.iter().step_by(2).map(|c| (*c, shares.clone())).collect();
+                    session.assign(Assignment::explicit(vec![0; chunks.len()].into(), count).sharing(shared));
                     let scene = scene(&store, cameras[0].1, (167, 143), true);
                     let frame = render(&mut session, &scene, Transport::F32).await;
                     let busy = frame.stats.nodes.iter().filter(|n| n.layers > 0).count();

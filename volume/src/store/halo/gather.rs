@@ -58,12 +58,13 @@ impl<G: Gathered> ShellGatherer<G> {
     /// The shell at a place of a layer of bricks.
     fn shell(&self, bz: u32, within: usize) -> Shell {
         let (brick, nth) = (within / self.reach.records(), within % self.reach.records());
-        let (xs, ys) = (self.bricks(0), self.bricks(1));
+        let (xs, ys) = (self.along(0), self.along(1));
         let (along_x, linear) = (xs.len() as u32, brick as u32);
         self.reach.shell(&self.grid, BrickIndex([xs.start + linear % along_x, ys.start + linear / along_x, bz]), nth)
     }
 
-    fn bricks(&self, axis: usize) -> Range<u32> {
+    /// Where its bricks lie along an axis.
+    fn along(&self, axis: usize) -> Range<u32> {
         self.tile.cells(axis, self.grid.brick_size())
     }
 
@@ -77,7 +78,7 @@ impl<G: Gathered> ShellGatherer<G> {
         mut complete: impl FnMut(&[G]) -> Result<(), StoreError>,
     ) -> Result<(), StoreError> {
         let (records, held) = (self.reach.records(), self.held());
-        let of_layer = self.bricks(0).len() * self.bricks(1).len() * records;
+        let of_layer = self.along(0).len() * self.along(1).len() * records;
         for bz in self.first..self.grid.dims().z {
             // Those of the outermost shell.
             let its_planes = self.shell(bz, records - 1).planes();

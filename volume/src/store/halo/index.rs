@@ -3,7 +3,7 @@
 
 use super::reach::HaloReach;
 use crate::brick::BrickGrid;
-use crate::ids::BrickIndex;
+use crate::ids::{BrickId, BrickIndex};
 use crate::store::error::StoreError;
 
 /// Bytes of a record's entry: its length and crc32c, u32 little endian.
@@ -76,27 +76,31 @@ impl HaloIndex {
         self.starts.last().copied().unwrap_or(0)
     }
 
-    /// Where the records of the brick at a position of the grid's linear order start; of the last brick's successor,
-    /// where the file ends.
-    pub(crate) fn start(&self, linear: usize) -> u64 {
-        self.starts[linear]
+    /// Where the records of a brick start.
+    pub(crate) fn start(&self, brick: BrickId) -> u64 {
+        self.starts[brick.index()]
     }
 
-    /// The records of the brick at a position of the grid's linear order, from the inside out.
-    pub(crate) fn of_brick(&self, linear: usize) -> impl Iterator<Item = HaloRecord> {
-        let entries = &self.entries[linear * self.records..][..self.records];
-        entries.iter().scan(self.starts[linear], |start, (length, crc)| {
+    /// Where they end: where the next brick's start, or the file ends.
+    pub(crate) fn end(&self, brick: BrickId) -> u64 {
+        self.starts[brick.index() + 1]
+    }
+
+    /// The records of a brick, from the inside out.
+    pub(crate) fn of_brick(&self, brick: BrickId) -> impl Iterator<Item = HaloRecord> {
+        let entries = &self.entries[brick.index() * self.records..][..self.records];
+        entries.iter().scan(self.start(brick), |start, (length, crc)| {
             let record = HaloRecord { start: *start, length: *length, crc: *crc };
             *start = record.end();
             Some(record)
         })
     }
 
-    /// The first record, as its brick's place in linear order and its number there, that is not whole in a file of
-    /// `bytes`, fewer than there should be.
-    pub(crate) fn first_cut(&self, bytes: u64) -> (usize, usize) {
-        let brick = self.starts[1..].partition_point(|end| *end <= bytes);
-        (brick, self.of_brick(brick).take_while(|record| record.end() <= bytes).count())
+    /// The first record, as its brick and its number there, that is not whole in a file of `bytes`; nothing where all
+    /// are.
+    pub(crate) fn first_cut(&self, grid: &BrickGrid, bytes: u64) -> Option<(BrickId, usize)> {
+        let brick = grid.ids().nth(self.starts[1..].partition_point(|end| *end <= bytes))?;
+        Some((brick, self.of_brick(brick).take_while(|record| record.end() <= bytes).count()))
     }
 }
 
@@ -110,15 +114,16 @@ mod tests {
         let grid = BrickGrid::new(UVec3::new(48, 16, 16), 16).unwrap();
         let reach = HaloReach { first: 2, last: 3 };
         let index = HaloIndex::new(2, vec![(10, 1), (0, 0), (7, 2), (5, u32::MAX), (0, 0), (9, 3)]);
-        let records: Vec<_> = index.of_brick(1).collect();
+        let records: Vec<_> = index.of_brick(BrickId::finest(1)).collect();
         let record = |start, length, crc| HaloRecord { start, length, crc };
         assert_eq!(records, [record(10, 7, 2), record(17, 5, u32::MAX)]);
-        assert_eq!(index.of_brick(2).last(), Some(record(22, 9, 3)));
+        assert_eq!(index.of_brick(BrickId::finest(2)).last(), Some(record(22, 9, 3)));
         assert_eq!(index.file_bytes(), 31);
         let cuts = [(0, (0, 0)), (9, (0, 0)), (10, (1, 0)), (16, (1, 0)), (17, (1, 1)), (21, (1, 1)), (22, (2, 1))];
-        for (bytes, record) in cuts {
-            assert_eq!(index.first_cut(bytes), record, "{bytes}");
+        for (bytes, (brick, nth)) in cuts {
+            assert_eq!(index.first_cut(&grid, bytes), Some((BrickId::finest(brick), nth)), "{bytes}");
         }
+        assert_eq!(index.first_cut(&grid, 31), None);
         let bytes = index.to_bytes();
         assert_eq!(bytes.len(), 6 * ENTRY_BYTES);
         assert_eq!(HaloIndex::from_bytes(&bytes, &grid, reach, |_, _| 10).unwrap(), index);

@@ -63,13 +63,13 @@ impl Halos {
         let index = HaloIndex::from_bytes(&bytes, &grid, reach, longest)?;
         let got = objects.open(file)?.size()?;
         let path = objects.path_of(file);
-        match index.file_bytes() {
-            want if got < want => {
-                let (brick, nth) = index.first_cut(got);
-                Err(StoreError::HaloCut { path, brick: grid.brick_at(brick), layer: reach.layer(nth), got, want })
+        let want = index.file_bytes();
+        match index.first_cut(&grid, got) {
+            Some((brick, nth)) => {
+                Err(StoreError::HaloCut { path, brick: grid.index_of(brick), layer: reach.layer(nth), got, want })
             }
-            want if got > want => Err(StoreError::FileLength { path, got, want }),
-            _ => Ok(Self { objects: objects.clone(), file, grid, reach, index, hash: hashes.file, bound }),
+            None if got > want => Err(StoreError::FileLength { path, got, want }),
+            None => Ok(Self { objects: objects.clone(), file, grid, reach, index, hash: hashes.file, bound }),
         }
     }
 
@@ -83,7 +83,7 @@ impl Halos {
         parse: impl Fn(Vec<u8>, usize) -> Result<H, HaloFault>,
     ) -> Result<Option<Vec<HaloPart<H>>>, StoreError> {
         let Some(count) = self.reach.serving(margin) else { return Ok(None) };
-        let records: Vec<_> = self.index.of_brick(self.grid.linear(brick)).take(count).collect();
+        let records: Vec<_> = self.index.of_brick(self.grid.id(brick)).take(count).collect();
         let start = records[0].start;
         // The index was checked: no more than a halo can have.
         let range = start..records[count - 1].end();
@@ -149,17 +149,19 @@ impl Halos {
     fn read_through(&self, faults: &mut Vec<StoreError>) -> Result<ContentHash, StoreError> {
         let object = self.objects.open(self.file)?;
         let mut hash = Xxh3Default::new();
-        let bricks = self.grid.brick_count() as usize;
-        let mut first = 0;
-        while first < bricks {
-            let start = self.index.start(first);
-            let more = |brick: &usize| self.index.start(*brick) - start < PART_BYTES;
-            let end = (first + 1..=bricks).take_while(more).last().unwrap_or(first + 1);
-            let bytes = object.read_one(start..self.index.start(end))?;
+        let mut bricks = self.grid.ids().peekable();
+        while let Some(first) = bricks.next() {
+            let (start, mut end) = (self.index.start(first), self.index.end(first));
+            let mut part = vec![first];
+            while let Some(next) = bricks.next_if(|next| self.index.end(*next) - start < PART_BYTES) {
+                end = self.index.end(next);
+                part.push(next);
+            }
+            let bytes = object.read_one(start..end)?;
             hash.update(&bytes);
-            let of_brick = |linear| {
-                let (brick, bytes) = (self.grid.brick_at(linear), &bytes);
-                let records = self.index.of_brick(linear).enumerate().filter(|(_, record)| record.length > 0);
+            let of_brick = |id| {
+                let (brick, bytes) = (self.grid.index_of(id), &bytes);
+                let records = self.index.of_brick(id).enumerate().filter(|(_, record)| record.length > 0);
                 let broken = records.filter_map(move |(nth, record)| {
                     let of_record = &bytes[(record.start - start) as usize..][..record.length as usize];
                     let shell = self.reach.shell(&self.grid, brick, nth);
@@ -169,8 +171,7 @@ impl Halos {
                 });
                 broken.collect::<Vec<_>>()
             };
-            faults.extend((first..end).into_par_iter().flat_map_iter(of_brick).collect::<Vec<_>>());
-            first = end;
+            faults.extend(part.into_par_iter().flat_map_iter(of_brick).collect::<Vec<_>>());
         }
         Ok(ContentHash(hash.digest128()))
     }

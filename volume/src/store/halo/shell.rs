@@ -103,7 +103,7 @@ mod tests {
             nth in any::<prop::sample::Index>(),
         ) {
             let grid = BrickGrid::new(UVec3::from(dims), 1 << size).unwrap();
-            let brick = grid.brick_at(nth.index(grid.brick_count() as usize));
+            let brick = grid.bricks().nth(nth.index(grid.brick_count() as usize)).unwrap();
             let (owned, reach) = (grid.owned_box(brick), HaloReach { first, last: first + more });
             let mut held = std::collections::BTreeSet::new();
             let [xs, ys, zs] = core_chunks(&grid, brick).map(|c| c.start * CHUNK_EDGE..c.end * CHUNK_EDGE);

@@ -147,7 +147,7 @@ impl Store {
     #[must_use]
     pub fn value_range(&self, brick: BrickIndex) -> Option<(f64, f64)> {
         let manifest = self.manifest();
-        let [min, max] = manifest.grid.contains(brick).then(|| self.inner.ranges.0[manifest.grid.linear(brick)])?;
+        let [min, max] = manifest.grid.contains(brick).then(|| self.inner.ranges.0[manifest.grid.id(brick).index()])?;
         (min <= max).then(|| (manifest.value_of_code(min), manifest.value_of_code(max)))
     }
 

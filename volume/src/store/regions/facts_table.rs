@@ -51,8 +51,8 @@ impl BrickFactsTable {
                 && f.only_region <= regions.count
                 && (f.has_regions || (!f.has_leaps && f.only_region == NO_REGION))
         };
-        match facts.iter().position(|f| !sound(f)) {
-            Some(linear) => Err(RegionsError::Facts { brick: manifest.grid.brick_at(linear) }.into()),
+        match facts.iter().zip(manifest.grid.bricks()).find(|(f, _)| !sound(f)) {
+            Some((_, brick)) => Err(RegionsError::Facts { brick }.into()),
             None => Ok(Self(facts)),
         }
     }

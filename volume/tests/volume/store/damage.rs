@@ -255,7 +255,7 @@ fn a_shard_that_vanishes_after_opening_is_an_error_not_a_panic() {
     let store = Store::open(&path).unwrap();
     fs::write(path.join("0/c/0/0/1"), b"cut").unwrap();
     let cache = ChunkCache::new(1 << 20);
-    let brick = store.manifest().grid.brick_at(8);
+    let brick = store.manifest().grid.bricks().nth(8).unwrap();
     assert!(matches!(store.read_brick(brick, 0, &cache), Err(StoreError::ShardLength { .. })));
 }
 
@@ -302,7 +302,7 @@ fn reads_outside_the_grid_and_beyond_the_ghost_limit_are_errors() {
     let dir = tempfile::tempdir().unwrap();
     let store = Store::open(&store_in(dir.path())).unwrap();
     let cache = ChunkCache::new(1 << 20);
-    let inside = store.manifest().grid.brick_at(0);
+    let inside = store.manifest().grid.bricks().next().unwrap();
     for brick in [[9, 0, 0], [0, 1, 0], [0, 0, 2], [u32::MAX; 3]] {
         let brick = brickcast_volume::ids::BrickIndex(brick);
         assert!(matches!(store.read_brick(brick, 1, &cache), Err(StoreError::BrickOutside { .. })));

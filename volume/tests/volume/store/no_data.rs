@@ -147,7 +147,7 @@ fn several_fill_values_are_one_and_one_that_is_nowhere_is_none() {
     assert_eq!(summary.manifest.no_data, Some(NoData { stored: 900, voxels, fill: vec![900.0, -5.0] }));
     assert_eq!((summary.manifest.min, summary.manifest.max), (0.0, 94.0));
     let store = Store::open(&dir.path().join("two")).unwrap();
-    let brick = store.manifest().grid.brick_at(0);
+    let brick = store.manifest().grid.bricks().next().unwrap();
     let codes = store.read_brick(brick, 0, &ChunkCache::new(1 << 20)).unwrap().codes;
     assert_eq!(codes.iter().filter(|code| **code == NO_DATA_CODE).count() as u64, voxels);
     let plain = two.prepare(&dir.path().join("a"), &PrepareOptions::default()).unwrap();

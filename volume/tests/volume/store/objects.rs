@@ -97,7 +97,7 @@ fn a_brick_is_one_read_of_its_halo_and_one_of_each_shard() {
     let read = |at: usize, ghost| {
         reads.lock().unwrap().clear();
         let cache = ChunkCache::new(1 << 24);
-        store.read_brick(store.manifest().grid.brick_at(at), ghost, &cache).unwrap();
+        store.read_brick(store.manifest().grid.bricks().nth(at).unwrap(), ghost, &cache).unwrap();
         let mut reads = reads.lock().unwrap().clone();
         reads.sort();
         reads

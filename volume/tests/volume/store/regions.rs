@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fs;
 
 use brickcast_volume::format::VoxelType;
+use brickcast_volume::ids::BrickIndex;
 use brickcast_volume::regions::code::{MAX_SLOTS, code_of_density};
 use brickcast_volume::regions::{BrickFacts, Region, Windows, density_of_code, window_width};
 use brickcast_volume::store::{
@@ -129,10 +130,10 @@ fn distances_of(window: &[u16], dims: [usize; 3]) -> Vec<u8> {
 }
 
 /// Facts of a brick by their definition.
-fn facts_by_definition(whole: &Whole, regions: &[Region], store: &Store, linear: usize) -> BrickFacts {
+fn facts_by_definition(whole: &Whole, regions: &[Region], store: &Store, brick: BrickIndex) -> BrickFacts {
     let grid = store.manifest().grid;
     let n = grid.volume_dims();
-    let stored = grid.owned_box(grid.brick_at(linear)).stored(2);
+    let stored = grid.owned_box(brick).stored(2);
     let (lo, hi) = (stored.lo.max(glam::IVec3::ZERO).as_uvec3(), stored.hi.as_uvec3().min(n));
     let voxels = (lo.z..hi.z)
         .flat_map(|z| (lo.y..hi.y).flat_map(move |y| (lo.x..hi.x).map(move |x| (x + n.x * (y + n.y * z)) as usize)));
@@ -168,8 +169,8 @@ fn check(volume: &Volume, options: &PrepareOptions, range: f64) {
     assert_eq!(store.region_table().unwrap().0, regions);
     assert!(whole.labels == labels && whole.distances == distances, "{:?}", volume.dims);
     assert!(regions.iter().all(|r| r.max - r.min <= window_width(range)));
-    for (linear, facts) in store.brick_facts().unwrap().iter().enumerate() {
-        assert_eq!(*facts, facts_by_definition(&whole, &regions, &store, linear), "brick {linear}");
+    for (facts, brick) in store.brick_facts().unwrap().iter().zip(store.manifest().grid.bricks()) {
+        assert_eq!(*facts, facts_by_definition(&whole, &regions, &store, brick), "brick {brick}");
     }
     let entry = store.manifest().regions.as_ref().unwrap();
     assert_eq!(entry.count as usize, regions.len());
@@ -340,9 +341,9 @@ fn regions_are_clamped_at_the_edge_like_voxels_and_reads_are_checked() {
             assert_eq!(read.distances[i as usize], whole.distances[voxel]);
         }
     }
-    let outside = brickcast_volume::ids::BrickIndex([9, 0, 0]);
+    let outside = BrickIndex([9, 0, 0]);
     assert!(matches!(store.read_brick_regions(outside, 1, &cache), Err(StoreError::BrickOutside { .. })));
-    let brick = store.manifest().grid.brick_at(0);
+    let brick = store.manifest().grid.bricks().next().unwrap();
     assert!(matches!(store.read_brick_regions(brick, 65, &cache), Err(StoreError::Ghost { .. })));
     let plain = dir.path().join("plain");
     volume.prepare(&plain, &PrepareOptions::default()).unwrap();

@@ -56,8 +56,8 @@ pub(super) async fn run(plan: &RenderPlan, source: Source) -> Result<(), Failure
     out.set_header(["node", "bricks", "owned voxels", "memory", "budget", "chunks in view", "layers", "tiles"]);
     for (node, layers) in orders.iter().enumerate() {
         let bricks = assignment.bricks_of(&shown, node);
-        let owned: u64 = bricks.iter().map(|&b| grid.owned_box(grid.brick_at(b as usize)).voxel_count()).sum();
-        let memory: u64 = bricks.iter().map(|&b| planned[b as usize]).sum();
+        let owned: u64 = bricks.iter().map(|&b| grid.owned_box(grid.index_of(b)).voxel_count()).sum();
+        let memory: u64 = bricks.iter().map(|&b| planned[b.index()]).sum();
         let over = if memory > budgets[node] { " (over)" } else { "" };
         out.add_row([
             names[node].clone(),

@@ -70,7 +70,7 @@ async fn a_client_loads_and_asks_so_much_at_once_and_no_more() {
     let request = || PrepareRequest {
         session: SessionId(1),
         store: served.hash,
-        bricks: vec![1],
+        bricks: vec![BrickId::finest(1)],
         scene: everything_shown(),
         background: false,
         release: Vec::new(),
@@ -151,7 +151,7 @@ async fn loading_and_tables_do_not_hold_up_the_runtime() {
         let client = served.connect().await;
         let mut scene = everything_shown();
         scene = scene.with(|s| s.quality.step = 0.5 + f64::from(width) * 0.01).unwrap();
-        let bricks = (0..175).collect();
+        let bricks = (0..175).map(BrickId::finest).collect();
         let request =
             PrepareRequest { session: SessionId(2), store, bricks, scene, background: false, release: vec![] };
         loads.spawn(async move { client.prepare(request).await });
