@@ -216,14 +216,14 @@ impl Kernel {
         let switches = [("LEAP", leap), ("MAP", map), ("REGIONS", regions), ("HOLES", holes)];
         let mut overrides = switches.map(|(name, on)| (name, f64::from(on))).to_vec();
         let layout = Some(&self.pipeline_layout);
-        let Some(Kinds { preintegrated, light, surfaces, mode }) = integral else {
+        let Some(Kinds { preintegrated, light, surfaces, pixel }) = integral else {
             return compute_pipeline(gpu, layout, "accelerated", accelerated_wgsl(self.variant), &overrides);
         };
         overrides.extend([
             ("PREINTEGRATED", f64::from(preintegrated)),
             ("LIGHT", f64::from(light as u8)),
             ("SURFACES", f64::from(surfaces)),
-            ("MODE", f64::from(mode)),
+            ("MODE", f64::from(pixel as u8)),
         ]);
         compute_pipeline(gpu, layout, "integral", integral_wgsl(self.variant), &overrides)
     }

@@ -89,8 +89,8 @@ struct Front {
     is_empty: bool,
 }
 
-/// The samples and slabs of `brick` along `ray`, into `sum`. A projection's pixels are as
-/// [`brickcast_volume::style::Mode::join`] says.
+/// The samples and slabs of `brick` along `ray`, into `sum`: the four f32 of an accumulator, whose meaning
+/// [`Kinds::pixel`] says.
 #[must_use]
 pub fn integral_ray<W: Watch>(
     frame: &FrameUniform,
@@ -122,6 +122,7 @@ pub fn integral_ray<W: Watch>(
     let probe = Probe::new(frame, style, brick, data, ray);
     let k_out = first_outside(frame, owned.k, owned.t_out);
     let has_slabs = kinds.has_slabs();
+    let is_projection = kinds.pixel.is_projection();
     let k_last = if has_slabs { k_out } else { k_out - 1.0 };
     let largest = (0..3).fold(0.0_f32, |m, a| m.max(ray.origin[a].abs()).max(brick.owned_hi[a] as f32));
     let margin = MARGIN.max(MARGIN_SHARE * largest);
@@ -132,7 +133,7 @@ pub fn integral_ray<W: Watch>(
     let shows = |in_region: bool| frame.shown & if in_region { SHOWS_REGIONS } else { SHOWS_RESIDUAL } != 0;
     // As its brick computes it.
     let k_entry = if kinds.surfaces { first_sample(frame, volume_entry(style, ray).max(t_lo)) } else { -1.0 };
-    let may_cut = kinds.light != Light::None && kinds.mode == 0 && style.plane_count > 0;
+    let may_cut = kinds.light != Light::None && !is_projection && style.plane_count > 0;
     let k_cut = if may_cut { first_behind_cut(frame, style, ray, t_lo) } else { -1.0 };
 
     let mut k = owned.k;
@@ -167,9 +168,9 @@ pub fn integral_ray<W: Watch>(
             let lo = std::array::from_fn(|a| (cell[a] + brick.cell_lo[a] - reach) as f32 * edge);
             let hi = std::array::from_fn(|a| (cell[a] + brick.cell_lo[a] + 1 + reach) as f32 * edge);
             let k_exit = sample_at(frame, leaves(ray, lo, hi), k_last + 1.0).max(k + 1.0);
-            if empty > 0 && kinds.mode != 0 {
+            if empty > 0 && is_projection {
                 // Nothing there changes the projection: a run of the code that says so.
-                (code, n) = (if kinds.mode == 2 { 1.0 } else { 0.0 }, k_exit - k);
+                (code, n) = (f32::from(kinds.pixel.neutral_code()) / 65535.0, k_exit - k);
                 counts.skips += 1;
             } else if empty > 0 && (!has_slabs || front.is_none_or(|f| f.is_empty)) {
                 // Both ends of all slabs up to the one that leaves.
@@ -239,9 +240,11 @@ pub fn integral_ray<W: Watch>(
         }
         watch.takes(k, n, code);
         let mut opacity = 0.0;
-        if kinds.mode != 0 {
+        if is_projection {
             if shows(in_region) {
-                project(&mut sum, kinds.mode, code, n);
+                let mut pixel = sum.to_array();
+                kinds.pixel.take(&mut pixel, code, n);
+                sum = Premul::from_array(pixel);
             }
             look = data.map.is_some() && k + n >= k_look;
             k += n;
@@ -311,20 +314,6 @@ pub fn integral_ray<W: Watch>(
         look = data.map.is_some() && k >= k_look && (asks_always || opacity == 0.0);
     }
     (sum, counts)
-}
-
-/// Takes `n` samples of one value into a projection.
-fn project(sum: &mut Premul, mode: u8, code: f32, n: f32) {
-    let is_first = sum.a == 0.0;
-    match mode {
-        1 => sum.r = if is_first { code } else { sum.r.max(code) },
-        2 => sum.r = if is_first { code } else { sum.r.min(code) },
-        _ => {
-            sum.r += code * n;
-            sum.g += n;
-        }
-    }
-    sum.a = 1.0;
 }
 
 /// Closes the slab between two positions, isosurfaces in it; the opacity that it adds, surfaces and all.

@@ -1,7 +1,7 @@
 //! What most pictures are made of, by itself: pre-integrated slabs in a brick without leaps. The same as
 //! [`super::integral::integral_ray`], without what that must ask at every sample.
 
-use brickcast_volume::Premul;
+use brickcast_volume::{PixelKind, Premul};
 use glam::Vec4;
 
 use super::accelerated::{BrickData, RayCounts, first_outside, leaves, sample_at};
@@ -17,7 +17,7 @@ const BATCH: usize = 8;
 /// Where a run may end with any slab: as many as a vector holds, not to read too much in vain.
 const OPEN_BATCH: f32 = 4.0;
 
-const SLABS_ALONE: Kinds = Kinds { preintegrated: true, light: Light::None, surfaces: false, mode: 0 };
+const SLABS_ALONE: Kinds = Kinds { preintegrated: true, light: Light::None, surfaces: false, pixel: PixelKind::Over };
 
 /// True where [`slabs_ray`] will do.
 #[must_use]

@@ -7,7 +7,7 @@ override PREINTEGRATED: bool;
 // 0: none, 1: at both ends of a slab, interpolated, 2: in its middle, 3: where what it emits comes from on average.
 override LIGHT: u32;
 override SURFACES: bool;
-// 0: composite, 1: maximum, 2: minimum, 3: average.
+// What the accumulator holds (PixelKind of volume/src/pixel.rs): 0: over, 1: largest, 2: smallest, 3: mean.
 override MODE: u32;
 
 // An end of a slab, or a place between.
