@@ -10,6 +10,7 @@ use brickcast_shaders::twin::macrocell::empty_distances;
 use brickcast_shaders::twin::raycast::{Ray, pixel_ray, raycast_ray};
 use brickcast_shaders::twin::slabs::{are_slabs_alone, slabs_ray};
 use brickcast_volume::brick::OwnedBox;
+use brickcast_volume::macrocell::MapTexel;
 use brickcast_volume::regions::Density;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::{PixelRect, Premul, RawPixel};
@@ -125,7 +126,8 @@ impl CpuBrick {
         let mut texels = homogeneous.clone().unwrap_or_else(|| vec![0; cells.ranges.len()]);
         if let Some(emptiness) = emptiness {
             let distances = empty_distances(&emptiness.counts, &cells.ranges, cells.dims.into());
-            texels.iter_mut().zip(distances).for_each(|(texel, distance)| *texel |= u32::from(distance));
+            let bits = |empty| MapTexel { empty, ..MapTexel::default() }.pack();
+            texels.iter_mut().zip(distances).for_each(|(texel, distance)| *texel |= bits(distance));
         }
         let texels = Arc::new(texels);
         *map = Some((emptiness.map(Arc::downgrade), texels.clone()));

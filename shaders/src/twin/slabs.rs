@@ -1,6 +1,7 @@
 //! What most pictures are made of, by itself: pre-integrated slabs in a brick without leaps. The same as
 //! [`super::integral::integral_ray`], without what that must ask at every sample.
 
+use brickcast_volume::macrocell::MapTexel;
 use brickcast_volume::{PixelKind, Premul};
 use glam::Vec4;
 
@@ -96,7 +97,7 @@ pub fn slabs_ray(
                 ((cut_off(p[a]) >> brick.cell_shift) - brick.cell_lo[a]).clamp(0, dims[a] as i32 - 1)
             });
             let at = cell[0] as usize + dims[0] as usize * (cell[1] as usize + dims[1] as usize * cell[2] as usize);
-            let empty = (map[at] & brick.map_mask) as i32;
+            let empty = i32::from(MapTexel::unpack(map[at] & brick.map_mask).empty);
             is_empty = empty > 0;
             let reach = empty.max(1) - 1;
             let corner = |far: i32| std::array::from_fn(|a| (cell[a] + brick.cell_lo[a] + far) as f32 * edge);
