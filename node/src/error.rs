@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use brickcast_proto::{Failure, Fault};
+use brickcast_volume::pixel::KindError;
 use brickcast_volume::store::StoreError;
 use brickcast_volume::visibility::ViewError;
 use brickcast_volume::{BrickId, BrickIndex, ChunkId, ChunkIndex, StoreHash, TreeNode};
@@ -88,6 +89,8 @@ pub enum NodeError {
     Stalled(u64),
     #[error("the client went away")]
     Cancelled,
+    #[error("{0}; the node goes on, please report it")]
+    Kind(#[from] KindError),
     #[error("the node's work failed unexpectedly ({0}); the node goes on, please report it")]
     Panicked(String),
 }
@@ -143,7 +146,7 @@ impl NodeError {
             | Self::TooManyBytes(_) => Fault::Busy,
             Self::Draining => Fault::Draining,
             Self::Stalled(_) | Self::Cancelled | Self::Silent(_) | Self::Unfinished(_) => Fault::Abandoned,
-            Self::Panicked(_) => Fault::Internal,
+            Self::Kind(_) | Self::Panicked(_) => Fault::Internal,
         }
     }
 }

@@ -12,7 +12,8 @@ use brickcast_volume::scene::{Filter, Look, Quality, Scene, Transport, ViewSpec}
 use brickcast_volume::store::{PrepareOptions, prepare};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use brickcast_volume::{
-    Camera, Epoch, FrameId, Geometry, MergeTree, Orbit, PictureSize, Premul, SessionId, StoreHash, TreeNode, over,
+    Camera, Epoch, FrameId, Geometry, MergeTree, Orbit, PictureSize, Pixels, Premul, SessionId, StoreHash, TreeNode,
+    over,
 };
 
 use crate::kernel::{
@@ -232,7 +233,7 @@ impl Raycaster for FakeRaycaster {
                 }
             }
             let counts = vec![BrickCounts { samples: 10, positions: 10, leapt: 0, skips: 4 }; job.bricks.len()];
-            JobImage { rect: job.rect, pixels, counts }
+            JobImage { rect: job.rect, pixels: Pixels::of(pixels), counts }
         };
         Ok(jobs.iter().map(render).collect())
     }

@@ -32,5 +32,6 @@ pub mod wire {
 /// The contract's descriptors, for gRPC reflection.
 pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/descriptors.bin"));
 
-/// Version of the protocol that this build speaks; both sides must agree.
+/// Version of the protocol that this build speaks; both sides must agree. It rises where two builds could draw another
+/// picture together; a later field that either side may lack (the kind of a tile) does not raise it.
 pub const PROTOCOL_VERSION: u32 = 7;

@@ -13,7 +13,8 @@ pub const MAX_CHUNKS: usize = 65_536;
 pub const MAX_TILES_OWED: u64 = 1 << 24;
 
 /// The layers of one frame that one node renders. Valid by construction where it came through `TryFrom`: at least one
-/// layer, no layer twice or inside another, no chunk twice, every tile inside the picture; f32 transport in exact mode.
+/// layer, no layer twice or inside another, no chunk twice, every tile inside the picture; f32 transport in exact
+/// mode and of projections.
 /// What depends on the store (whether node and chunks exist) is checked by the node.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RenderOrder {

@@ -1,5 +1,6 @@
 //! Uniforms as both sides see them. `tests/layout.rs` compares names and offsets with the WGSL's.
 
+use brickcast_volume::macrocell::{HomogeneousCube, MapTexel};
 use brickcast_volume::scene::{Filter, RegionView};
 use brickcast_volume::transfer_function::TransferTable;
 use brickcast_volume::visibility::KernelView;
@@ -71,10 +72,10 @@ pub const PLAIN_SCALE: f32 = 1.0;
 /// Multiplies a texel of leaps and densities (0..=1): 14 bits of density above the inner bit.
 pub const CODED_SCALE: f32 = 65535.0 / 32766.0;
 
-/// Bits of a macrocell map's texel that hold the distance to the nearest cell that is not empty.
-pub const MAP_EMPTY: u32 = 0xff;
-/// Those of the homogeneous cube: 8 bits distance, 16 bits value.
-pub const MAP_HOMOGENEOUS: u32 = 0xffff_ff00;
+/// Bits of a macrocell map's texel that hold [`MapTexel::empty`].
+pub const MAP_EMPTY: u32 = MapTexel { empty: u8::MAX, cube: HomogeneousCube { distance: 0, value: 0 } }.pack();
+/// Those of [`MapTexel::cube`].
+pub const MAP_HOMOGENEOUS: u32 = !MAP_EMPTY;
 
 /// One brick's dispatch over the pixels of one rectangle.
 #[repr(C)]

@@ -57,6 +57,7 @@ pub fn accelerated_wgsl(variant: RaycastVariant) -> String {
         &[
             include_str!("../wgsl/shared/frame.wgsl"),
             include_str!("../wgsl/shared/jump.wgsl"),
+            include_str!("../wgsl/shared/texel.wgsl"),
             include_str!("../wgsl/accelerated.wgsl"),
         ]
         .concat(),
@@ -72,11 +73,11 @@ pub fn integral_wgsl(variant: RaycastVariant) -> String {
         RaycastVariant::Exact => include_str!("../wgsl/shared/slab_exact.wgsl"),
     };
     let (style, light) = (include_str!("../wgsl/shared/style.wgsl"), include_str!("../wgsl/shared/light.wgsl"));
-    let jump = include_str!("../wgsl/shared/jump.wgsl");
+    let (jump, texel) = (include_str!("../wgsl/shared/jump.wgsl"), include_str!("../wgsl/shared/texel.wgsl"));
     let (between, surface) = (include_str!("../wgsl/shared/slab.wgsl"), include_str!("../wgsl/shared/surface.wgsl"));
     let kernel = include_str!("../wgsl/integral.wgsl");
     let shared = with_shared(variant, kernel);
-    [&shared, style, jump, slab, light, between, surface].concat()
+    [&shared, style, jump, texel, slab, light, between, surface].concat()
 }
 
 fn with_shared(variant: RaycastVariant, kernel: &str) -> String {

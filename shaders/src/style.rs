@@ -1,7 +1,7 @@
 //! The uniform of the integral kernel: light, isosurfaces, clip planes.
 
-use brickcast_volume::Geometry;
 use brickcast_volume::style::{Lighting, MAX_PLANES, MAX_SURFACES, Style};
+use brickcast_volume::{Geometry, PixelKind};
 use bytemuck::{Pod, Zeroable};
 
 /// What a scene's style is to the kernel; `tests/layout.rs` compares names and offsets with the WGSL's.
@@ -62,8 +62,8 @@ pub struct Kinds {
     pub preintegrated: bool,
     pub light: Option<Lighting>,
     pub surfaces: bool,
-    /// 0: composite, 1: maximum, 2: minimum, 3: average.
-    pub mode: u8,
+    /// What it leaves in the accumulator.
+    pub pixel: PixelKind,
 }
 
 impl Kinds {
@@ -89,6 +89,6 @@ impl Kinds {
     /// As [`Style::has_slabs`].
     #[must_use]
     pub const fn has_slabs(self) -> bool {
-        self.mode == 0 && (self.preintegrated || self.surfaces)
+        !self.pixel.is_projection() && (self.preintegrated || self.surfaces)
     }
 }

@@ -14,7 +14,7 @@ override REGIONS: bool;
 
 // By slot; one row.
 @group(2) @binding(1) var means: texture_2d<f32>;
-// 8 bits distance to the nearest cell that is not empty; 8 bits distance and 16 bits value of the homogeneous cube.
+// Of MapTexel's bits.
 @group(2) @binding(2) var map: texture_3d<u32>;
 // 1 for texels of a region.
 @group(2) @binding(3) var flags: texture_3d<u32>;
@@ -62,13 +62,12 @@ fn accelerated(
     let cell_edge = f32(1u << brick.cell_shift);
     let far_corner = max(abs(ray.origin), vec3<f32>(brick.owned_hi));
     let margin = max(MARGIN, MARGIN_SHARE * max(max(far_corner.x, far_corner.y), far_corner.z));
-    let asks_always = brick.map_mask > 0xffu;
+    let asks_always = brick.map_mask > MAP_EMPTY;
 
     let k_out = first_outside(frame.step, owned.k, owned.t_out);
     var k = owned.k;
     var probes = ENTRY_PROBES;
-    // The last value, at first far from all others: nothing is like it.
-    var last = 9.0;
+    var last = NOTHING_YET;
     // The first sample at which the map may say something new, and whether it is asked there.
     var k_look = k;
     var look = MAP;
@@ -91,28 +90,28 @@ fn accelerated(
         var half = 0.0;
         if MAP && look {
             let cell = clamp((voxel >> vec3(brick.cell_shift)) - brick.cell_lo, vec3(0), last_cell);
-            let texel = textureLoad(map, cell, 0).x & brick.map_mask;
-            let empty = texel & 0xffu;
+            let texel = map_texel(textureLoad(map, cell, 0).x & brick.map_mask);
+            let empty = texel.empty;
             // Cells know no regions: their samples may need different tables.
-            let alike = select((texel >> 8u) & 0xffu, 0u, REGIONS && brick.region_flags == 2u);
+            let alike = select(texel.distance, 0u, REGIONS && brick.region_flags == 2u);
             is_empty = empty > 0u;
             is_alike = !is_empty && alike > 0u;
-            code = f32(texel >> 16u) * (1.0 / 65535.0);
+            code = texel.code;
             center = (vec3<f32>(cell + brick.cell_lo) + 0.5) * cell_edge;
             half = (f32(select(max(alike, 1u), empty, is_empty)) - 0.5) * cell_edge;
         }
         if LEAP && probes > 0u && !(is_empty || is_alike) {
             let at = clamp(voxel - brick.stored_lo, vec3(0), last_texel);
-            let texel = u32(textureLoad(volume, at, 0).r * 65535.0 + 0.5);
+            let texel = coded_texel(textureLoad(volume, at, 0).r);
             reads += 1.0;
-            is_leap = (texel & 0x8000u) != 0u;
-            is_inner = (texel & 0x8001u) == 1u;
+            is_leap = texel.is_leap;
+            is_inner = texel.is_inner;
             if is_leap {
-                code = textureLoad(means, vec2<u32>(texel & 0x7fu, 0u), 0).r;
+                code = textureLoad(means, vec2<u32>(texel.slot, 0u), 0).r;
                 center = vec3<f32>(voxel) + 0.5;
-                half = f32((texel >> 7u) & 0xffu) - 1.0 - margin;
+                half = f32(texel.distance) - 1.0 - margin;
             } else {
-                code = f32(texel >> 1u) * (1.0 / 16383.0);
+                code = texel.code;
             }
         }
         let jumps = is_empty || is_alike || is_leap;

@@ -4,7 +4,7 @@
 
 // There is a macrocell map.
 override MAP: bool;
-// 8 bits distance to the nearest cell that is not empty; 8 bits distance and 16 bits value of the homogeneous cube.
+// Of MapTexel's bits.
 @group(2) @binding(2) var map: texture_3d<u32>;
 // 1 for texels of a region.
 @group(2) @binding(3) var flags: texture_3d<u32>;
@@ -90,7 +90,7 @@ fn integral(
     let cell_edge = f32(1u << brick.cell_shift);
     let far_corner = max(abs(ray.origin), vec3<f32>(brick.owned_hi));
     let margin = max(MARGIN, MARGIN_SHARE * max(max(far_corner.x, far_corner.y), far_corner.z));
-    let asks_always = brick.map_mask > 0xffu;
+    let asks_always = brick.map_mask > MAP_EMPTY;
     let has_slabs = MODE == 0u && (PREINTEGRATED || SURFACES);
 
     let k_out = first_outside(frame.step, owned.k, owned.t_out);
@@ -106,8 +106,7 @@ fn integral(
     }
     var k = owned.k;
     var probes = ENTRY_PROBES;
-    // The last value, at first far from all others: nothing is like it.
-    var last = 9.0;
+    var last = NOTHING_YET;
     // The first sample at which the map may say something new, and whether it is asked there.
     var k_look = k;
     var look = MAP;
@@ -135,10 +134,10 @@ fn integral(
         var is_flat = false;
         if MAP && look {
             let cell = clamp((voxel >> vec3(brick.cell_shift)) - brick.cell_lo, vec3(0), last_cell);
-            let texel = textureLoad(map, cell, 0).x & brick.map_mask;
-            let empty = texel & 0xffu;
+            let texel = map_texel(textureLoad(map, cell, 0).x & brick.map_mask);
+            let empty = texel.empty;
             // Cells know no regions: their samples may need different tables.
-            let alike = select((texel >> 8u) & 0xffu, 0u, REGIONS && brick.region_flags == 2u);
+            let alike = select(texel.distance, 0u, REGIONS && brick.region_flags == 2u);
             let center = (vec3<f32>(cell + brick.cell_lo) + 0.5) * cell_edge;
             let half = (f32(select(max(alike, 1u), empty, empty > 0u)) - 0.5) * cell_edge;
             let k_exit = max(min(ceil(leaves(ray, center, half) / frame.step), k_last + 1.0), k + 1.0);
@@ -154,7 +153,7 @@ fn integral(
                 has_front = false;
                 has_skipped = has_slabs;
                 probes = ENTRY_PROBES;
-                last = 9.0;
+                last = NOTHING_YET;
                 continue;
             } else if empty == 0u && has_skipped {
                 // The slab that enters what shows starts in the empty.
@@ -168,7 +167,7 @@ fn integral(
                 reads_empty = empty > 0u;
                 k_look = select(k_exit, k + 1.0, reads_empty);
                 if !reads_empty && alike > 0u {
-                    code = f32(texel >> 16u) * (1.0 / 65535.0);
+                    code = texel.code;
                     n = k_exit - k;
                     is_flat = true;
                     leapt += n;
@@ -178,20 +177,20 @@ fn integral(
         }
         if LEAP && n == 0.0 && probes > 0u {
             let at = clamp(voxel - brick.stored_lo, vec3(0), last_texel);
-            let texel = u32(textureLoad(volume, at, 0).r * 65535.0 + 0.5);
+            let texel = coded_texel(textureLoad(volume, at, 0).r);
             reads += 1.0;
-            if (texel & 0x8000u) != 0u {
-                let half = f32((texel >> 7u) & 0xffu) - 1.0 - margin;
+            if texel.is_leap {
+                let half = f32(texel.distance) - 1.0 - margin;
                 let k_exit = ceil(leaves(ray, vec3<f32>(voxel) + 0.5, half) / frame.step);
                 n = max(min(k_exit, k_last + 1.0) - k, 1.0);
-                code = textureLoad(means, vec2<u32>(texel & 0x7fu, 0u), 0).r;
+                code = textureLoad(means, vec2<u32>(texel.slot, 0u), 0).r;
                 in_region = true;
                 is_flat = true;
                 leapt += n;
                 probes = max(probes, 2u) - 1u;
-            } else if (texel & 1u) == 1u {
+            } else if texel.is_inner {
                 n = 1.0;
-                code = f32(texel >> 1u) * (1.0 / 16383.0);
+                code = texel.code;
                 in_region = true;
                 is_flat = true;
                 probes = max(probes, 2u) - 1u;

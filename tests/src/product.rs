@@ -6,14 +6,13 @@ use brickcast_node::backend::{self, BackendChoice};
 use brickcast_node::kernel::{BrickInput, Job, JobImage, KernelScene, KernelStyle, Raycaster, ResidentBrick};
 use brickcast_volume::brick::GHOST_SAMPLED;
 use brickcast_volume::merge::sort_front_to_back;
+use brickcast_volume::pixel::Coloring;
 use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::store::{BrickVoxels, NO_DATA_CODE};
-use brickcast_volume::style::{Mode, Style};
+use brickcast_volume::style::Style;
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction, TransferTable};
-use brickcast_volume::{
-    BrickGrid, BrickIndex, Camera, Geometry, OwnedBox, PictureSize, PixelRect, Premul, Projection, View,
-};
+use brickcast_volume::{BrickGrid, BrickIndex, Camera, Geometry, OwnedBox, PictureSize, PixelRect, Projection, View};
 
 use crate::compare::Picture;
 use crate::referee::Lens;
@@ -158,20 +157,9 @@ impl Loaded<'_> {
     pub fn render(&self, scene: &Scene) -> (Picture, u64) {
         let [width, height] = scene.truth.size;
         let image = self.render_rect(scene, picture_size(scene).full_rect());
-        let function = transfer_function(scene);
-        let pixels = image.pixels.iter().map(|p| self.shown(&function, scene.range, *p)).collect();
+        let colors = Coloring::new(transfer_function(scene), scene.range).colors(&image.pixels);
+        let pixels = colors.into_iter().map(|p| p.to_array().map(f64::from)).collect();
         (Picture { width, height, pixels }, image.total().samples)
-    }
-
-    /// A projection's code by the transfer function, as the compositor does; other pixels as they are.
-    fn shown(&self, function: &TransferFunction, (lo, hi): (f64, f64), pixel: Premul) -> [f64; 4] {
-        if self.style.mode == Mode::Composite {
-            return pixel.to_array().map(f64::from);
-        }
-        let Some(code) = self.style.mode.code(pixel) else { return [0.0; 4] };
-        let value = lo + (hi - lo) * f64::from(code);
-        let ([r, g, b], a) = (function.color(value), function.opacity(value));
-        [r * a, g * a, b * a, a]
     }
 
     /// A part of the picture.

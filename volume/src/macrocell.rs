@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::brick::{OwnedBox, StoredBox};
 
-/// Distances between cells are cut off here: 8 bits of a map's texel.
+/// Distances between cells are cut off here: 8 bits of [`MapTexel`].
 pub const MAX_CELL_DISTANCE: u32 = 255;
 
 /// The cells that meet a brick's owned box.
@@ -30,6 +30,38 @@ pub struct HomogeneousCube {
     pub distance: u8,
     /// The middle of that range.
     pub value: u16,
+}
+
+/// What the 32-bit texel of a macrocell map says of its cell. `shaders/wgsl/shared/texel.wgsl` takes the same bits
+/// apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct MapTexel {
+    /// 8 bits: cells to the nearest that is not empty, 0 for itself.
+    pub empty: u8,
+    /// 8 bits distance, 16 bits value.
+    pub cube: HomogeneousCube,
+}
+
+impl MapTexel {
+    #[must_use]
+    #[inline]
+    pub const fn pack(self) -> u32 {
+        self.empty as u32 | (self.cube.distance as u32) << 8 | (self.cube.value as u32) << 16
+    }
+
+    #[must_use]
+    #[inline(always)]
+    pub const fn unpack(texel: u32) -> Self {
+        let cube = HomogeneousCube { distance: (texel >> 8 & 0xff) as u8, value: (texel >> 16) as u16 };
+        Self { empty: (texel & 0xff) as u8, cube }
+    }
+}
+
+impl From<HomogeneousCube> for MapTexel {
+    /// Of a cell of which nothing more is known.
+    fn from(cube: HomogeneousCube) -> Self {
+        Self { empty: 0, cube }
+    }
 }
 
 impl Macrocells {
@@ -137,6 +169,13 @@ mod tests {
     fn noise(seed: u32) -> u16 {
         let x = seed.wrapping_mul(0x9e37_79b9) ^ 0x5bd1_e995;
         ((x ^ x >> 15).wrapping_mul(0x85eb_ca6b) >> 16) as u16
+    }
+
+    #[test]
+    fn a_map_texel_is_packed_again_as_it_was() {
+        let texel = MapTexel { empty: 0x12, cube: HomogeneousCube { distance: 0x34, value: 0x5678 } };
+        assert_eq!((texel.pack(), MapTexel::unpack(texel.pack())), (0x5678_3412, texel));
+        assert_eq!(MapTexel::unpack(u32::MAX).pack(), u32::MAX);
     }
 
     /// Odd boxes, a first cell that the brick only shares, cells cut at the high end.

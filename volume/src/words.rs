@@ -96,6 +96,7 @@ pub(crate) use words;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pixel::PixelKind;
     use crate::scene::{Filter, LeapKind, RegionView, Transport};
     use crate::style::{IntegrationKind, Lighting, Mode, ShadingKind};
 
@@ -127,5 +128,6 @@ mod tests {
         go_both_ways(&[ShadingKind::None, ShadingKind::Phong]);
         go_both_ways(&[Lighting::Interpolated, Lighting::Center, Lighting::Centroid]);
         go_both_ways(&[Mode::Composite, Mode::Maximum, Mode::Minimum, Mode::Average]);
+        go_both_ways(&[PixelKind::Over, PixelKind::Largest, PixelKind::Smallest, PixelKind::Mean]);
     }
 }

@@ -48,6 +48,7 @@ async fn answers(
     events: &mpsc::Sender<Event>,
 ) -> Result<Receipt, Option<NodeError>> {
     let (now, size) = ((order.frame, order.epoch), order.scene.view.size);
+    let kind = order.scene.look.style.mode.pixel_kind();
     let rects: Vec<(TreeNode, TileRect)> = order.layers.iter().map(|l| (l.node, l.tiles)).collect();
     let address = client.address().to_owned();
     let invalid = |reason: String| NodeError::Invalid { address: address.clone(), call: "RenderFrame", reason };
@@ -61,7 +62,7 @@ async fn answers(
         };
         match part {
             Part::Tile(tile) => {
-                let pixels = decode_tile(&tile.pixels, TileRect::tile_pixels(tile.tile, size).size());
+                let pixels = decode_tile(&tile.pixels, TileRect::tile_pixels(tile.tile, size).size(), kind);
                 let pixels = pixels.map_err(|e| invalid(format!("tile {:?}: {e}", tile.tile)))?;
                 tell(tile.node, tile.tile, Some(pixels), bytes).await?;
             }

@@ -7,7 +7,6 @@ use brickcast_volume::StoreHash;
 use brickcast_volume::json_fields::{FieldError, Fields};
 use brickcast_volume::scene::{SCENE_FIELDS, Scene, Transport};
 use brickcast_volume::small_file::{FileError, read_text};
-use brickcast_volume::style::Mode;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::{Map, Value, json};
 
@@ -134,9 +133,9 @@ impl PictureManifest {
     fn from_json(fields: &Fields<'_>) -> Result<Self, FieldError> {
         fields.only(&[&SCENE_FIELDS, &FIELDS])?;
         let scene = Scene::from_json(fields)?;
-        let transport = fields.get("transport")?;
-        let carries_codes = scene.look.style.mode != Mode::Composite;
-        if (scene.quality.exact || carries_codes) && transport != Transport::F32 {
+        let transport: Transport = fields.get("transport")?;
+        let carries = transport.carries(scene.look.style.mode.pixel_kind());
+        if !carries || (scene.quality.exact && transport != Transport::F32) {
             return Err(fields.refused("transport", "exact pictures and projections are carried as f32"));
         }
         let background: Option<[f32; 3]> = fields.get_optional("background")?;

@@ -4,7 +4,7 @@ use brickcast_volume::visibility::ViewError;
 
 use crate::cluster::ClusterError;
 use crate::frame::FrameError;
-use crate::picture::PictureError;
+use crate::frame::blend::BlendError;
 
 #[derive(Debug, thiserror::Error)]
 pub enum SessionError {
@@ -15,5 +15,5 @@ pub enum SessionError {
     #[error(transparent)]
     View(#[from] ViewError),
     #[error(transparent)]
-    Picture(#[from] PictureError),
+    Blend(#[from] BlendError),
 }

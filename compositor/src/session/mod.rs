@@ -14,6 +14,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use brickcast_proto::NodeDescription;
+use brickcast_volume::pixel::Coloring;
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::{Epoch, FrameId, SessionId};
 use futures_util::future::{BoxFuture, join_all};
@@ -27,7 +28,7 @@ pub use crate::cluster::StoreChoice;
 use self::look::ShownLook;
 use crate::balance::{Demand, Settings};
 use crate::cluster::{Dial, Outlook, Roster};
-use crate::frame::blend::{Classes, blend};
+use crate::frame::blend::blend;
 use crate::frame::{self, Finished, FrameError, FrameOrder, FrameSink};
 use crate::picture::Picture;
 use crate::plan::{Assignment, InView, StoreFacts};
@@ -266,8 +267,8 @@ impl Session {
         let balance = divided.and_then(|d| cluster.learn(d, self.id, scene, &end.costs, clean));
         let missing_tiles = end.ledger.missing_tiles();
         let (ledger, tree, from, size) = (end.ledger, store.tree(), view.viewpoint(), scene.view.size);
-        let classes = Classes::of(scene, store.manifest.range);
-        let join = move || classes.picture(blend(&ledger, &tree, from, size, classes.mode())?);
+        let coloring = Coloring::new(scene.look.transfer_function.clone(), store.manifest.range);
+        let join = move || blend(&ledger, &tree, from, size, &coloring);
         let picture = tokio::task::spawn_blocking(join).await.map_err(FrameError::Task)??;
         let frame_ms = started.elapsed().as_secs_f64() * 1e3;
         let lost = end.lost.into_iter().map(|(_, lost)| lost).collect();

@@ -2,8 +2,8 @@
 
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
+use brickcast_volume::PixelKind;
 use brickcast_volume::scene::RegionView;
-use brickcast_volume::style::Mode;
 use brickcast_volume::transfer_function::TransferTable;
 
 use crate::kernel::KernelScene;
@@ -21,7 +21,7 @@ pub(crate) struct Emptiness {
 pub(crate) struct Also {
     /// Codes from here on are on an isosurface or inside it.
     lowest_surface: Option<u16>,
-    mode: Mode,
+    pixel: PixelKind,
 }
 
 /// Is `known` the very same as `emptiness`? A dead one never is: its place is not given to another while a weak pointer
@@ -41,10 +41,8 @@ impl EmptinessCache {
             return None;
         }
         let tables = tables_of(scene);
-        let also = scene
-            .style
-            .as_ref()
-            .map_or_else(Also::default, |style| Also { lowest_surface: style.lowest_surface, mode: style.mode });
+        let lowest_surface = scene.style.as_ref().and_then(|style| style.lowest_surface);
+        let also = Also { lowest_surface, pixel: scene.pixel_kind() };
         let same = |known: &Emptiness| {
             known.also == also
                 && known.tables.len() == tables.len()
@@ -73,11 +71,11 @@ fn tables_of(scene: &KernelScene) -> Vec<Arc<TransferTable>> {
 }
 
 fn counts(tables: &[Arc<TransferTable>], also: Also) -> Vec<[u32; 2]> {
-    match also.mode {
-        Mode::Composite => {}
+    match also.pixel {
+        PixelKind::Over => {}
         // Empty is what changes no projection: nothing but the neutral code, which is one of the ends.
-        mode if mode.neutral_code() == 0 => return (0..=u16::MAX).map(|code| [0, u32::from(code > 0)]).collect(),
-        mode => return (0..=u16::MAX).map(|code| [u32::from(code == mode.neutral_code()), 1]).collect(),
+        kind if kind.neutral_code() == 0 => return (0..=u16::MAX).map(|code| [0, u32::from(code > 0)]).collect(),
+        kind => return (0..=u16::MAX).map(|code| [u32::from(code == kind.neutral_code()), 1]).collect(),
     }
     let mut counts = vec![[0; 2]; usize::from(u16::MAX) + 1];
     if let Some(lowest) = also.lowest_surface {

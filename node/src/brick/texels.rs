@@ -3,10 +3,9 @@
 use std::borrow::Cow;
 
 use brickcast_shaders::layout::{BrickUniform, CODED_SCALE, RegionFlags};
-use brickcast_shaders::twin::macrocell::packed;
 use brickcast_volume::brick::{GHOST_SAMPLED, OwnedBox};
-use brickcast_volume::macrocell::Macrocells;
-use brickcast_volume::regions::code::{INNER_BIT, LEAP_BIT, MAX_DENSITY, MAX_DISTANCE, code_of_density, leap_texel};
+use brickcast_volume::macrocell::{Macrocells, MapTexel};
+use brickcast_volume::regions::code::{CodedTexel, MAX_DENSITY, MAX_DISTANCE, code_of_density};
 use brickcast_volume::regions::{BrickRegions, Classified, ClassifyError, Density, NO_REGION, RegionTable, classify};
 use brickcast_volume::store::{BrickVoxels, NO_DATA_CODE};
 use glam::IVec3;
@@ -98,7 +97,7 @@ impl<'a> PreparedBrick<'a> {
         uniform.stored_dims = [1; 3];
         uniform.code_scale = CODED_SCALE;
         uniform.region_flags = RegionFlags::EveryVoxel as u32;
-        let texels = Cow::Owned(vec![leap_texel(MAX_DISTANCE, 0)]);
+        let texels = Cow::Owned(vec![CodedTexel::Leap { distance: MAX_DISTANCE, slot: 0 }.pack()]);
         Self { uniform, texels, means: Some(vec![code_of_mean(mean)]), cells: None, flags: None }
     }
 
@@ -178,12 +177,12 @@ fn cells_of(
             Macrocells::over(owned, &stored, texels, edge, no_data)
         }
         Some(means) => {
-            let code_of = |&texel: &u16| {
-                if texel & LEAP_BIT == 0 {
-                    return code_of_density((texel & !INNER_BIT) >> 1);
+            let code_of = |&texel: &u16| match CodedTexel::unpack(texel) {
+                CodedTexel::Value { density, .. } => code_of_density(density),
+                CodedTexel::Leap { slot, .. } => {
+                    let mean = means.get(usize::from(slot)).copied().unwrap_or(0.0);
+                    code_of_density((mean * f32::from(MAX_DENSITY)).round() as Density)
                 }
-                let mean = means.get(usize::from(texel & 0x7f)).copied().unwrap_or(0.0);
-                code_of_density((mean * f32::from(MAX_DENSITY)).round() as Density)
             };
             let codes: Vec<u16> = texels.iter().map(code_of).collect();
             Macrocells::of(owned, &stored, &codes, edge).widened(CODED_SLACK.0, CODED_SLACK.1)
@@ -191,7 +190,8 @@ fn cells_of(
     };
     // A cube that holds a voxel without data is not of one value.
     let width = input.recipe.homogeneous.filter(|_| !input.voxels.has_holes);
-    let homogeneous = width.map(|width| cells.homogeneous(width).into_iter().map(packed).collect());
+    let bits = |cube| MapTexel::from(cube).pack();
+    let homogeneous = width.map(|width| cells.homogeneous(width).into_iter().map(bits).collect());
     Ok(PreparedCells { cells, homogeneous })
 }
 

@@ -10,9 +10,10 @@ use brickcast_shaders::twin::macrocell::empty_distances;
 use brickcast_shaders::twin::raycast::{Ray, pixel_ray, raycast_ray};
 use brickcast_shaders::twin::slabs::{are_slabs_alone, slabs_ray};
 use brickcast_volume::brick::OwnedBox;
+use brickcast_volume::macrocell::MapTexel;
 use brickcast_volume::regions::Density;
 use brickcast_volume::scene::Filter;
-use brickcast_volume::{PixelRect, Premul};
+use brickcast_volume::{PixelRect, Premul, RawPixel};
 use glam::UVec2;
 use rayon::prelude::*;
 
@@ -125,7 +126,8 @@ impl CpuBrick {
         let mut texels = homogeneous.clone().unwrap_or_else(|| vec![0; cells.ranges.len()]);
         if let Some(emptiness) = emptiness {
             let distances = empty_distances(&emptiness.counts, &cells.ranges, cells.dims.into());
-            texels.iter_mut().zip(distances).for_each(|(texel, distance)| *texel |= u32::from(distance));
+            let bits = |empty| MapTexel { empty, ..MapTexel::default() }.pack();
+            texels.iter_mut().zip(distances).for_each(|(texel, distance)| *texel |= bits(distance));
         }
         let texels = Arc::new(texels);
         *map = Some((emptiness.map(Arc::downgrade), texels.clone()));
@@ -183,7 +185,7 @@ pub(crate) fn map_mask(skips: bool, cells: Option<&PreparedCells>) -> u32 {
 /// A screen tile: its rows borrow from the job's accumulator.
 struct Tile<'a> {
     rect: PixelRect,
-    rows: Vec<&'a mut [Premul]>,
+    rows: Vec<&'a mut [RawPixel]>,
 }
 
 impl CpuRaycaster {
@@ -262,9 +264,9 @@ fn render_job(
         .map(|b| b.as_any().downcast_ref::<CpuBrick>().map(|b| PlacedBrick::new(b, scene, emptiness)))
         .collect::<Option<_>>()
         .ok_or(RaycastError::ForeignBrick { backend: "cpu" })?;
-    let mut pixels = new_pixels(&job.rect)?;
+    let mut pixels = new_pixels(scene.pixel_kind(), &job.rect)?;
     let edge = tile_edge(job.rect.pixel_count(), rayon::current_num_threads());
-    let tiles = tiles_of(&job.rect, &mut pixels, edge).into_par_iter();
+    let tiles = tiles_of(&job.rect, pixels.raw_mut(), edge).into_par_iter();
     let counts = tiles.map(|tile| render_tile(reads, &bricks, tile)).try_reduce(
         || vec![BrickCounts::default(); bricks.len()],
         |mut a, b| {
@@ -285,7 +287,7 @@ fn tile_edge(pixels: usize, threads: usize) -> usize {
 }
 
 /// Cuts a row-major accumulator into tiles.
-fn tiles_of<'a>(rect: &PixelRect, pixels: &'a mut [Premul], edge: usize) -> Vec<Tile<'a>> {
+fn tiles_of<'a>(rect: &PixelRect, pixels: &'a mut [RawPixel], edge: usize) -> Vec<Tile<'a>> {
     let mut tiles = Vec::new();
     if rect.is_empty() {
         return tiles;
@@ -344,18 +346,19 @@ fn render_tile(
             let row = &mut tile.rows[y as usize];
             for x in touched.lo.x - lo.x..touched.hi.x - lo.x {
                 let pixel = &mut row[x as usize];
+                let before = Premul::from_array(*pixel);
                 let ray = &rays[(y * width + x) as usize];
                 let (sum, took) = if brick.is_plain {
-                    let (sum, n) = raycast_ray(frame, &brick.uniform, data.texels, tables.table, ray, *pixel);
+                    let (sum, n) = raycast_ray(frame, &brick.uniform, data.texels, tables.table, ray, before);
                     (sum, RayCounts { samples: n, positions: n, ..RayCounts::default() })
                 } else if let Some(with) = integrals.filter(|_| are_slabs_alone) {
-                    slabs_ray(frame, &brick.uniform, &data, with, ray, *pixel)
+                    slabs_ray(frame, &brick.uniform, &data, with, ray, before)
                 } else if let Some(with) = integrals {
-                    integral_ray(frame, &brick.uniform, &data, with, ray, *pixel, &mut Unwatched)
+                    integral_ray(frame, &brick.uniform, &data, with, ray, before, &mut Unwatched)
                 } else {
-                    accelerated_ray(frame, &brick.uniform, &data, tables, ray, *pixel, &mut Unwatched)
+                    accelerated_ray(frame, &brick.uniform, &data, tables, ray, before, &mut Unwatched)
                 };
-                *pixel = sum;
+                *pixel = sum.to_array();
                 let [samples, positions] = [took.samples, took.positions].map(u64::from);
                 let [leapt, skips] = [took.leapt, took.skips].map(u64::from);
                 *counts = counts.plus(BrickCounts { samples, positions, leapt, skips });

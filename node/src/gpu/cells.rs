@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use brickcast_shaders::twin::macrocell::empty_distances;
 use brickcast_shaders::{distance_wgsl, macrocell_wgsl};
-use brickcast_volume::macrocell::Macrocells;
+use brickcast_volume::macrocell::{Macrocells, MapTexel};
 use rayon::prelude::*;
 use wgpu::{BindingType, TextureFormat, TextureViewDimension};
 
@@ -69,7 +69,8 @@ impl CellTextures {
     fn texels(&self, emptiness: &Emptiness) -> Vec<u32> {
         let distances = empty_distances(&emptiness.counts, &self.cells.ranges, self.dims());
         let mut texels = self.homogeneous.clone().unwrap_or_else(|| vec![0; distances.len()]);
-        texels.iter_mut().zip(distances).for_each(|(texel, distance)| *texel |= u32::from(distance));
+        let bits = |empty| MapTexel { empty, ..MapTexel::default() }.pack();
+        texels.iter_mut().zip(distances).for_each(|(texel, distance)| *texel |= bits(distance));
         texels
     }
 

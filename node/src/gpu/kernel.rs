@@ -222,7 +222,7 @@ impl Kernel {
             ("PREINTEGRATED", f64::from(kinds.preintegrated)),
             ("LIGHT", f64::from(kinds.light_number())),
             ("SURFACES", f64::from(kinds.surfaces)),
-            ("MODE", f64::from(kinds.mode)),
+            ("MODE", f64::from(kinds.pixel as u8)),
         ]);
         compute_pipeline(gpu, layout, "integral", integral_wgsl(self.variant), &overrides)
     }

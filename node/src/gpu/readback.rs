@@ -143,7 +143,7 @@ pub(super) fn render(
         .iter()
         .map(|job| {
             let counts = vec![BrickCounts::default(); job.bricks.len()];
-            Ok(JobImage { rect: job.rect, pixels: new_pixels(&job.rect)?, counts })
+            Ok(JobImage { rect: job.rect, pixels: new_pixels(scene.pixel_kind(), &job.rect)?, counts })
         })
         .collect::<Result<_, RaycastError>>()?;
     let frame = scratch.bind_frame(call, scene)?;
@@ -283,7 +283,7 @@ fn collect(
             // Bands are whole rows, so their pixels lie together in both.
             let to = (band.rect.lo.y - image.rect.lo.y) as usize * band.rect.size().x as usize;
             let from = band.base as usize * PIXEL_BYTES as usize;
-            let target: &mut [u8] = bytemuck::cast_slice_mut(&mut image.pixels[to..to + count]);
+            let target: &mut [u8] = bytemuck::cast_slice_mut(&mut image.pixels.raw_mut()[to..to + count]);
             target.copy_from_slice(&pixels[from..from + target.len()]);
         }
         for (dispatch, counter) in dispatches.iter().zip(counters.as_chunks::<16>().0) {

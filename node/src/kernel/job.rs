@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use brickcast_volume::{PixelRect, Premul};
+use brickcast_volume::{PixelKind, PixelRect, Pixels, RawPixel};
 
 use super::brick::ResidentBrick;
 use super::error::RaycastError;
@@ -19,8 +19,8 @@ pub struct Job {
 #[derive(Debug, Clone)]
 pub struct JobImage {
     pub rect: PixelRect,
-    /// Row-major within `rect`.
-    pub pixels: Vec<Premul>,
+    /// Row-major within `rect`, of the scene's kind.
+    pub pixels: Pixels,
     /// What each brick of the job took, in the job's order.
     pub counts: Vec<BrickCounts>,
 }
@@ -78,13 +78,13 @@ pub(crate) fn check_jobs(scene: &KernelScene, jobs: &[Job], max_entries: u32) ->
 }
 
 /// A cleared accumulator.
-pub(crate) fn new_pixels(rect: &PixelRect) -> Result<Vec<Premul>, RaycastError> {
+pub(crate) fn new_pixels(kind: PixelKind, rect: &PixelRect) -> Result<Pixels, RaycastError> {
     let count = rect.pixel_count();
     let mut pixels = Vec::new();
     if pixels.try_reserve_exact(count).is_err() {
-        let bytes = (count * size_of::<Premul>()) as u64;
+        let bytes = (count * size_of::<RawPixel>()) as u64;
         return Err(RaycastError::OutOfMemory { what: "an accumulator", bytes });
     }
-    pixels.resize(count, Premul::CLEAR);
-    Ok(pixels)
+    pixels.resize(count, [0.0; 4]);
+    Ok(Pixels::from_raw(kind, pixels))
 }

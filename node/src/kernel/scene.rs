@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use brickcast_shaders::FrameUniform;
-use brickcast_volume::View;
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::scene::{Filter, RegionView};
 use brickcast_volume::transfer_function::TransferTable;
+use brickcast_volume::{PixelKind, View};
 
 use super::occupied::Occupied;
 use super::style::KernelStyle;
@@ -38,12 +38,16 @@ impl KernelScene {
         Self { view, table, early_termination, filter, skip_empty, region_view, region_table, style }
     }
 
+    /// What is left in accumulators.
+    #[must_use]
+    pub fn pixel_kind(&self) -> PixelKind {
+        self.style.as_ref().map_or(PixelKind::Over, |style| style.kinds.pixel)
+    }
+
     /// The uniform of the frame.
     #[must_use]
     pub fn frame_uniform(&self) -> FrameUniform {
-        // A projection's pixels are no opacities, and every sample counts.
-        let is_projection = self.style.as_ref().is_some_and(|style| style.kinds.mode != 0);
-        let stop = if is_projection { 1.0 } else { self.early_termination };
+        let stop = if self.pixel_kind().may_end_early() { self.early_termination } else { 1.0 };
         FrameUniform::new(&self.view.kernel(), &self.table, stop)
             .with_regions(self.region_view, self.region_table.as_deref())
             .with_filter(self.filter)
@@ -53,7 +57,7 @@ impl KernelScene {
     /// a slab that shows starts or ends there. Every sample of a projection counts. And whether it pays to skip in it.
     pub(crate) fn bounds(&self, occupied: Occupied, owned: &OwnedBox) -> (OwnedBox, bool) {
         let Occupied { bounds, skips, skips_uncut } = occupied;
-        if self.style.as_ref().is_some_and(|style| style.kinds.mode != 0) {
+        if self.pixel_kind().is_projection() {
             return (*owned, skips_uncut);
         }
         if bounds.voxel_count() == 0 {
@@ -67,7 +71,7 @@ impl KernelScene {
     /// May macrocells be skipped in a brick? In a projection what is skipped counts as a sample of no weight; a place
     /// that holds no data is none at all.
     pub(crate) fn skips_in(&self, has_holes: bool) -> bool {
-        !has_holes || self.style.as_ref().is_none_or(|style| style.kinds.mode == 0)
+        !has_holes || !self.pixel_kind().is_projection()
     }
 
     /// True where it matters which samples are in regions.

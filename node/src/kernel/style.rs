@@ -8,7 +8,7 @@ use brickcast_shaders::twin::slab::SlabTable;
 use brickcast_shaders::{Kinds, StyleUniform};
 use brickcast_volume::Geometry;
 use brickcast_volume::preintegration::Preintegrated;
-use brickcast_volume::style::{Mode, Style};
+use brickcast_volume::style::Style;
 
 /// Everything of the style that both backends need.
 #[derive(Debug, Clone)]
@@ -22,7 +22,6 @@ pub struct KernelStyle {
     pub reach: u32,
     /// The first of [`Style::surface_codes`].
     pub lowest_surface: Option<u16>,
-    pub mode: Mode,
 }
 
 impl KernelStyle {
@@ -40,20 +39,14 @@ impl KernelStyle {
             return None;
         }
         let light = style.shading.map(|phong| phong.lighting);
-        let mode = match style.mode {
-            Mode::Composite => 0,
-            Mode::Maximum => 1,
-            Mode::Minimum => 2,
-            Mode::Average => 3,
-        };
-        let kinds = Kinds { preintegrated: slabs.is_some(), light, surfaces: !style.surfaces.is_empty(), mode };
+        let (surfaces, pixel) = (!style.surfaces.is_empty(), style.mode.pixel_kind());
+        let kinds = Kinds { preintegrated: slabs.is_some(), light, surfaces, pixel };
         Some(Self {
             uniform: StyleUniform::new(style, geometry, range),
             kinds,
             slabs,
             reach: style.reach(step),
             lowest_surface: style.surface_codes(range).first().copied(),
-            mode: style.mode,
         })
     }
 

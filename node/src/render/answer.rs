@@ -1,7 +1,7 @@
 //! A piece's picture cut into tiles: each ordered tile becomes pixels or an empty, exactly once.
 
 use brickcast_proto::{LayerOrder, RenderOrder, TilePart, TileRect, encode_tile};
-use brickcast_volume::Premul;
+use brickcast_volume::Pixels;
 use rayon::prelude::*;
 
 use super::join::Layer;
@@ -36,18 +36,18 @@ pub(super) fn answer(piece: &Piece, layer: &LayerOrder, order: &RenderOrder, pic
 }
 
 /// The pixels of a tile, clipped to the picture; `None` where the layer does not touch it.
-fn cut(tile: [u32; 2], order: &RenderOrder, picture: &Layer) -> Option<Vec<Premul>> {
+fn cut(tile: [u32; 2], order: &RenderOrder, picture: &Layer) -> Option<Pixels> {
     let window = TileRect::tile_pixels(tile, order.scene.view.size);
     let shared = window.intersect(&picture.rect);
     if shared.is_empty() {
         return None;
     }
-    let mut pixels = vec![Premul::CLEAR; window.pixel_count()];
+    let mut pixels = Pixels::clear(picture.pixels.kind(), window.pixel_count());
     let width = window.size().x as usize;
     for y in shared.lo.y..shared.hi.y {
         let at = (y - window.lo.y) as usize * width + (shared.lo.x - window.lo.x) as usize;
         let row = picture.row(y, shared.lo.x, shared.hi.x);
-        pixels[at..at + row.len()].copy_from_slice(row);
+        pixels.raw_mut()[at..at + row.len()].copy_from_slice(row);
     }
     Some(pixels)
 }

@@ -4,7 +4,7 @@ use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
 use std::time::Instant;
 
-use brickcast_volume::{PixelRect, Premul};
+use brickcast_volume::{PixelRect, RawPixel};
 
 use super::join::Layer;
 use super::load::load_bricks;
@@ -148,13 +148,14 @@ impl<'a> Batches<'a> {
             let new = all.filter(|w| !wanted.contains_key(&w.key));
             let more = new.map(|w| w.bytes).fold(0, u64::saturating_add);
             let is_begun = at - self.next < self.begun.len();
-            let pixels = if is_begun { 0 } else { (unit.rect.pixel_count() * size_of::<Premul>()) as u64 };
+            let pixels = if is_begun { 0 } else { (unit.rect.pixel_count() * size_of::<RawPixel>()) as u64 };
             let fits = brick_bytes.saturating_add(more) <= budget && picture_bytes + pixels <= MAX_BATCH_BYTES;
             if !parts.is_empty() && !fits {
                 break;
             }
             if !is_begun {
-                self.begun.push_back(Begun { layer: Layer::unborn(unit.rect), rest: Rest::new(unit.rect) });
+                let layer = Layer::unborn(self.plan.scene.pixel_kind(), unit.rect);
+                self.begun.push_back(Begun { layer, rest: Rest::new(unit.rect) });
             }
             let rest = &mut self.begun[at - self.next].rest;
             let rect = rest.cut(unit.samples_per_pixel, left);
@@ -182,17 +183,18 @@ impl<'a> Batches<'a> {
 impl Layer {
     /// Takes the pixels of a slice.
     fn put(&mut self, image: JobImage) -> Result<(), NodeError> {
+        let kind = self.pixels.kind_with(&image.pixels)?;
         if image.rect == self.rect {
             self.pixels = image.pixels;
             return Ok(());
         }
         if self.pixels.is_empty() {
-            self.pixels = new_pixels(&self.rect)?;
+            self.pixels = new_pixels(kind, &self.rect)?;
         }
         let (width, columns) = (self.rect.size().x as usize, image.rect.size().x as usize);
         let at = image.rect.lo - self.rect.lo;
-        let rows = self.pixels.chunks_mut(width).skip(at.y as usize);
-        for (to, from) in rows.zip(image.pixels.chunks(columns)) {
+        let rows = self.pixels.raw_mut().chunks_mut(width).skip(at.y as usize);
+        for (to, from) in rows.zip(image.pixels.raw().chunks(columns)) {
             to[at.x as usize..][..columns].copy_from_slice(from);
         }
         Ok(())

@@ -6,7 +6,6 @@ use brickcast_proto::{LayerOrder, RenderOrder, TileRect};
 use brickcast_volume::merge::{Viewpoint, sort_front_to_back};
 use brickcast_volume::regions::Drawn;
 use brickcast_volume::store::BrickSource;
-use brickcast_volume::style::Mode;
 use brickcast_volume::{BrickIndex, ChunkIndex, MergeTree, OwnedBox, PixelRect, TreeNode, View};
 use glam::UVec2;
 
@@ -23,8 +22,6 @@ pub(super) struct FramePlan {
     pub tree: MergeTree,
     pub from: Viewpoint,
     pub scene: KernelScene,
-    /// How layers are joined.
-    pub mode: Mode,
     pub bricks: Vec<PlannedBrick>,
     /// In the order in which they are answered.
     pub pieces: Vec<Piece>,
@@ -103,7 +100,6 @@ impl FramePlan {
                     choice.slabs.clone(),
                 ),
             },
-            mode: scene.look.style.mode,
             bricks: Vec::new(),
             pieces: Vec::new(),
             units: Vec::new(),

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use brickcast_proto::{ChunkCost, Part, Receipt, RenderOrder, Throttle, TileRect, decode_tile};
 use brickcast_volume::scene::SceneParts;
 use brickcast_volume::store::{ChunkCache, Store};
-use brickcast_volume::{BrickId, ChunkId, MergeTree, Orbit, Premul, SessionId, StoreHash, TreeNode, over};
+use brickcast_volume::{BrickId, ChunkId, MergeTree, Orbit, PixelKind, Premul, SessionId, StoreHash, TreeNode, over};
 
 use super::*;
 use crate::brick::residency::Residency;
@@ -92,11 +92,11 @@ impl Frame {
             Part::Tile(tile) => {
                 *self.answers.entry((tile.node, tile.tile)).or_default() += 1;
                 let rect = TileRect::tile_pixels(tile.tile, size);
-                let pixels = decode_tile(&tile.pixels, rect.size()).unwrap();
+                let pixels = decode_tile(&tile.pixels, rect.size(), PixelKind::Over).unwrap();
                 let picture = self.pictures.entry(tile.node).or_insert_with(|| vec![Premul::CLEAR; size.pixel_count()]);
-                for (i, pixel) in pixels.into_iter().enumerate() {
+                for (i, pixel) in pixels.typed::<Premul>().unwrap().iter().enumerate() {
                     let (x, y) = (i % rect.size().x as usize, i / rect.size().x as usize);
-                    picture[(rect.lo.y as usize + y) * size.width() as usize + rect.lo.x as usize + x] = pixel;
+                    picture[(rect.lo.y as usize + y) * size.width() as usize + rect.lo.x as usize + x] = *pixel;
                 }
             }
             Part::Empty { node, tiles } => {
@@ -366,7 +366,7 @@ fn slices_of_any_size_have_the_bits_of_the_whole() {
         let mut meter = FrameMeter::new(std::time::Instant::now(), 1);
         let layer = batches.take(&mut meter).unwrap().unwrap();
         assert!(batches.take(&mut meter).unwrap().is_none());
-        let bits: Vec<[u32; 4]> = layer.pixels.iter().map(|p| p.to_array().map(f32::to_bits)).collect();
+        let bits: Vec<[u32; 4]> = layer.pixels.raw().iter().map(|p| p.map(f32::to_bits)).collect();
         (layer.rect, bits, meter.receipt().samples)
     };
     let want = whole(1e18);

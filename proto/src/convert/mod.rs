@@ -9,10 +9,10 @@ mod style;
 
 use brickcast_volume::camera::CameraError;
 use brickcast_volume::ids::NotAStoreHash;
-use brickcast_volume::scene::SceneError;
+use brickcast_volume::scene::{SceneError, Transport};
 use brickcast_volume::transfer_function::TransferFunctionError;
 use brickcast_volume::visibility::ViewError;
-use brickcast_volume::{StoreHash, TreeNode};
+use brickcast_volume::{PixelKind, StoreHash, TreeNode};
 
 use crate::cluster::NotAThrottle;
 use crate::tile::TileError;
@@ -47,6 +47,8 @@ pub enum WireError {
     Tile(#[from] TileError),
     #[error("exact mode needs f32 transport, the order asks for {0}")]
     ExactTransport(&'static str),
+    #[error("pixels of kind `{kind}` need f32 transport, the order asks for {transport}")]
+    CodesTransport { kind: PixelKind, transport: Transport },
     #[error("0 is no node of a merge tree; its root is 1")]
     NoTreeNode,
     #[error("layer {} is ordered twice", .0.0)]

@@ -98,6 +98,10 @@ impl TryFrom<wire::RenderOrder> for RenderOrder {
             Transport::U8 if scene.quality.exact => return Err(WireError::ExactTransport("u8")),
             _ => {}
         }
+        let kind = scene.look.style.mode.pixel_kind();
+        if !transport.carries(kind) {
+            return Err(WireError::CodesTransport { kind, transport });
+        }
         let layers: Vec<LayerOrder> = order.layers.into_iter().map(TryInto::try_into).collect::<Result<_, _>>()?;
         let picture = TileRect::of_picture(scene.view.size);
         if let Some(layer) = layers.iter().find(|l| l.tiles.is_empty() || !l.tiles.fits(scene.view.size)) {

@@ -1,6 +1,6 @@
 //! What a node answers: tiles, empties, the receipt.
 
-use brickcast_volume::{ChunkId, Epoch, FrameId};
+use brickcast_volume::{ChunkId, Epoch, FrameId, PixelKind};
 
 use super::scene::{format_from_wire, format_to_wire};
 use super::{WireError, at_most, duration, tree_node};
@@ -13,11 +13,38 @@ use crate::wire;
 /// The farthest tile of any legal picture on one axis.
 const LAST_TILE: u32 = brickcast_volume::visibility::MAX_SIDE.div_ceil(crate::TILE) - 1;
 
+const KINDS: [(PixelKind, wire::PixelKind); 4] = [
+    (PixelKind::Over, wire::PixelKind::Over),
+    (PixelKind::Largest, wire::PixelKind::Largest),
+    (PixelKind::Smallest, wire::PixelKind::Smallest),
+    (PixelKind::Mean, wire::PixelKind::Mean),
+];
+
+/// `None` where it was left out.
+fn kind_from_wire(kind: i32) -> Result<Option<PixelKind>, WireError> {
+    if kind == 0 {
+        return Ok(None);
+    }
+    let known = KINDS.iter().find(|(_, wire)| i32::from(*wire) == kind);
+    let known = known.ok_or_else(|| WireError::Unknown { what: "pixel kind", value: kind.to_string() })?;
+    Ok(Some(known.0))
+}
+
 impl From<TilePart> for wire::Tile {
     fn from(part: TilePart) -> Self {
-        let EncodedTile { format, runs, lz4, payload, crc32c } = part.pixels;
+        let EncodedTile { kind, format, runs, lz4, payload, crc32c } = part.pixels;
         let [tile_x, tile_y] = part.tile;
-        Self { tree_node: part.node.0, tile_x, tile_y, format: format_to_wire(format), runs, lz4, payload, crc32c }
+        Self {
+            tree_node: part.node.0,
+            tile_x,
+            tile_y,
+            format: format_to_wire(format),
+            runs,
+            lz4,
+            payload,
+            crc32c,
+            kind: KINDS.iter().find(|(known, _)| Some(*known) == kind).map_or(0, |(_, wire)| (*wire).into()),
+        }
     }
 }
 
@@ -32,7 +59,8 @@ impl TryFrom<wire::Tile> for TilePart {
             }
         }
         let format = format_from_wire(tile.format)?;
-        let pixels = EncodedTile::from_parts(format, tile.runs, tile.lz4, tile.payload, tile.crc32c)?;
+        let kind = kind_from_wire(tile.kind)?;
+        let pixels = EncodedTile::from_parts(kind, format, tile.runs, tile.lz4, tile.payload, tile.crc32c)?;
         Ok(Self { node, tile: [tile.tile_x, tile.tile_y], pixels })
     }
 }

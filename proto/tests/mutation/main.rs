@@ -16,10 +16,13 @@ use brickcast_volume::scene::{
 use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Lighting, Mode, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use brickcast_volume::{
-    BrickId, Camera, ChunkId, Epoch, FrameId, Geometry, Orbit, PictureSize, Premul, SessionId, StoreHash, TreeNode,
+    BrickId, Camera, ChunkId, Epoch, FrameId, Geometry, Orbit, PictureSize, PixelKind, Pixels, SessionId, StoreHash,
+    TreeNode,
 };
 use glam::{DVec3, UVec2};
 use prost::Message;
+
+const KINDS: [PixelKind; 4] = [PixelKind::Over, PixelKind::Largest, PixelKind::Smallest, PixelKind::Mean];
 
 struct Random(u64);
 
@@ -163,9 +166,10 @@ fn part(random: &mut Random) -> FramePart {
             Part::Receipt(Receipt { render_ms, work_ms, samples: 12, skips: 5, tiles: 4, costs, ..Receipt::default() })
         }
         _ => {
-            let pixel = |_| Premul::from_array(std::array::from_fn(|_| if random.below(3) == 0 { 0.0 } else { 0.5 }));
-            let pixels: Vec<Premul> = (0..200).map(pixel).collect();
+            let pixel = |_| std::array::from_fn(|_| if random.below(3) == 0 { 0.0 } else { 0.5 });
+            let values: Vec<[f32; 4]> = (0..200).map(pixel).collect();
             let format = [Transport::F16, Transport::F32, Transport::U8][random.below(3)];
+            let pixels = Pixels::from_raw(KINDS[random.below(4)], values);
             Part::Tile(TilePart { node: TreeNode(9), tile: [3, 1], pixels: encode_tile(&pixels, format).unwrap() })
         }
     };
@@ -285,6 +289,7 @@ fn check_order(message: wire::RenderOrder, bytes: usize) -> bool {
     }
     assert!(order.scene.with(|_| {}).is_ok());
     assert!(!order.scene.quality.exact || order.transport == Transport::F32);
+    assert!(order.transport.carries(order.scene.look.style.mode.pixel_kind()));
     assert_eq!(RenderOrder::try_from(wire::RenderOrder::from(&order)).as_ref(), Ok(&order));
     true
 }
@@ -295,9 +300,11 @@ fn check_part(message: wire::FramePart, bytes: usize) -> bool {
         Part::Tile(tile) => {
             assert!(tile.pixels.payload_bytes() <= bytes && tile.pixels.kept() <= 64 * 64);
             for size in [UVec2::splat(64), UVec2::new(17, 5), UVec2::ONE] {
-                if let Ok(pixels) = decode_tile(&tile.pixels, size) {
-                    assert_eq!(pixels.len(), (size.x * size.y) as usize);
-                    assert!(pixels.iter().all(|p| p.to_array().iter().all(|v| v.is_finite())));
+                for kind in KINDS {
+                    if let Ok(pixels) = decode_tile(&tile.pixels, size, kind) {
+                        assert_eq!((pixels.kind(), pixels.len()), (kind, (size.x * size.y) as usize));
+                        assert!(pixels.raw().iter().all(|p| kind.is_valid(*p) && p.iter().all(|v| v.is_finite())));
+                    }
                 }
             }
         }

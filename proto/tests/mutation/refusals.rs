@@ -36,6 +36,7 @@ fn every_broken_invariant_of_an_order_is_refused_in_words() {
         ("are empty", Box::new(|o| o.layers[0].tile_y1 = o.layers[0].tile_y0)),
         ("are empty", Box::new(|o| o.layers[0].tile_x0 = u32::MAX)),
         ("exact mode needs f32", scene(|s| s.exact = true)),
+        ("pixels of kind `mean` need f32", scene(projected)),
         ("picture of 0x", scene(|s| s.width = 0)),
         ("picture of 20000x", scene(|s| s.width = 20_000)),
         ("step NaN", scene(|s| s.step = f64::NAN)),
@@ -85,13 +86,12 @@ fn an_order_with_any_flipped_bit_is_refused() {
 /// themselves.
 #[test]
 fn a_tile_with_any_flipped_bit_is_refused_or_draws_the_same() {
-    let pixel =
-        |i: usize| Premul::from_array(if i % 7 < 3 { [0.0; 4] } else { [0.25, 0.0, 0.5, (i % 11) as f32 / 11.0] });
-    let pixels: Vec<Premul> = (0..200).map(pixel).collect();
+    let pixel = |i: usize| if i % 7 < 3 { [0.0; 4] } else { [0.25, 0.0, 0.5, (i % 11) as f32 / 11.0] };
+    let pixels = Pixels::from_raw(PixelKind::Over, (0..200).map(pixel).collect());
     let size = UVec2::new(20, 10);
     for format in [Transport::F16, Transport::F32, Transport::U8] {
         let tile = TilePart { node: TreeNode(9), tile: [3, 1], pixels: encode_tile(&pixels, format).unwrap() };
-        let drawn = decode_tile(&tile.pixels, size).unwrap();
+        let drawn = decode_tile(&tile.pixels, size, PixelKind::Over).unwrap();
         let part = FramePart { frame: FrameId(3), epoch: Epoch(4), part: Part::Tile(tile) };
         let good = wire::FramePart::from(part).encode_to_vec();
         let mut by_checksum = 0;
@@ -100,7 +100,7 @@ fn a_tile_with_any_flipped_bit_is_refused_or_draws_the_same() {
             bytes[bit / 8] ^= 1 << (bit % 8);
             let Ok(message) = wire::FramePart::decode(&bytes[..]) else { continue };
             let Ok(FramePart { part: Part::Tile(tile), .. }) = FramePart::try_from(message) else { continue };
-            match decode_tile(&tile.pixels, size) {
+            match decode_tile(&tile.pixels, size, PixelKind::Over) {
                 // Its place is the ledger's to check.
                 Ok(same) => assert!(same == drawn, "{format:?}: bit {bit}"),
                 Err(error) => by_checksum += usize::from(matches!(error, TileError::Checksum { .. })),
@@ -173,6 +173,32 @@ fn descriptions_with_wrong_hashes_or_texts_are_refused() {
     assert!(matches!(NodeDescription::try_from(many), Err(WireError::TooMany { .. })));
     let odd = wire::NodeDescription { state: "asleep".to_owned(), ..node().into() };
     assert!(NodeDescription::try_from(odd).unwrap_err().to_string().contains("asleep"));
+}
+
+/// Nothing else but the projection, which much does not go with.
+fn projected(scene: &mut wire::Scene) {
+    scene.style = Some(wire::Style { mode: wire::Mode::Average.into(), ..Default::default() });
+    (scene.region_view, scene.region_transfer_function) = (wire::RegionView::All.into(), None);
+}
+
+/// By name where it is none; what it leaves out is the order's to say.
+#[test]
+fn a_tile_says_what_its_pixels_are() {
+    let pixels = Pixels::from_raw(PixelKind::Smallest, vec![[0.5, 0.0, 0.0, 1.0]]);
+    let pixels = encode_tile(&pixels, Transport::F32).unwrap();
+    let tile = wire::Tile::from(TilePart { node: TreeNode(9), tile: [3, 1], pixels });
+    let decoded = |kind: i32, want| {
+        let tile = TilePart::try_from(wire::Tile { kind, ..tile.clone() }).map_err(|error| error.to_string())?;
+        decode_tile(&tile.pixels, UVec2::ONE, want).map_err(|error| error.to_string())
+    };
+    assert_eq!(tile.kind, i32::from(wire::PixelKind::Smallest));
+    for kind in [tile.kind, 0] {
+        assert_eq!(decoded(kind, PixelKind::Smallest).unwrap().raw(), [[0.5, 0.0, 0.0, 1.0]]);
+    }
+    let other = decoded(tile.kind, PixelKind::Over).unwrap_err();
+    assert!(other.contains("kind `smallest`, the order's scene has `over`"), "{other}");
+    let unknown = decoded(77, PixelKind::Over).unwrap_err();
+    assert!(unknown.contains("pixel kind = 77"), "{unknown}");
 }
 
 fn macrocells(range: f32) -> wire::acceleration::Leap {

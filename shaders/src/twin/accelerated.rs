@@ -4,15 +4,18 @@
 //! that they have one value (`docs/adr/0002-leaping.md`).
 
 use brickcast_volume::Premul;
-use brickcast_volume::regions::code::{INNER_BIT, LEAP_BIT, MAX_DENSITY};
+use brickcast_volume::macrocell::MapTexel;
+use brickcast_volume::regions::code::{CodedTexel, MAX_DENSITY};
 
 use super::holes::is_no_data;
 use super::processor::cut_off;
 use super::raycast::{FAR, Ray, VolumeReader, between, entry_at, owned_segment, rounded_up};
-use crate::layout::{BrickUniform, FrameUniform, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
+use crate::layout::{BrickUniform, FrameUniform, MAP_EMPTY, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
 
 /// Filtered values that differ by less may both come from guards: 1.25 of 16383.
 pub const NEARLY_EQUAL: f32 = 1.25 / 16383.0;
+/// The last value where there is none: far from all codes, so that nothing is like it.
+pub(super) const NOTHING_YET: f32 = 9.0;
 /// Voxels that a leap ends before the last place that is known; more where positions are large numbers.
 pub(super) const MARGIN: f32 = 1e-3;
 /// Of the largest coordinate: what positions and planes may round by, with room.
@@ -157,11 +160,10 @@ pub fn accelerated_ray<W: Watch>(
 
     let mut k = owned.k;
     let mut probes = if data.means.is_some() { W::ENTRY_PROBES } else { 0 };
-    // The last value, far from all others: nothing is like it.
-    let mut last = 9.0_f32;
+    let mut last = NOTHING_YET;
     // The first sample at which the map may say something new, and whether it is asked there.
     let (mut k_look, mut look) = (k, data.map.is_some());
-    let asks_always = data.map.is_some() && brick.map_mask > 0xff;
+    let asks_always = data.map.is_some() && brick.map_mask > MAP_EMPTY;
     while k < k_out && sum.a < frame.stop_alpha {
         // Always the product, never accumulated: the same sample in every brick.
         let t = k * frame.step;
@@ -173,10 +175,10 @@ pub fn accelerated_ray<W: Watch>(
                 ((cut_off(p[a]) >> brick.cell_shift) - brick.cell_lo[a]).clamp(0, dims[a] as i32 - 1)
             });
             let at = cell[0] as usize + dims[0] as usize * (cell[1] as usize + dims[1] as usize * cell[2] as usize);
-            let texel = map[at] & brick.map_mask;
-            let empty = (texel & 0xff) as i32;
+            let MapTexel { empty, cube } = MapTexel::unpack(map[at] & brick.map_mask);
+            let empty = i32::from(empty);
             // Cells know no regions: their samples may need different tables.
-            let alike = if has_flags { 0 } else { (texel >> 8 & 0xff) as i32 };
+            let alike = if has_flags { 0 } else { i32::from(cube.distance) };
             let reach = if empty > 0 { empty } else { alike.max(1) } - 1;
             let lo = std::array::from_fn(|a| (cell[a] + brick.cell_lo[a] - reach) as f32 * edge);
             let hi = std::array::from_fn(|a| (cell[a] + brick.cell_lo[a] + 1 + reach) as f32 * edge);
@@ -189,32 +191,35 @@ pub fn accelerated_ray<W: Watch>(
             }
             k_look = k_exit;
             if alike > 0 {
-                (code, n) = ((texel >> 16) as f32 / 65535.0, k_exit - k);
+                (code, n) = (f32::from(cube.value) / 65535.0, k_exit - k);
                 counts.leapt += n as u32;
             }
         }
         if n == 0.0 && probes > 0 {
-            let texel = volume.nearest(p);
             counts.samples += 1;
-            if texel & LEAP_BIT != 0 {
-                let reach = f32::from(texel >> 7 & 0xff) - 1.0 - margin;
-                n = if W::ISOTROPIC {
-                    let h = (0..3).fold(0.0_f32, |m, a| m.max((frame.step * ray.direction[a]).abs()));
-                    ((reach - 0.5) / h).floor().max(1.0)
-                } else {
-                    let lo = std::array::from_fn(|a| (p[a] as i32) as f32 + 0.5 - reach);
-                    let hi = std::array::from_fn(|a| (p[a] as i32) as f32 + 0.5 + reach);
-                    (sample_at(frame, leaves(ray, lo, hi), k_out) - k).max(1.0)
-                };
-                n = (n + W::LEAP_EXTRA).min(k_out - k);
-                code = data.means.and_then(|m| m.get(usize::from(texel & 0x7f))).copied().unwrap_or(0.0);
-                in_region = true;
-                counts.leapt += n as u32;
-                probes = probes.max(2) - 1;
-            } else if texel & INNER_BIT != 0 {
-                (code, n) = (f32::from(texel >> 1) / f32::from(MAX_DENSITY), 1.0);
-                in_region = true;
-                probes = probes.max(2) - 1;
+            match CodedTexel::unpack(volume.nearest(p)) {
+                CodedTexel::Leap { distance, slot } => {
+                    let reach = f32::from(distance) - 1.0 - margin;
+                    n = if W::ISOTROPIC {
+                        let h = (0..3).fold(0.0_f32, |m, a| m.max((frame.step * ray.direction[a]).abs()));
+                        ((reach - 0.5) / h).floor().max(1.0)
+                    } else {
+                        let lo = std::array::from_fn(|a| (p[a] as i32) as f32 + 0.5 - reach);
+                        let hi = std::array::from_fn(|a| (p[a] as i32) as f32 + 0.5 + reach);
+                        (sample_at(frame, leaves(ray, lo, hi), k_out) - k).max(1.0)
+                    };
+                    n = (n + W::LEAP_EXTRA).min(k_out - k);
+                    code = data.means.and_then(|m| m.get(usize::from(slot))).copied().unwrap_or(0.0);
+                    in_region = true;
+                    counts.leapt += n as u32;
+                    probes = probes.max(2) - 1;
+                }
+                CodedTexel::Value { density, inner: true } => {
+                    (code, n) = (f32::from(density) / f32::from(MAX_DENSITY), 1.0);
+                    in_region = true;
+                    probes = probes.max(2) - 1;
+                }
+                CodedTexel::Value { .. } => {}
             }
         }
         if n == 0.0 {

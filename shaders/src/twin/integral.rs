@@ -8,11 +8,12 @@
 //! and sees the same two values whatever the partition (docs/adr/0006-integral.md).
 
 use brickcast_volume::Premul;
-use brickcast_volume::regions::code::{INNER_BIT, LEAP_BIT, MAX_DENSITY};
+use brickcast_volume::macrocell::MapTexel;
+use brickcast_volume::regions::code::{CodedTexel, MAX_DENSITY};
 
 use super::accelerated::{
-    BrickData, Classifier, MARGIN, MARGIN_SHARE, NEARLY_EQUAL, RayCounts, Tables, Watch, first_outside, leaves,
-    opacity_of, sample_at,
+    BrickData, Classifier, MARGIN, MARGIN_SHARE, NEARLY_EQUAL, NOTHING_YET, RayCounts, Tables, Watch, first_outside,
+    leaves, opacity_of, sample_at,
 };
 use super::holes::is_no_data;
 use super::light::{Probe, UNLIT};
@@ -20,7 +21,7 @@ use super::processor::cut_off;
 use super::raycast::{FAR, Ray, first_sample, owned_segment};
 use super::slab::{End, SlabTable, add, add_cut, add_flat, add_slab, lit_color};
 use super::surface::{crossing, meet};
-use crate::layout::{BrickUniform, FrameUniform, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
+use crate::layout::{BrickUniform, FrameUniform, MAP_EMPTY, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
 use crate::style::{Kinds, StyleUniform};
 
 /// What a ray reads that is not its brick's.
@@ -90,8 +91,8 @@ struct Front {
     is_empty: bool,
 }
 
-/// The samples and slabs of `brick` along `ray`, into `sum`. A projection's pixels are as
-/// [`brickcast_volume::style::Mode::join`] says.
+/// The samples and slabs of `brick` along `ray`, into `sum`: the four f32 of an accumulator, whose meaning
+/// [`Kinds::pixel`] says.
 #[must_use]
 pub fn integral_ray<W: Watch>(
     frame: &FrameUniform,
@@ -123,6 +124,7 @@ pub fn integral_ray<W: Watch>(
     let probe = Probe::new(frame, style, brick, data, ray);
     let k_out = first_outside(frame, owned.k, owned.t_out);
     let has_slabs = kinds.has_slabs();
+    let is_projection = kinds.pixel.is_projection();
     let k_last = if has_slabs { k_out } else { k_out - 1.0 };
     let largest = (0..3).fold(0.0_f32, |m, a| m.max(ray.origin[a].abs()).max(brick.owned_hi[a] as f32));
     let margin = MARGIN.max(MARGIN_SHARE * largest);
@@ -133,16 +135,15 @@ pub fn integral_ray<W: Watch>(
     let shows = |in_region: bool| frame.shown & if in_region { SHOWS_REGIONS } else { SHOWS_RESIDUAL } != 0;
     // As its brick computes it.
     let k_entry = if kinds.surfaces { first_sample(frame, volume_entry(style, ray).max(t_lo)) } else { -1.0 };
-    let may_cut = kinds.light.is_some() && kinds.mode == 0 && style.plane_count > 0;
+    let may_cut = kinds.light.is_some() && !is_projection && style.plane_count > 0;
     let k_cut = if may_cut { first_behind_cut(frame, style, ray, t_lo) } else { -1.0 };
 
     let mut k = owned.k;
     let has_leaps = data.means.is_some();
     let mut probes = if has_leaps { W::ENTRY_PROBES } else { 0 };
-    // The last value, far from all others: nothing is like it.
-    let mut last = 9.0_f32;
+    let mut last = NOTHING_YET;
     let (mut k_look, mut look) = (k, data.map.is_some());
-    let asks_always = data.map.is_some() && brick.map_mask > 0xff;
+    let asks_always = data.map.is_some() && brick.map_mask > MAP_EMPTY;
     let mut front: Option<Front> = None;
     // The positions just before k were skipped: where k is not empty, the last of them must be read.
     let mut has_skipped = false;
@@ -160,24 +161,24 @@ pub fn integral_ray<W: Watch>(
                 ((cut_off(p[a]) >> brick.cell_shift) - brick.cell_lo[a]).clamp(0, dims[a] as i32 - 1)
             });
             let at = cell[0] as usize + dims[0] as usize * (cell[1] as usize + dims[1] as usize * cell[2] as usize);
-            let texel = map[at] & brick.map_mask;
-            let empty = (texel & 0xff) as i32;
+            let MapTexel { empty, cube } = MapTexel::unpack(map[at] & brick.map_mask);
+            let empty = i32::from(empty);
             // Cells know no regions: their samples may need different tables.
-            let alike = if has_flags { 0 } else { (texel >> 8 & 0xff) as i32 };
+            let alike = if has_flags { 0 } else { i32::from(cube.distance) };
             let reach = if empty > 0 { empty } else { alike.max(1) } - 1;
             let lo = std::array::from_fn(|a| (cell[a] + brick.cell_lo[a] - reach) as f32 * edge);
             let hi = std::array::from_fn(|a| (cell[a] + brick.cell_lo[a] + 1 + reach) as f32 * edge);
             let k_exit = sample_at(frame, leaves(ray, lo, hi), k_last + 1.0).max(k + 1.0);
-            if empty > 0 && kinds.mode != 0 {
+            if empty > 0 && is_projection {
                 // Nothing there changes the projection: a run of the code that says so.
-                (code, n) = (if kinds.mode == 2 { 1.0 } else { 0.0 }, k_exit - k);
+                (code, n) = (f32::from(kinds.pixel.neutral_code()) / 65535.0, k_exit - k);
                 counts.skips += 1;
             } else if empty > 0 && (!has_slabs || front.is_none_or(|f| f.is_empty)) {
                 // Both ends of all slabs up to the one that leaves.
                 counts.skips += 1;
                 (k, front, has_skipped) = (k_exit, None, has_slabs);
                 probes = if has_leaps { W::ENTRY_PROBES } else { 0 };
-                last = 9.0;
+                last = NOTHING_YET;
                 continue;
             } else if empty == 0 && has_skipped {
                 // The slab that enters what shows starts in the empty.
@@ -188,29 +189,32 @@ pub fn integral_ray<W: Watch>(
                 is_empty = empty > 0;
                 k_look = if is_empty { k + 1.0 } else { k_exit };
                 if !is_empty && alike > 0 {
-                    (code, n, is_flat) = ((texel >> 16) as f32 / 65535.0, k_exit - k, true);
+                    (code, n, is_flat) = (f32::from(cube.value) / 65535.0, k_exit - k, true);
                     counts.leapt += n as u32;
                     counts.skips += 1;
                 }
             }
         }
         if has_leaps && n == 0.0 && probes > 0 {
-            let texel = probe.volume.nearest(p);
             counts.samples += 1;
-            if texel & LEAP_BIT != 0 {
-                let reach = f32::from(texel >> 7 & 0xff) - 1.0 - margin;
-                let lo = std::array::from_fn(|a| (p[a] as i32) as f32 + 0.5 - reach);
-                let hi = std::array::from_fn(|a| (p[a] as i32) as f32 + 0.5 + reach);
-                n = (sample_at(frame, leaves(ray, lo, hi), k_last + 1.0) - k).max(1.0);
-                n = (n + W::LEAP_EXTRA).min(k_last + 1.0 - k);
-                code = data.means.and_then(|m| m.get(usize::from(texel & 0x7f))).copied().unwrap_or(0.0);
-                (in_region, is_flat) = (true, true);
-                counts.leapt += n as u32;
-                probes = probes.max(2) - 1;
-            } else if texel & INNER_BIT != 0 {
-                (code, n) = (f32::from(texel >> 1) / f32::from(MAX_DENSITY), 1.0);
-                (in_region, is_flat) = (true, true);
-                probes = probes.max(2) - 1;
+            match CodedTexel::unpack(probe.volume.nearest(p)) {
+                CodedTexel::Leap { distance, slot } => {
+                    let reach = f32::from(distance) - 1.0 - margin;
+                    let lo = std::array::from_fn(|a| (p[a] as i32) as f32 + 0.5 - reach);
+                    let hi = std::array::from_fn(|a| (p[a] as i32) as f32 + 0.5 + reach);
+                    n = (sample_at(frame, leaves(ray, lo, hi), k_last + 1.0) - k).max(1.0);
+                    n = (n + W::LEAP_EXTRA).min(k_last + 1.0 - k);
+                    code = data.means.and_then(|m| m.get(usize::from(slot))).copied().unwrap_or(0.0);
+                    (in_region, is_flat) = (true, true);
+                    counts.leapt += n as u32;
+                    probes = probes.max(2) - 1;
+                }
+                CodedTexel::Value { density, inner: true } => {
+                    (code, n) = (f32::from(density) / f32::from(MAX_DENSITY), 1.0);
+                    (in_region, is_flat) = (true, true);
+                    probes = probes.max(2) - 1;
+                }
+                CodedTexel::Value { .. } => {}
             }
         }
         if n == 0.0 {
@@ -240,9 +244,11 @@ pub fn integral_ray<W: Watch>(
         }
         watch.takes(k, n, code);
         let mut opacity = 0.0;
-        if kinds.mode != 0 {
+        if is_projection {
             if shows(in_region) {
-                project(&mut sum, kinds.mode, code, n);
+                let mut pixel = sum.to_array();
+                kinds.pixel.take(&mut pixel, code, n);
+                sum = Premul::from_array(pixel);
             }
             look = data.map.is_some() && k + n >= k_look;
             k += n;
@@ -312,20 +318,6 @@ pub fn integral_ray<W: Watch>(
         look = data.map.is_some() && k >= k_look && (asks_always || opacity == 0.0);
     }
     (sum, counts)
-}
-
-/// Takes `n` samples of one value into a projection.
-fn project(sum: &mut Premul, mode: u8, code: f32, n: f32) {
-    let is_first = sum.a == 0.0;
-    match mode {
-        1 => sum.r = if is_first { code } else { sum.r.max(code) },
-        2 => sum.r = if is_first { code } else { sum.r.min(code) },
-        _ => {
-            sum.r += code * n;
-            sum.g += n;
-        }
-    }
-    sum.a = 1.0;
 }
 
 /// Closes the slab between two positions, isosurfaces in it; the opacity that it adds, surfaces and all.

@@ -1,6 +1,6 @@
 //! `wgsl/shared/light.wgsl` on the CPU: values anywhere on a ray, gradients, and Phong's factors.
 
-use brickcast_volume::regions::code::{INNER_BIT, LEAP_BIT, MAX_DENSITY};
+use brickcast_volume::regions::code::{CodedTexel, MAX_DENSITY};
 
 use super::accelerated::BrickData;
 use super::holes::is_no_data;
@@ -76,11 +76,10 @@ impl<'a> Probe<'a> {
     #[inline(always)]
     pub(super) fn deep(&self, p: [f32; 3]) -> Option<f32> {
         let means = self.means?;
-        let texel = self.volume.nearest(p);
-        if texel & LEAP_BIT != 0 {
-            return Some(means.get(usize::from(texel & 0x7f)).copied().unwrap_or(0.0));
+        match CodedTexel::unpack(self.volume.nearest(p)) {
+            CodedTexel::Leap { slot, .. } => Some(means.get(usize::from(slot)).copied().unwrap_or(0.0)),
+            CodedTexel::Value { density, inner } => inner.then(|| f32::from(density) / f32::from(MAX_DENSITY)),
         }
-        (texel & INNER_BIT != 0).then(|| f32::from(texel >> 1) / f32::from(MAX_DENSITY))
     }
 
     /// The code of V' anywhere.

@@ -1,7 +1,7 @@
 //! `wgsl/macrocell.wgsl` and `wgsl/distance.wgsl` on the CPU: which macrocells are empty, and how far the next is that
 //! is not.
 
-use brickcast_volume::macrocell::{HomogeneousCube, MAX_CELL_DISTANCE};
+use brickcast_volume::macrocell::MAX_CELL_DISTANCE;
 
 /// Is a cell of this range empty? `counts` are [`brickcast_volume::transfer_function::TransferTable::opaque_counts`].
 /// Where `min` is above `max` nothing holds data.
@@ -43,12 +43,6 @@ fn nearer_along(distances: &[u8], dims: [u32; 3], axis: usize) -> Vec<u8> {
             best
         })
         .collect()
-}
-
-/// Distance of the homogeneous cube and its value, as the map's texel holds them.
-#[must_use]
-pub fn packed(cube: HomogeneousCube) -> u32 {
-    u32::from(cube.distance) << 8 | u32::from(cube.value) << 16
 }
 
 #[cfg(test)]

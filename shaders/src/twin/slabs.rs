@@ -1,7 +1,8 @@
 //! What most pictures are made of, by itself: pre-integrated slabs in a brick without leaps. The same as
 //! [`super::integral::integral_ray`], without what that must ask at every sample.
 
-use brickcast_volume::Premul;
+use brickcast_volume::macrocell::MapTexel;
+use brickcast_volume::{PixelKind, Premul};
 use glam::Vec4;
 
 use super::accelerated::{BrickData, RayCounts, first_outside, leaves, sample_at};
@@ -20,7 +21,7 @@ const BATCH: usize = 8;
 /// vain.
 const OPEN_BATCH: f32 = 4.0;
 
-const SLABS_ALONE: Kinds = Kinds { preintegrated: true, light: None, surfaces: false, mode: 0 };
+const SLABS_ALONE: Kinds = Kinds { preintegrated: true, light: None, surfaces: false, pixel: PixelKind::Over };
 
 /// True where [`slabs_ray`] will do.
 #[must_use]
@@ -99,7 +100,7 @@ pub fn slabs_ray(
                 ((cut_off(p[a]) >> brick.cell_shift) - brick.cell_lo[a]).clamp(0, dims[a] as i32 - 1)
             });
             let at = cell[0] as usize + dims[0] as usize * (cell[1] as usize + dims[1] as usize * cell[2] as usize);
-            let empty = (map[at] & brick.map_mask) as i32;
+            let empty = i32::from(MapTexel::unpack(map[at] & brick.map_mask).empty);
             is_empty = empty > 0;
             let reach = empty.max(1) - 1;
             let corner = |far: i32| std::array::from_fn(|a| (cell[a] + brick.cell_lo[a] + far) as f32 * edge);

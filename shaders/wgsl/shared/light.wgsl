@@ -25,11 +25,11 @@ fn deep_at(p: vec3<f32>) -> vec2<f32> {
     }
     let last_texel = vec3<i32>(brick.stored_dims) - 1;
     let at = clamp(vec3<i32>(p) - brick.stored_lo, vec3(0), last_texel);
-    let texel = u32(textureLoad(volume, at, 0).r * 65535.0 + 0.5);
-    if (texel & 0x8000u) != 0u {
-        return vec2(textureLoad(means, vec2<u32>(texel & 0x7fu, 0u), 0).r, 1.0);
+    let texel = coded_texel(textureLoad(volume, at, 0).r);
+    if texel.is_leap {
+        return vec2(textureLoad(means, vec2<u32>(texel.slot, 0u), 0).r, 1.0);
     }
-    return vec2(f32(texel >> 1u) * (1.0 / 16383.0), select(0.0, 1.0, (texel & 1u) == 1u));
+    return vec2(texel.code, select(0.0, 1.0, texel.is_inner));
 }
 
 // The code of V' anywhere.

@@ -11,7 +11,7 @@ const LIGHT_INTERPOLATED: u32 = 1u;
 const LIGHT_CENTER: u32 = 2u;
 const LIGHT_CENTROID: u32 = 3u;
 override SURFACES: bool;
-// 0: composite, 1: maximum, 2: minimum, 3: average.
+// What the accumulator holds (PixelKind of volume/src/pixel.rs): 0: over, 1: largest, 2: smallest, 3: mean.
 override MODE: u32;
 
 // An end of a slab, or a place between.

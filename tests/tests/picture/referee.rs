@@ -151,9 +151,9 @@ fn jobs_of_one_call_are_layers() {
                 assert!(layers.len() > 1);
                 let mut pixels = vec![[0.0; 4]; width * height];
                 for layer in &layers {
-                    for (sum, back) in pixels.iter_mut().zip(&layer.pixels) {
+                    for (sum, back) in pixels.iter_mut().zip(layer.pixels.raw()) {
                         let through = 1.0 - sum[3];
-                        sum.iter_mut().zip(back.to_array()).for_each(|(s, b)| *s += through * f64::from(b));
+                        sum.iter_mut().zip(back).for_each(|(s, b)| *s += through * f64::from(*b));
                     }
                 }
                 let what = format!("{backend:?}, {} in {} layers", scene.name, layers.len());
@@ -270,9 +270,9 @@ fn parts_of_the_picture_have_the_bits_of_the_whole() {
         {
             let rect = PixelRect { lo: lo.into(), hi: hi.into() };
             let part = loaded.render_rect(&scene, rect);
-            for (i, pixel) in part.pixels.iter().enumerate() {
+            for (i, pixel) in part.pixels.raw().iter().enumerate() {
                 let (x, y) = (lo[0] as usize + i % rect.size().x as usize, lo[1] as usize + i / rect.size().x as usize);
-                assert_eq!(pixel.to_array().map(f64::from), whole.at(x, y), "{backend:?}, {rect:?}, pixel ({x}, {y})");
+                assert_eq!(pixel.map(f64::from), whole.at(x, y), "{backend:?}, {rect:?}, pixel ({x}, {y})");
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use glam::UVec3;
 
-use super::code::{Density, MAX_SLOTS, code_of_density, density_of_code, density_texel, leap_texel};
+use super::code::{CodedTexel, Density, MAX_SLOTS, code_of_density, density_of_code};
 use super::table::{BrickRegions, NO_REGION, RegionTable};
 use crate::brick::{BrickVoxels, StoredBox};
 
@@ -111,14 +111,15 @@ pub fn classify(
     for row in inside.rows() {
         for (at, &code) in row.zip(&mut codes) {
             let (label, distance) = (regions.labels[at], regions.distances[at]);
-            texels.push(if label == NO_REGION {
-                density_texel(density_of_code(code), false)
+            let texel = if label == NO_REGION {
+                CodedTexel::Value { density: density_of_code(code), inner: false }
             } else if u32::from(distance) > guard {
                 let slot = slots.of(label).ok_or(ClassifyError::Slots { dims: stored.dims().into() })?;
-                leap_texel(distance, slot)
+                CodedTexel::Leap { distance, slot }
             } else {
-                density_texel(mean_of(label)?, near_leap[at])
-            });
+                CodedTexel::Value { density: mean_of(label)?, inner: near_leap[at] }
+            };
+            texels.push(texel.pack());
         }
     }
     let labels = slots.labels;

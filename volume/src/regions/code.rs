@@ -1,16 +1,9 @@
 //! The 16-bit texel that holds either a density or a leap, and the guard width that keeps the two apart.
-//!
-//! Most significant bit 1: a leap voxel: 8 bits Chebyshev distance, 7 bits slot of the brick's table of means.
-//! Most significant bit 0: 14 bits density, 1 bit that marks inner guards.
 
 /// A voxel's value in 14 bits over the whole range of the store: `round(16383 code / 65535)`.
 pub type Density = u16;
 
 pub const MAX_DENSITY: Density = 16383;
-/// Set in the texels of leap voxels.
-pub const LEAP_BIT: u16 = 0x8000;
-/// Set in the texels of inner guards.
-pub const INNER_BIT: u16 = 1;
 /// The most regions with leap voxels in one brick's stored box.
 pub const MAX_SLOTS: usize = 127;
 /// Distances are cut off here: 8 bits.
@@ -28,14 +21,36 @@ pub const fn code_of_density(density: Density) -> u16 {
     ((density as u32 * 65535 + 8191) / MAX_DENSITY as u32) as u16
 }
 
-#[must_use]
-pub const fn leap_texel(distance: u8, slot: u8) -> u16 {
-    LEAP_BIT | (distance as u16) << 7 | (slot & 0x7f) as u16
+/// What a texel of a coded brick says. `shaders/wgsl/shared/texel.wgsl` takes the same bits apart.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum CodedTexel {
+    /// A leap voxel: the most significant bit, 8 bits Chebyshev distance, 7 bits slot of the brick's table of means.
+    Leap { distance: u8, slot: u8 },
+    /// A voxel's value: 14 bits density, and a bit that marks inner guards.
+    Value { density: Density, inner: bool },
 }
 
-#[must_use]
-pub const fn density_texel(density: Density, inner: bool) -> u16 {
-    density << 1 | inner as u16
+impl CodedTexel {
+    const LEAP: u16 = 0x8000;
+
+    #[must_use]
+    #[inline]
+    pub const fn pack(self) -> u16 {
+        match self {
+            Self::Leap { distance, slot } => Self::LEAP | (distance as u16) << 7 | (slot & 0x7f) as u16,
+            Self::Value { density, inner } => density << 1 | inner as u16,
+        }
+    }
+
+    #[must_use]
+    #[inline(always)]
+    pub const fn unpack(texel: u16) -> Self {
+        if texel & Self::LEAP != 0 {
+            Self::Leap { distance: (texel >> 7 & 0xff) as u8, slot: (texel & 0x7f) as u8 }
+        } else {
+            Self::Value { density: texel >> 1, inner: texel & 1 != 0 }
+        }
+    }
 }
 
 /// A voxel is a leap voxel iff all voxels within this Chebyshev distance have its label: wide enough that a ray of
@@ -61,6 +76,15 @@ mod tests {
         for code in 0..=u16::MAX {
             let back = f64::from(density_of_code(code)) / 16383.0;
             assert!((back - f64::from(code) / 65535.0).abs() <= 0.5 / 16383.0 + 1e-12);
+        }
+    }
+
+    #[test]
+    fn every_texel_is_packed_again_as_it_was() {
+        assert_eq!(CodedTexel::Leap { distance: 255, slot: 0 }.pack(), 0xff80);
+        assert_eq!(CodedTexel::Value { density: MAX_DENSITY, inner: true }.pack(), 0x7fff);
+        for texel in 0..=u16::MAX {
+            assert_eq!(CodedTexel::unpack(texel).pack(), texel);
         }
     }
 

@@ -1,6 +1,7 @@
 //! How exactly and how fast a picture is drawn.
 
 use super::error::SceneError;
+use crate::pixel::PixelKind;
 use crate::words::words;
 
 pub use crate::filter::Filter;
@@ -30,6 +31,14 @@ pub enum Transport {
 }
 
 words!(Transport, "transport", [(F16, "f16", ""), (F32, "f32", ""), (U8, "u8", "")]);
+
+impl Transport {
+    /// May pixels of this kind travel so?
+    #[must_use]
+    pub const fn carries(self, kind: PixelKind) -> bool {
+        matches!(self, Self::F32) || kind.may_be_rounded()
+    }
+}
 
 /// What rays leap through, several sample positions at once.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -14,8 +14,8 @@ pub use surface::Isosurface;
 
 use glam::DVec3;
 
-use crate::Premul;
 use crate::filter::Filter;
+use crate::pixel::PixelKind;
 pub use crate::preintegration::TableSize;
 use crate::words::words;
 
@@ -147,42 +147,14 @@ words!(
 );
 
 impl Mode {
-    /// The code of samples that change no pixel, whatever else lies on the ray; a macrocell that holds nothing else is
-    /// skipped. For the average they count, each as zero.
+    /// What its pixels are until the frame is joined.
     #[must_use]
-    pub const fn neutral_code(self) -> u16 {
+    pub const fn pixel_kind(self) -> PixelKind {
         match self {
-            Self::Composite | Self::Maximum | Self::Average => 0,
-            Self::Minimum => u16::MAX,
-        }
-    }
-
-    /// Joins what lies in front with what lies behind. Of a projection, pixels hold `r` = code (0..=1; the average:
-    /// their sum), `g` = number of samples (average only), `a` = 1 where there is a sample; [`Premul::CLEAR`]
-    /// elsewhere.
-    #[must_use]
-    #[inline]
-    pub fn join(self, front: Premul, back: Premul) -> Premul {
-        if self == Self::Composite {
-            return crate::over(front, back);
-        }
-        if front.a == 0.0 || back.a == 0.0 {
-            return if front.a == 0.0 { back } else { front };
-        }
-        match self {
-            Self::Maximum => Premul { r: front.r.max(back.r), ..front },
-            Self::Minimum => Premul { r: front.r.min(back.r), ..front },
-            Self::Composite | Self::Average => Premul { r: front.r + back.r, g: front.g + back.g, ..front },
-        }
-    }
-
-    /// The code that a pixel of a projection stands for; `None` where its ray met no sample.
-    #[must_use]
-    pub fn code(self, pixel: Premul) -> Option<f32> {
-        match self {
-            _ if pixel.a == 0.0 => None,
-            Self::Average => Some(pixel.r / pixel.g.max(1.0)),
-            _ => Some(pixel.r),
+            Self::Composite => PixelKind::Over,
+            Self::Maximum => PixelKind::Largest,
+            Self::Minimum => PixelKind::Smallest,
+            Self::Average => PixelKind::Mean,
         }
     }
 }

@@ -70,22 +70,6 @@ fn index_planes_keep_the_points_that_the_world_planes_keep() {
     assert!(kept > 100 && cut > 100, "{kept} {cut}");
 }
 
-/// Whatever the order in which layers are joined.
-#[test]
-fn projections_join_to_the_extremes_and_the_sum() {
-    let pixel = |r: f32, n: f32| Premul { r, g: n, b: 0.0, a: 1.0 };
-    for (mode, want) in [(Mode::Maximum, 0.75), (Mode::Minimum, 0.25), (Mode::Average, 0.25)] {
-        let parts = [pixel(0.25, 1.0), Premul::CLEAR, pixel(0.75, 2.0), pixel(0.5, 3.0)];
-        let forth = parts.into_iter().reduce(|a, b| mode.join(a, b)).unwrap();
-        let back = parts.into_iter().rev().reduce(|a, b| mode.join(a, b)).unwrap();
-        assert_eq!(mode.code(forth), Some(want), "{mode:?}");
-        assert_eq!(mode.code(back), Some(want), "{mode:?}");
-        assert_eq!(mode.code(Premul::CLEAR), None);
-    }
-    let (a, b) = (pixel(0.25, 0.5), Premul { r: 0.5, g: 0.25, b: 0.0, a: 0.5 });
-    assert_eq!(Mode::Composite.join(b, a), crate::over(b, a));
-}
-
 #[test]
 fn codes_of_isosurfaces() {
     assert_eq!(surface(5.0).code((0.0, 10.0)), 0.5);

@@ -6,7 +6,7 @@ use anyhow::anyhow;
 use brickcast_volume::PictureSize;
 use brickcast_volume::camera::{Orbit, Projection};
 use brickcast_volume::scene::{Filter, Leap, MacrocellEdge, RegionView, Transport};
-use brickcast_volume::style::{Mode, Style};
+use brickcast_volume::style::Style;
 use brickcast_volume::transfer_function::Colormap;
 use glam::DVec3;
 
@@ -101,8 +101,8 @@ impl SceneArgs {
         if self.exact && !matches!(self.transport, None | Some(Transport::F32)) {
             return Err(Failure::usage(anyhow!("--exact carries pixels as f32: leave --transport out")));
         }
-        let is_projection = self.style.mode != Mode::Composite;
-        if is_projection && !matches!(self.transport, None | Some(Transport::F32)) {
+        let kind = self.style.mode.pixel_kind();
+        if self.transport.is_some_and(|transport| !transport.carries(kind)) {
             return Err(Failure::usage(anyhow!("--mode: projections carry codes as f32: leave --transport out")));
         }
         let function = self.function()?;
@@ -126,9 +126,8 @@ impl SceneArgs {
             filter: self.filter,
             exact: self.exact,
             acceleration: self.accel.plan()?,
-            // The pixels of a projection are codes.
             transport: match self.transport {
-                None if self.exact || is_projection => Transport::F32,
+                None if self.exact || !kind.may_be_rounded() => Transport::F32,
                 asked => asked.unwrap_or_default(),
             },
         })

@@ -6,11 +6,12 @@
 use brickcast_proto::{LayerOrder, TileRect};
 use brickcast_volume::View;
 use brickcast_volume::merge::{MergeTree, Viewpoint};
+use brickcast_volume::pixel::Coloring;
 use brickcast_volume::scene::Scene;
 
-use super::blend::{Classes, blend_tile};
+use super::blend::blend_tile;
 use super::ledger::Ledger;
-use super::sink::{FinishedTile, FrameSink};
+use super::sink::FrameSink;
 use crate::plan::StoreFacts;
 
 /// What a listener was told, and what the tiles still wait for.
@@ -18,7 +19,7 @@ pub(crate) struct Finished<'a> {
     sink: &'a mut dyn FrameSink,
     tree: MergeTree,
     from: Viewpoint,
-    classes: Classes,
+    coloring: Coloring,
     all: TileRect,
     /// Per tile, row-major: answers that are missing of layers that are ordered.
     waits: Vec<u32>,
@@ -35,7 +36,7 @@ impl<'a> Finished<'a> {
             sink,
             tree: store.tree(),
             from: view.viewpoint(),
-            classes: Classes::of(scene, store.manifest.range),
+            coloring: Coloring::new(scene.look.transfer_function.clone(), store.manifest.range),
             all,
             waits: vec![0; count],
             told: vec![false; count],
@@ -90,11 +91,11 @@ impl<'a> Finished<'a> {
         if self.told[index] || self.is_open(index, tile, ledger) {
             return;
         }
+        // The frame ends with the same error.
+        let Ok(finished) = blend_tile(ledger, &self.tree, self.from, &self.coloring, tile) else { return };
         self.told[index] = true;
         self.finished += 1;
-        let joined = blend_tile(ledger, &self.tree, self.from, self.classes.mode(), tile);
-        let pixels = joined.map(|pixels| pixels.iter().map(|pixel| self.classes.color(pixel)).collect());
-        self.sink.tile(FinishedTile { tile, pixels });
+        self.sink.tile(finished);
         self.sink.progress(self.finished, self.all.count());
     }
 }

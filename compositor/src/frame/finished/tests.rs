@@ -1,13 +1,13 @@
 //! What a listener is told, answer by answer.
 
 use brickcast_volume::merge::MergeTree;
-use brickcast_volume::style::Mode;
 use brickcast_volume::transfer_function::{Colormap, TransferFunction};
 use brickcast_volume::{
-    BrickGrid, Camera, ChunkId, Epoch, FrameId, Geometry, Orbit, PictureSize, Premul, TreeNode, View,
+    BrickGrid, Camera, ChunkId, Epoch, FrameId, Geometry, Orbit, PictureSize, PixelKind, Pixels, TreeNode, View,
 };
 
 use super::*;
+use crate::frame::FinishedTile;
 use crate::frame::ledger::{Ticket, Void};
 
 const NOW: (FrameId, Epoch) = (FrameId(1), Epoch(1));
@@ -34,8 +34,8 @@ fn order(chunk: ChunkId, hi: [u32; 2]) -> LayerOrder {
     LayerOrder { node: LEAVES[chunk.index()], chunks: vec![chunk], tiles: TileRect { lo: [0, 0], hi } }
 }
 
-fn red(r: f32) -> Option<Vec<Premul>> {
-    Some(vec![Premul::from_array([r, 0.0, 0.0, 1.0]); 64 * 64])
+fn red(r: f32) -> Option<Pixels> {
+    Some(Pixels::from_raw(PixelKind::Over, vec![[r, 0.0, 0.0, 1.0]; 64 * 64]))
 }
 
 /// 3 x 2 tiles; chunk 0 shows in two of them, chunk 1 in one of those.
@@ -50,7 +50,7 @@ fn a_tile_is_told_when_nothing_of_it_is_missing_and_again_where_that_was_void() 
         sink: &mut heard,
         tree: MergeTree::of(BrickGrid::new(glam::UVec3::new(32, 16, 16), 16).unwrap()),
         from: view.viewpoint(),
-        classes: Classes::new(Mode::Composite, function, (0.0, 1.0)),
+        coloring: Coloring::new(function, (0.0, 1.0)),
         all: TileRect { lo: [0, 0], hi: [3, 2] },
         waits: vec![0; 6],
         told: vec![false; 6],

@@ -10,12 +10,12 @@
 use std::collections::{BTreeMap, HashMap};
 
 use brickcast_proto::{LayerOrder, TileRect};
-use brickcast_volume::{ChunkId, Epoch, FrameId, Premul, TreeNode};
+use brickcast_volume::{ChunkId, Epoch, FrameId, Pixels, TreeNode};
 
 use crate::plan::Unordered;
 
 /// Pixels of a tile, row-major, clipped to the picture.
-pub type TilePixels = Vec<Premul>;
+pub type TilePixels = Pixels;
 
 /// One order sent to one node; answers are entered under it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]

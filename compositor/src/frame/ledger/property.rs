@@ -4,7 +4,9 @@
 use std::collections::BTreeMap;
 
 use brickcast_volume::merge::{MergeTree, Viewpoint};
-use brickcast_volume::{BrickGrid, ChunkIndex, PictureSize, over};
+use brickcast_volume::pixel::Coloring;
+use brickcast_volume::transfer_function::{Colormap, TransferFunction};
+use brickcast_volume::{BrickGrid, ChunkIndex, PictureSize, Premul, over};
 use glam::{DVec3, UVec3};
 use proptest::prelude::*;
 
@@ -61,19 +63,23 @@ impl World {
                 let a = v(3) * 0.7;
                 Premul { r: v(0) * a, g: v(1) * a, b: v(2) * a, a }
             };
-            (0..count).map(pixel).collect()
+            Pixels::of((0..count).map(pixel).collect())
         };
         let shows = |node: TreeNode| {
             let (lo, _) = self.tree.chunk_box(node)?;
             let chunk = self.tree.chunk_id(ChunkIndex(lo.into()));
             self.rects.get(&chunk).filter(|r| r.contains(tile)).map(|_| leaf(chunk))
         };
-        let join = &mut |f: TilePixels, b: TilePixels| f.into_iter().zip(b).map(|(f, b)| over(f, b)).collect();
+        let join = &mut |f: TilePixels, b: TilePixels| {
+            let pairs = f.typed::<Premul>().unwrap().iter().zip(b.typed::<Premul>().unwrap());
+            Pixels::of(pairs.map(|(f, b)| over(*f, *b)).collect())
+        };
         self.tree.fold(layer.node, self.from, &mut |n| self.tree.is_leaf(n).then(|| shows(n)).flatten(), join)
     }
 
     fn picture(&self, ledger: &Ledger) -> Picture {
-        blend(ledger, &self.tree, self.from, self.size, brickcast_volume::style::Mode::Composite).unwrap()
+        let function = TransferFunction::window(0.0, 1.0, 0.5, Colormap::Viridis).unwrap();
+        blend(ledger, &self.tree, self.from, self.size, &Coloring::new(function, (0.0, 1.0))).unwrap()
     }
 
     fn by_one_node(&self) -> Picture {
@@ -97,7 +103,7 @@ fn bits(picture: &Picture) -> Vec<[u32; 4]> {
 /// A picture that no node would send.
 fn garbage(world: &World, tile: [u32; 2]) -> Option<TilePixels> {
     let pixels = TileRect::tile_pixels(tile, world.size).pixel_count();
-    Some(vec![Premul { r: 0.25, g: 0.5, b: 0.75, a: 1.0 }; pixels])
+    Some(Pixels::of(vec![Premul { r: 0.25, g: 0.5, b: 0.75, a: 1.0 }; pixels]))
 }
 
 proptest! {

@@ -1,5 +1,7 @@
 //! The ledger's laws one by one, and all together under any order of events.
 
+use brickcast_volume::PixelKind;
+
 use super::*;
 
 const NOW: (FrameId, Epoch) = (FrameId(7), Epoch(2));
@@ -30,7 +32,7 @@ fn ledger() -> Ledger {
 }
 
 fn pixel(v: f32) -> Option<TilePixels> {
-    Some(vec![Premul { r: v, g: 0.0, b: 0.0, a: v }])
+    Some(Pixels::from_raw(PixelKind::Over, vec![[v, 0.0, 0.0, v]]))
 }
 
 #[test]

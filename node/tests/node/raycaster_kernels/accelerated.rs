@@ -256,7 +256,7 @@ fn region_views_are_each_others_complement() {
     let [volume, _] = volumes();
     let counts = [RegionView::All, RegionView::Regions, RegionView::Residual].map(|view| {
         let image = render(&cpu, &volume, &Way { view, ..NONE }, 1, 0.5, Filter::Exact);
-        image.pixels.iter().map(|p| f64::from(p.a)).sum::<f64>()
+        image.pixels.raw().iter().map(|p| f64::from(p[3])).sum::<f64>()
     });
     assert!(counts[1] > 0.2 * counts[0] && counts[2] > 0.2 * counts[0], "{counts:?}");
     assert!(counts[1] < counts[0] && counts[2] < counts[0] && counts[1] + counts[2] > counts[0], "{counts:?}");

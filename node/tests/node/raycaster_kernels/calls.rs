@@ -6,8 +6,8 @@ use brickcast_node::backend::{BackendChoice, open};
 use brickcast_node::cpu::CpuRaycaster;
 use brickcast_node::gpu::{GpuError, GpuOptions, GpuRaycaster};
 use brickcast_node::kernel::{BrickInput, Features, Job, RaycastError, Raycaster, Recipe};
+use brickcast_volume::OwnedBox;
 use brickcast_volume::scene::Filter;
-use brickcast_volume::{OwnedBox, Premul};
 use glam::UVec3;
 
 use super::scene::{BOTH_FILTERS, VIEWPOINTS, Volume, cpu, gpu, most_opaque, open_gpu, rect, render_one, scene};
@@ -37,18 +37,18 @@ fn same_bits(raycaster: &dyn Raycaster, filter: Filter) {
     ];
     let jobs: Vec<Job> = rects.iter().map(|&rect| Job { rect, ..job.clone() }).collect();
     let parts = raycaster.render(&scene, &jobs).unwrap();
-    let mut joined = vec![Premul { a: f32::NAN, ..Premul::CLEAR }; whole.pixels.len()];
+    let mut joined = vec![[f32::NAN; 4]; whole.pixels.len()];
     let mut samples = 0;
     for (part, rect) in parts.iter().zip(rects) {
         assert_eq!((part.rect, part.pixels.len()), (rect, rect.pixel_count()));
         samples += part.total().samples;
         let width = rect.size().x as usize;
-        for (i, pixel) in part.pixels.iter().enumerate() {
+        for (i, pixel) in part.pixels.raw().iter().enumerate() {
             let (x, y) = (rect.lo.x as usize + i % width, rect.lo.y as usize + i / width);
             joined[y * 83 + x] = *pixel;
         }
     }
-    assert_eq!(joined, whole.pixels);
+    assert_eq!(joined, whole.pixels.raw());
     assert_eq!(samples, whole.total().samples);
 }
 
@@ -118,7 +118,7 @@ fn refusals(raycaster: &dyn Raycaster, other: &dyn Raycaster) {
     assert!(matches!(foreign, Err(RaycastError::ForeignBrick { .. })));
     // And it still renders.
     let nothing = render_one(raycaster, &scene, Job { bricks: vec![], rect: view.size().full_rect() });
-    assert!(nothing.pixels.len() == 200 && nothing.pixels.iter().all(|p| p.is_clear()));
+    assert!(nothing.pixels.len() == 200 && nothing.pixels.raw().iter().all(|p| *p == [0.0; 4]));
     assert!(raycaster.render(&scene, &[]).unwrap().is_empty());
     assert!(most_opaque(&render_one(raycaster, &scene, volume.job(raycaster, &view, 16)).pixels) > 0.3);
 }

@@ -8,7 +8,7 @@ use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Lighting, Mode, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction, TransferTable};
-use brickcast_volume::{BrickGrid, Premul, View};
+use brickcast_volume::{BrickGrid, PixelKind, RawPixel, View};
 use glam::DVec3;
 
 use super::labelled::Labelled;
@@ -166,9 +166,12 @@ impl Case<'_> {
 }
 
 /// Projections as their codes, so that a difference is one of what shows.
-fn shown(mode: Mode, image: &JobImage) -> Vec<Premul> {
-    let code = |p: &Premul| Premul { r: mode.code(*p).unwrap_or(0.0), a: p.a, ..Premul::CLEAR };
-    if mode == Mode::Composite { image.pixels.clone() } else { image.pixels.iter().map(code).collect() }
+fn shown(image: &JobImage) -> Vec<RawPixel> {
+    let shown = |pixel: &RawPixel| match image.pixels.kind() {
+        PixelKind::Over => *pixel,
+        kind => kind.code(*pixel).map_or([0.0; 4], |code| [code, 0.0, 0.0, 1.0]),
+    };
+    image.pixels.raw().iter().map(shown).collect()
 }
 
 fn volumes() -> [Labelled; 3] {
@@ -196,7 +199,7 @@ fn integral_gpu_and_twin_agree() {
                     for filter in BOTH_FILTERS {
                         let image = Case { filter, ..case }.render(gpu, way);
                         let what = format!("{name}, {way:?}, {}, step {step}, {filter:?}", VIEWPOINTS[at].name);
-                        let d = difference(&shown(style.mode, &image), &shown(style.mode, &twin));
+                        let d = difference(&shown(&image), &shown(&twin));
                         assert!(d.mean < 0.05 / 255.0, "{what}: {d:?}");
                         pixels += image.pixels.len();
                         beyond += d.beyond;
@@ -229,7 +232,7 @@ fn skipping_changes_no_integral() {
                 let [off, on] = [Way::default(), SKIP].map(|way| case.render(&cpu, way));
                 let what = format!("{name}, {}, step {step}", VIEWPOINTS[at].name);
                 // A run of many zeros adds up as one.
-                assert!(shown(style.mode, &on) == shown(style.mode, &off), "{what}");
+                assert!(shown(&on) == shown(&off), "{what}");
                 saved += off.total().samples.saturating_sub(on.total().samples);
             }
         }
@@ -249,7 +252,7 @@ fn leaping_is_the_integral_of_the_flattened_volume() {
                         let case = Case { volume, style, at, step, brick_size: 16, filter };
                         let (plain, leaping) = (case.render_flattened(raycaster), case.render(raycaster, ALL));
                         let what = format!("{name}, {}, step {step}, {filter:?}", VIEWPOINTS[at].name);
-                        let d = difference(&shown(style.mode, &leaping), &shown(style.mode, &plain));
+                        let d = difference(&shown(&leaping), &shown(&plain));
                         // Half a 14-bit code a sample, and how a run is summed.
                         assert!(d.mean < 0.05 / 255.0 && d.beyond <= 1, "{what}: {d:?}");
                         leapt += leaping.total().leapt;
@@ -278,7 +281,7 @@ fn one_brick_or_many_make_one_picture() {
                     assert!(most_opaque(&whole.pixels) > 0.3, "{what}: nothing to see");
                     for brick_size in [8, 16] {
                         let many = Case { brick_size, ..case }.render(raycaster, SKIP);
-                        let d = difference(&shown(style.mode, &many), &shown(style.mode, &whole));
+                        let d = difference(&shown(&many), &shown(&whole));
                         assert!(d.max <= 1.0 / 255.0, "{what}, bricks of {brick_size}: {d:?}");
                     }
                 }

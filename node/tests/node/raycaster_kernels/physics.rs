@@ -28,7 +28,7 @@ fn constant_body_has_the_opacity_of_its_samples() {
                 let samples = image.total().samples as f64;
                 assert!(samples * step > 10.0, "{}: {samples}", viewpoint.name);
                 let want = 1.0 - (1.0 - opacity).powf(samples * step);
-                let p = image.pixels[0];
+                let p = image.pixels.typed::<Premul>().unwrap()[0];
                 for (got, share) in [(p.r, 1.0), (p.g, 0.5), (p.b, 0.25), (p.a, 1.0)] {
                     let off = (f64::from(got) - want * share).abs();
                     assert!(off < 1.0 / 255.0, "{}, step {step}, {filter:?}: {p:?}, {want}", viewpoint.name);
@@ -64,8 +64,8 @@ fn bricks_blend_in_the_jobs_order() {
             raycaster.upload(owned, &BrickInput::plain(&volume.cut(owned.stored(1)))).unwrap()
         });
         let render = |bricks: Vec<_>| {
-            let mut image = render_one(raycaster, &opaque, Job { bricks, rect: view.size().full_rect() });
-            (image.pixels.swap_remove(16 * 33 + 16), image.counts)
+            let image = render_one(raycaster, &opaque, Job { bricks, rect: view.size().full_rect() });
+            (image.pixels.typed::<Premul>().unwrap()[16 * 33 + 16], image.counts)
         };
         let [far, near] = halves;
         let (far_first, _) = render(vec![far.clone(), near.clone()]);
@@ -99,12 +99,12 @@ fn early_termination_saves_samples_only() {
             (image.total().samples, image.pixels)
         };
         let (all, transparent) = render(1.0, 0.0);
-        assert!(transparent.iter().all(|p| p.is_clear()));
+        assert!(transparent.raw().iter().all(|p| *p == [0.0; 4]));
         let (off, full) = render(1.0, 1.0);
         assert_eq!(off, all);
         let (on, early) = render(0.999, 1.0);
         // One sample a ray.
-        assert_eq!(on, full.iter().filter(|p| p.a > 0.0).count() as u64);
+        assert_eq!(on, full.raw().iter().filter(|p| p[3] > 0.0).count() as u64);
         assert_eq!(early, full);
         let (on, early) = render(0.999, 0.5);
         let (off, late) = render(1.0, 0.5);

@@ -10,7 +10,7 @@ use brickcast_volume::scene::Filter;
 use brickcast_volume::store::BrickVoxels;
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction, TransferTable};
 use brickcast_volume::{
-    BrickGrid, Camera, Geometry, OwnedBox, PictureSize, PixelRect, Premul, Projection, StoredBox, View,
+    BrickGrid, Camera, Geometry, OwnedBox, PictureSize, PixelRect, Pixels, Projection, RawPixel, StoredBox, View,
 };
 use glam::{DVec3, IVec3};
 
@@ -216,11 +216,12 @@ pub(crate) struct Difference {
     pub(crate) beyond: usize,
 }
 
-pub(crate) fn difference(a: &[Premul], b: &[Premul]) -> Difference {
+pub(crate) fn difference(a: &impl AsRef<[RawPixel]>, b: &impl AsRef<[RawPixel]>) -> Difference {
+    let (a, b) = (a.as_ref(), b.as_ref());
     assert_eq!(a.len(), b.len());
     let (mut max, mut sum, mut beyond) = (0.0_f32, 0.0, 0);
     for (p, q) in a.iter().zip(b) {
-        let worst = p.to_array().iter().zip(q.to_array()).fold(0.0_f32, |worst, (x, y)| {
+        let worst = p.iter().zip(q).fold(0.0_f32, |worst, (x, y)| {
             assert!(x.is_finite() && y.is_finite());
             sum += f64::from((x - y).abs());
             worst.max((x - y).abs())
@@ -231,8 +232,9 @@ pub(crate) fn difference(a: &[Premul], b: &[Premul]) -> Difference {
     Difference { max, mean: sum / (4 * a.len()) as f64, beyond }
 }
 
-pub(crate) fn most_opaque(pixels: &[Premul]) -> f32 {
-    pixels.iter().fold(0.0, |most, p| most.max(p.a))
+/// A projection's pixel is opaque where there is one.
+pub(crate) fn most_opaque(pixels: &Pixels) -> f32 {
+    pixels.raw().iter().fold(0.0, |most, p| most.max(p[3]))
 }
 
 /// Pixels `[lo, hi)`.
@@ -242,13 +244,13 @@ pub(crate) fn rect(lo: [u32; 2], hi: [u32; 2]) -> PixelRect {
 
 #[test]
 fn the_comparison_can_fail_in_every_channel() {
-    let p = Premul { r: 0.2, g: 0.3, b: 0.4, a: 0.5 };
+    let p: RawPixel = [0.2, 0.3, 0.4, 0.5];
     assert_eq!(difference(&[p; 8], &[p; 8]), Difference { max: 0.0, mean: 0.0, beyond: 0 });
     for channel in 0..4 {
-        let mut q = p.to_array();
+        let mut q = p;
         q[channel] += 0.01;
         let mut other = [p; 8];
-        other[3] = Premul::from_array(q);
+        other[3] = q;
         let d = difference(&[p; 8], &other);
         assert!(d.max > 0.0099 && d.mean > 0.0003 && d.beyond == 1, "{d:?}");
     }

@@ -5,7 +5,7 @@ use brickcast_shaders::twin::accelerated::{BrickData, RayCounts, Tables, Watch, 
 use brickcast_shaders::twin::raycast::{Ray, owned_segment};
 use brickcast_volume::Premul;
 use brickcast_volume::brick::OwnedBox;
-use brickcast_volume::regions::code::{MAX_DENSITY, leap_texel};
+use brickcast_volume::regions::code::{CodedTexel, MAX_DENSITY};
 use brickcast_volume::regions::{Classified, guard_width};
 use bytemuck::Zeroable;
 use glam::DVec3;
@@ -76,7 +76,7 @@ impl Brick {
             Classified::Flat { codes } => (codes, None),
             Classified::Uniform { mean, .. } => {
                 uniform.stored_dims = [1; 3];
-                (vec![leap_texel(255, 0)], Some(vec![code(&mean)]))
+                (vec![CodedTexel::Leap { distance: 255, slot: 0 }.pack()], Some(vec![code(&mean)]))
             }
             Classified::Coded { texels, means, .. } => {
                 let mut means: Vec<f32> = means.iter().map(code).collect();

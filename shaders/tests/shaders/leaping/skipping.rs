@@ -2,11 +2,11 @@
 
 use brickcast_shaders::layout::{BrickUniform, FrameUniform, MAP_EMPTY, MAP_HOMOGENEOUS};
 use brickcast_shaders::twin::accelerated::{BrickData, RayCounts, Tables, Unwatched, Watch, accelerated_ray};
-use brickcast_shaders::twin::macrocell::{empty_distances, is_empty, packed};
+use brickcast_shaders::twin::macrocell::{empty_distances, is_empty};
 use brickcast_shaders::twin::raycast::{Ray, raycast_ray};
 use brickcast_volume::Premul;
 use brickcast_volume::brick::OwnedBox;
-use brickcast_volume::macrocell::Macrocells;
+use brickcast_volume::macrocell::{Macrocells, MapTexel};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction, TransferTable};
 use glam::{DVec3, IVec3};
 
@@ -63,12 +63,13 @@ impl<'a> Mapped<'a> {
         uniform.cell_shift = edge.trailing_zeros();
         let dims = cells.dims.into();
         let distances = empty_distances(counts, &cells.ranges, dims);
-        let mut map: Vec<u32> = distances.iter().map(|&d| u32::from(d)).collect();
+        let mut map: Vec<MapTexel> = distances.iter().map(|&empty| MapTexel { empty, ..MapTexel::default() }).collect();
         uniform.map_mask = MAP_EMPTY;
         if let Some(width) = width {
             uniform.map_mask = MAP_HOMOGENEOUS;
-            map.iter_mut().zip(cells.homogeneous(width)).for_each(|(texel, cube)| *texel |= packed(cube));
+            map.iter_mut().zip(cells.homogeneous(width)).for_each(|(texel, cube)| texel.cube = cube);
         }
+        let map = map.into_iter().map(MapTexel::pack).collect();
         Self { table, frame: frame_of(table, step), uniform, codes, map, dims }
     }
 
