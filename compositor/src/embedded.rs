@@ -37,12 +37,12 @@ pub enum EmbeddedError {
     Listen(#[from] std::io::Error),
 }
 
-/// A kernel, opened once and shared by the nodes of this process.
+/// A backend, opened once and shared by the nodes of this process.
 #[derive(Debug, Clone)]
-pub struct Kernel(Arc<dyn Raycaster>);
+pub struct Backend(Arc<dyn Raycaster>);
 
-impl Kernel {
-    /// Opens the GPU or the CPU kernel.
+impl Backend {
+    /// Opens the GPU or the CPU.
     ///
     /// # Errors
     /// No adapter where one was demanded.
@@ -98,15 +98,15 @@ impl EmbeddedNodes {
     /// # Errors
     /// A count outside 1..=64, no free port, a node that cannot start.
     pub fn start<'a>(
-        kernel: &'a Kernel,
+        opened: &'a Backend,
         count: usize,
         store: &'a Path,
         memory_budget: u64,
     ) -> BoxFuture<'a, Result<Self, EmbeddedError>> {
-        Box::pin(Self::started(kernel, count, store, memory_budget))
+        Box::pin(Self::started(opened, count, store, memory_budget))
     }
 
-    async fn started(kernel: &Kernel, count: usize, store: &Path, memory_budget: u64) -> Result<Self, EmbeddedError> {
+    async fn started(opened: &Backend, count: usize, store: &Path, memory_budget: u64) -> Result<Self, EmbeddedError> {
         if !(1..=64).contains(&count) {
             return Err(EmbeddedError::Count(count));
         }
@@ -115,7 +115,7 @@ impl EmbeddedNodes {
         let cache = Node::chunk_cache(memory_budget);
         for _ in 0..count {
             let config = NodeConfig::new(DataRoot::Single(store.to_path_buf()), memory_budget);
-            let node = Arc::new(Node::sharing(config, Arc::clone(&kernel.0), cache.share())?);
+            let node = Arc::new(Node::sharing(config, Arc::clone(&opened.0), cache.share())?);
             let listener = TcpListener::bind(("127.0.0.1", 0)).await?;
             nodes.addresses.push(listener.local_addr()?);
             let (stop, stopped) = oneshot::channel::<()>();

@@ -133,7 +133,7 @@ pub struct StoreDescription {
 }
 
 #[derive(Debug, Clone, PartialEq)]
-pub struct PrepareRequest {
+pub struct LoadRequest {
     /// As in [`crate::RenderOrder`].
     pub session: SessionId,
     pub store: StoreHash,
@@ -149,7 +149,7 @@ pub struct PrepareRequest {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct PrepareReceipt {
+pub struct LoadReceipt {
     pub load_ms: f64,
     pub bricks: u32,
     pub decoded_bytes: u64,

@@ -14,7 +14,7 @@ pub mod tile_rect;
 pub mod transport;
 
 pub use cluster::{
-    NodeDescription, NodeState, PrepareReceipt, PrepareRequest, StoreDescription, StoreName, StoreQuery, Throttle,
+    LoadReceipt, LoadRequest, NodeDescription, NodeState, StoreDescription, StoreName, StoreQuery, Throttle,
 };
 pub use convert::WireError;
 pub use order::{LayerOrder, RenderOrder};

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use brickcast_proto::{NodeDescription, NodeState, PrepareRequest};
+use brickcast_proto::{LoadRequest, NodeDescription, NodeState};
 use brickcast_volume::scene::Scene;
 use brickcast_volume::{ChunkId, SessionId, StoreHash};
 use tokio::sync::mpsc;
@@ -227,8 +227,8 @@ async fn attempt(target: Target, dial: Dial, store: StoreHash, outlooks: Outlook
         let (shown, scene) = (outlook.shown.clone(), outlook.scene.clone());
         let chunks = outlook.what_it_would_hold(&target.address);
         let bricks = shown.bricks_in(&chunks);
-        let request = PrepareRequest { session, store, bricks, scene, background: false, release: Vec::new() };
-        let receipt = client.prepare(request).await?;
+        let request = LoadRequest { session, store, bricks, scene, background: false, release: Vec::new() };
+        let receipt = client.load(request).await?;
         if receipt.fits {
             holds.extend(chunks);
         }

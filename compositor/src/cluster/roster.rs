@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use brickcast_proto::{NodeDescription, PrepareRequest};
+use brickcast_proto::{LoadRequest, NodeDescription};
 use brickcast_volume::scene::Scene;
 use brickcast_volume::{BrickId, ChunkId, Epoch, SessionId, StoreHash};
 use tokio::task::AbortHandle;
@@ -15,7 +15,7 @@ use super::service::NodeClient;
 pub(crate) struct Member {
     pub(crate) client: NodeClient,
     pub(crate) description: NodeDescription,
-    /// Which of the lives behind this address it is; no other member has the same.
+    /// Generation: no other member of the session has the same number, nor has this node when it comes back.
     pub(crate) serial: u64,
     /// Chunks that it had loaded when it came; nothing for those of the first table, which load with the session.
     pub(crate) holds: Option<Vec<ChunkId>>,
@@ -77,7 +77,7 @@ impl Roster {
     }
 
     /// What a node is asked to load for a session.
-    pub(crate) fn loading(&self, session: SessionId, bricks: Vec<BrickId>, scene: Scene) -> PrepareRequest {
-        PrepareRequest { session, store: self.store, bricks, scene, background: false, release: Vec::new() }
+    pub(crate) fn loading(&self, session: SessionId, bricks: Vec<BrickId>, scene: Scene) -> LoadRequest {
+        LoadRequest { session, store: self.store, bricks, scene, background: false, release: Vec::new() }
     }
 }

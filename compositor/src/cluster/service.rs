@@ -15,8 +15,8 @@ use brickcast_proto::credentials::Badge;
 use brickcast_proto::status::innermost;
 use brickcast_proto::transport::Line;
 use brickcast_proto::{
-    FramePart, NodeDescription, Part, PrepareReceipt, PrepareRequest, RenderOrder, StoreDescription, StoreQuery,
-    transport, wire,
+    FramePart, LoadReceipt, LoadRequest, NodeDescription, Part, RenderOrder, StoreDescription, StoreQuery, transport,
+    wire,
 };
 use brickcast_volume::StoreHash;
 use futures_util::StreamExt as _;
@@ -242,12 +242,12 @@ impl NodeClient {
     ///
     /// # Errors
     /// A brick that cannot be read, a lost node, more time than there is patience.
-    pub fn prepare(&mut self, request: PrepareRequest) -> BoxFuture<'_, Result<PrepareReceipt, NodeError>> {
+    pub fn load(&mut self, request: LoadRequest) -> BoxFuture<'_, Result<LoadReceipt, NodeError>> {
         Box::pin(async move {
             let mut cluster = self.cluster.clone();
             let call = cluster.prepare(wire::PrepareRequest::from(request));
             let answer = self.within("Prepare", self.patience, call).await?;
-            PrepareReceipt::try_from(answer).map_err(|e| self.invalid("Prepare", e))
+            LoadReceipt::try_from(answer).map_err(|e| self.invalid("Prepare", e))
         })
     }
 

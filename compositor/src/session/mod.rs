@@ -162,7 +162,7 @@ impl Session {
                 let bricks = table.bricks_of(&look.shown, position);
                 let request = roster.loading(self.id, bricks, scene.clone());
                 let (serial, mut client) = (member.serial, member.client.clone());
-                async move { (serial, client.patience(), client.prepare(request).await) }
+                async move { (serial, client.patience(), client.load(request).await) }
             }));
             let (mut again, mut pause, mut fits) = (false, Duration::ZERO, true);
             let answers = answers.await;

@@ -11,7 +11,7 @@ use crate::kernel::{Recipe, knows_only_region};
 pub(crate) const CELL_BYTES: u64 = 8;
 pub(crate) const HOMOGENEOUS_BYTES: u64 = 4;
 
-/// [`PreparedBrick::bytes`](super::texels::PreparedBrick::bytes) before there is a brick.
+/// [`BuiltBrick::bytes`](super::texels::BuiltBrick::bytes) before there is a brick.
 pub(crate) fn expected_bytes(stored_voxels: u64, recipe: Recipe, texel_bytes: u64, cell_bytes: u64) -> u64 {
     let edge = recipe.cell_edge();
     let cells = edge.map_or(0, |edge| {

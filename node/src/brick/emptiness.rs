@@ -13,12 +13,12 @@ use crate::kernel::KernelScene;
 pub(crate) struct Emptiness {
     pub(crate) counts: Vec<[u32; 2]>,
     pub(crate) tables: Vec<Arc<TransferTable>>,
-    pub(crate) also: Also,
+    pub(crate) also: BesideOpacity,
 }
 
-/// What fills space beside opacity.
+/// What makes a value range not empty although it has no opacity: isosurfaces, and what a projection counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) struct Also {
+pub(crate) struct BesideOpacity {
     /// Codes from here on are on an isosurface or inside it.
     lowest_surface: Option<u16>,
     pixel: PixelKind,
@@ -42,7 +42,7 @@ impl EmptinessCache {
         }
         let tables = tables_of(scene);
         let lowest_surface = scene.style.as_ref().and_then(|style| style.lowest_surface);
-        let also = Also { lowest_surface, pixel: scene.pixel_kind() };
+        let also = BesideOpacity { lowest_surface, pixel: scene.pixel_kind() };
         let same = |known: &Emptiness| {
             known.also == also
                 && known.tables.len() == tables.len()
@@ -70,7 +70,7 @@ fn tables_of(scene: &KernelScene) -> Vec<Arc<TransferTable>> {
     }
 }
 
-fn counts(tables: &[Arc<TransferTable>], also: Also) -> Vec<[u32; 2]> {
+fn counts(tables: &[Arc<TransferTable>], also: BesideOpacity) -> Vec<[u32; 2]> {
     match also.pixel {
         PixelKind::Over => {}
         // Empty is what changes no projection: nothing but the neutral code, which is one of the ends.

@@ -6,7 +6,9 @@ use brickcast_shaders::layout::{BrickUniform, CODED_SCALE, RegionFlags};
 use brickcast_volume::brick::{GHOST_SAMPLED, OwnedBox};
 use brickcast_volume::macrocell::{Macrocells, MapTexel};
 use brickcast_volume::regions::code::{CodedTexel, MAX_DENSITY, MAX_DISTANCE, code_of_density};
-use brickcast_volume::regions::{BrickRegions, Classified, ClassifyError, Density, NO_REGION, RegionTable, classify};
+use brickcast_volume::regions::{
+    BrickRegions, Density, NO_REGION, RegionTable, RegionTexels, RegionTexelsError, region_texels,
+};
 use brickcast_volume::store::{BrickVoxels, NO_DATA_CODE};
 use glam::IVec3;
 
@@ -16,20 +18,20 @@ use crate::kernel::{BrickInput, RaycastError, check_brick};
 
 /// What goes into the backend's memory.
 #[derive(Debug)]
-pub(crate) struct PreparedBrick<'a> {
+pub(crate) struct BuiltBrick<'a> {
     /// Boxes, scale, cells and flags; rectangle, accumulator, counter and the map's mask are the dispatch's.
     pub(crate) uniform: BrickUniform,
     /// Of the stored box, x fastest; one texel where the brick is all one region.
     pub(crate) texels: Cow<'a, [u16]>,
     /// Codes (0..=1) by slot, where texels hold leaps.
     pub(crate) means: Option<Vec<f32>>,
-    pub(crate) cells: Option<PreparedCells>,
+    pub(crate) cells: Option<BuiltCells>,
     /// 1 for voxels of a region, where that differs from voxel to voxel.
     pub(crate) flags: Option<Vec<u8>>,
 }
 
 #[derive(Debug)]
-pub(crate) struct PreparedCells {
+pub(crate) struct BuiltCells {
     pub(crate) cells: Macrocells,
     /// The map's homogeneous bits by cell.
     pub(crate) homogeneous: Option<Vec<u32>>,
@@ -38,7 +40,7 @@ pub(crate) struct PreparedCells {
 /// A value of a coded brick may lie this far below and above the codes of its densities: half a density, and rounding.
 const CODED_SLACK: (u16, u16) = (1, 3);
 
-impl<'a> PreparedBrick<'a> {
+impl<'a> BuiltBrick<'a> {
     pub(crate) fn new(owned: &OwnedBox, input: &BrickInput<'a>) -> Result<Self, RaycastError> {
         let BrickInput { voxels, regions, recipe } = *input;
         check_brick(owned, voxels)?;
@@ -55,16 +57,16 @@ impl<'a> PreparedBrick<'a> {
             // voxels without data.
             let worth = !voxels.has_holes && leaps_enough(&voxels.stored, regions, u32::from(guard));
             let guard = if worth { u32::from(guard) } else { u32::from(MAX_DISTANCE) };
-            match classify_all(voxels, regions, table, guard, recipe.radius)? {
-                Classified::Plain => {}
-                Classified::Flat { mut codes } => {
+            match texels_of_regions(voxels, regions, table, guard, recipe.radius)? {
+                RegionTexels::Plain => {}
+                RegionTexels::Flat { mut codes } => {
                     if voxels.has_holes {
                         keep_holes(&voxels.codes, &mut codes);
                     }
                     texels = Cow::Owned(codes);
                 }
-                Classified::Uniform { mean, .. } => return Ok(Self::uniform(owned, mean)),
-                Classified::Coded { texels: coded, means: densities, .. } => {
+                RegionTexels::Uniform { mean, .. } => return Ok(Self::uniform(owned, mean)),
+                RegionTexels::Coded { texels: coded, means: densities, .. } => {
                     texels = Cow::Owned(coded);
                     means = Some(densities.into_iter().map(code_of_mean).collect());
                     uniform.code_scale = CODED_SCALE;
@@ -110,18 +112,18 @@ impl<'a> PreparedBrick<'a> {
     }
 }
 
-/// As [`classify`], flat where the ghost layer holds more regions than there are slots: then nothing leaps.
-fn classify_all(
+/// As [`region_texels`], flat where the ghost layer holds more regions than there are slots: then nothing leaps.
+fn texels_of_regions(
     voxels: &BrickVoxels,
     regions: &BrickRegions,
     table: &RegionTable,
     guard: u32,
     radius: u8,
-) -> Result<Classified, ClassifyError> {
+) -> Result<RegionTexels, RegionTexelsError> {
     let radius = u32::from(radius);
-    match classify(voxels, regions, table, guard, radius) {
-        Err(ClassifyError::Slots { .. }) => classify(voxels, regions, table, u32::from(MAX_DISTANCE), radius),
-        classified => classified,
+    match region_texels(voxels, regions, table, guard, radius) {
+        Err(RegionTexelsError::Slots { .. }) => region_texels(voxels, regions, table, u32::from(MAX_DISTANCE), radius),
+        texels => texels,
     }
 }
 
@@ -166,7 +168,7 @@ fn cells_of(
     texels: &[u16],
     means: Option<&[f32]>,
     edge: u8,
-) -> Result<PreparedCells, RaycastError> {
+) -> Result<BuiltCells, RaycastError> {
     if edge != 4 && edge != 8 {
         return Err(RaycastError::MacrocellEdge(edge));
     }
@@ -192,7 +194,7 @@ fn cells_of(
     let width = input.recipe.homogeneous.filter(|_| !input.voxels.has_holes);
     let bits = |cube| MapTexel::from(cube).pack();
     let homogeneous = width.map(|width| cells.homogeneous(width).into_iter().map(bits).collect());
-    Ok(PreparedCells { cells, homogeneous })
+    Ok(BuiltCells { cells, homogeneous })
 }
 
 #[cfg(test)]
@@ -228,14 +230,14 @@ mod tests {
         let (owned, mut voxels, regions, table, hole) = hole_in_a_region();
         let recipe = Recipe { guard: Some(2), ..Recipe::default() };
         let input = BrickInput { voxels: &voxels, regions: Some((&regions, &table)), recipe };
-        let brick = PreparedBrick::new(&owned, &input).unwrap();
+        let brick = BuiltBrick::new(&owned, &input).unwrap();
         // Coded texels have no room for holes.
         assert!(brick.means.is_none() && brick.uniform.holes == 1);
         let holes: Vec<usize> = (0..brick.texels.len()).filter(|&i| brick.texels[i] == NO_DATA_CODE).collect();
         assert_eq!(holes, [hole]);
         voxels.has_holes = false;
         let input = BrickInput { voxels: &voxels, regions: Some((&regions, &table)), recipe };
-        assert!(PreparedBrick::new(&owned, &input).unwrap().means.is_some(), "the same without holes is coded");
+        assert!(BuiltBrick::new(&owned, &input).unwrap().means.is_some(), "the same without holes is coded");
     }
 
     #[test]
@@ -244,7 +246,7 @@ mod tests {
         let recipe = Recipe { macrocell: Some(4), homogeneous: Some(9), ..Recipe::default() };
         let cells = |voxels: &BrickVoxels| {
             let input = BrickInput { voxels, regions: None, recipe };
-            PreparedBrick::new(&owned, &input).unwrap().cells.unwrap()
+            BuiltBrick::new(&owned, &input).unwrap().cells.unwrap()
         };
         let holed = cells(&voxels);
         assert!(holed.cells.ranges.iter().all(|range| *range == [NO_DATA_CODE + 1; 2]), "{:?}", holed.cells.ranges);

@@ -69,7 +69,7 @@ pub(crate) fn leaps_enough(stored: &StoredBox, regions: &BrickRegions, guard: u3
     for z in offset.z..offset.z + dims.z {
         for y in offset.y..offset.y + dims.y {
             let row = ((z * size.y + y) * size.x + offset.x) as usize;
-            // Too small a cover is the classification's to refuse.
+            // Too small a cover is refused where texels are made.
             let Some(row) = regions.distances.get(row..row + dims.x as usize) else { return true };
             leaps += row.iter().filter(|&&distance| u32::from(distance) > guard).count();
         }

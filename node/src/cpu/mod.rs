@@ -19,7 +19,7 @@ use rayon::prelude::*;
 
 use crate::brick::bytes::{CELL_BYTES, expected_bytes};
 use crate::brick::emptiness::{Emptiness, EmptinessCache, is_same};
-use crate::brick::texels::{PreparedBrick, PreparedCells};
+use crate::brick::texels::{BuiltBrick, BuiltCells};
 use crate::brick::worth::Occupancy;
 use crate::kernel::{
     BackendInfo, BrickCounts, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, Recipe,
@@ -59,7 +59,7 @@ struct CpuBrick {
     uniform: BrickUniform,
     texels: Vec<u16>,
     means: Option<Vec<f32>>,
-    cells: Option<PreparedCells>,
+    cells: Option<BuiltCells>,
     flags: Vec<u8>,
     /// The macrocell map of the last scene.
     map: Mutex<Option<BuiltMap>>,
@@ -79,7 +79,7 @@ impl ResidentBrick for CpuBrick {
 
 impl CpuBrick {
     /// Keeps what was prepared.
-    fn new(owned: OwnedBox, prepared: PreparedBrick<'_>) -> Result<Self, RaycastError> {
+    fn new(owned: OwnedBox, prepared: BuiltBrick<'_>) -> Result<Self, RaycastError> {
         let bytes = prepared.bytes(size_of::<u16>() as u64, CELL_BYTES);
         let texels = match prepared.texels {
             std::borrow::Cow::Owned(texels) => texels,
@@ -109,7 +109,7 @@ impl CpuBrick {
 
     /// The map for `emptiness`, built anew where it is another than the last one.
     fn map(&self, emptiness: Option<&Arc<Emptiness>>) -> Option<Arc<Vec<u32>>> {
-        let PreparedCells { cells, homogeneous } = self.cells.as_ref()?;
+        let BuiltCells { cells, homogeneous } = self.cells.as_ref()?;
         if emptiness.is_none() && homogeneous.is_none() {
             return None;
         }
@@ -166,7 +166,7 @@ impl<'a> PlacedBrick<'a> {
     }
 
     fn data(&self) -> BrickData<'_> {
-        let dims = |cells: &PreparedCells| cells.cells.dims.into();
+        let dims = |cells: &BuiltCells| cells.cells.dims.into();
         BrickData {
             texels: &self.brick.texels,
             means: self.brick.means.as_deref(),
@@ -177,7 +177,7 @@ impl<'a> PlacedBrick<'a> {
 }
 
 /// Which bits of a brick's map count.
-pub(crate) fn map_mask(skips: bool, cells: Option<&PreparedCells>) -> u32 {
+pub(crate) fn map_mask(skips: bool, cells: Option<&BuiltCells>) -> u32 {
     let leaps = cells.is_some_and(|c| c.homogeneous.is_some());
     (if skips { MAP_EMPTY } else { 0 }) | (if leaps { MAP_HOMOGENEOUS } else { 0 })
 }
@@ -222,11 +222,11 @@ impl Raycaster for CpuRaycaster {
     }
 
     fn upload(&self, owned: OwnedBox, input: &BrickInput<'_>) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
-        Ok(Arc::new(CpuBrick::new(owned, PreparedBrick::new(&owned, input)?)?))
+        Ok(Arc::new(CpuBrick::new(owned, BuiltBrick::new(&owned, input)?)?))
     }
 
     fn upload_uniform(&self, owned: OwnedBox, mean: Density) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
-        Ok(Arc::new(CpuBrick::new(owned, PreparedBrick::uniform(&owned, mean))?))
+        Ok(Arc::new(CpuBrick::new(owned, BuiltBrick::uniform(&owned, mean))?))
     }
 
     fn warm_up(&self, _filter: Filter, _features: Features) -> Result<(), RaycastError> {

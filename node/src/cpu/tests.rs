@@ -28,7 +28,7 @@ fn bricks_do_not_keep_the_transfer_functions_that_they_were_seen_with() {
         uniform: BrickUniform::zeroed(),
         texels: Vec::new(),
         means: None,
-        cells: Some(PreparedCells { cells, homogeneous: None }),
+        cells: Some(BuiltCells { cells, homogeneous: None }),
         flags: Vec::new(),
         map: Mutex::default(),
         occupancy: Occupancy::default(),

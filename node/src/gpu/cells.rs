@@ -13,7 +13,7 @@ use super::device::Gpu;
 use super::kernel::{compute_pipeline, entry, integers, layout};
 use super::upload::{GpuBrick, fill_texture_3d, texture_3d};
 use crate::brick::emptiness::{Emptiness, is_same};
-use crate::brick::texels::PreparedCells;
+use crate::brick::texels::BuiltCells;
 use crate::kernel::RaycastError;
 
 /// Cells of a workgroup, per axis.
@@ -35,8 +35,8 @@ pub(super) struct CellTextures {
 }
 
 impl CellTextures {
-    pub(super) fn new(gpu: &Gpu, prepared: PreparedCells) -> Self {
-        let PreparedCells { cells, homogeneous } = prepared;
+    pub(super) fn new(gpu: &Gpu, prepared: BuiltCells) -> Self {
+        let BuiltCells { cells, homogeneous } = prepared;
         let integers =
             |dims, texels: &[u32]| texture_3d(gpu, dims, TextureFormat::R32Uint, bytemuck::cast_slice(texels));
         let dims = cells.dims.into();

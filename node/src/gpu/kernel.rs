@@ -16,7 +16,7 @@ use crate::kernel::RaycastError;
 
 /// One variant's plain pipeline, and what all its pipelines have in common.
 #[derive(Debug)]
-struct Kernel {
+struct Pipelines {
     variant: RaycastVariant,
     frame_layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
@@ -28,8 +28,8 @@ struct Kernel {
 /// Pipelines of both variants; the hardware one only where voxels can be filtered.
 #[derive(Debug)]
 pub(super) struct Kernels {
-    hardware: Option<Kernel>,
-    exact: Kernel,
+    hardware: Option<Pipelines>,
+    exact: Pipelines,
     dispatch_layout: wgpu::BindGroupLayout,
     pub(super) volume_layout: wgpu::BindGroupLayout,
     sampler: wgpu::Sampler,
@@ -94,7 +94,7 @@ impl Kernels {
                 "dispatch",
                 &[entry(0, constants(DISPATCH_BYTES, true)), entry(1, storage(false)), entry(2, storage(false))],
             );
-            let build = |variant| Kernel::new(gpu, variant, &dispatch_layout, &volume_layout);
+            let build = |variant| Pipelines::new(gpu, variant, &dispatch_layout, &volume_layout);
             Self {
                 hardware: (!exact_only).then(|| build(RaycastVariant::Hardware)),
                 exact: build(RaycastVariant::Exact),
@@ -110,7 +110,7 @@ impl Kernels {
         if self.voxel_format == TextureFormat::R16Unorm { 2 } else { 4 }
     }
 
-    fn kernel(&self, variant: RaycastVariant) -> &Kernel {
+    fn kernel(&self, variant: RaycastVariant) -> &Pipelines {
         match (variant, &self.hardware) {
             (RaycastVariant::Hardware, Some(kernel)) => kernel,
             _ => &self.exact,
@@ -184,7 +184,7 @@ impl Kernels {
     }
 }
 
-impl Kernel {
+impl Pipelines {
     fn new(
         gpu: &Gpu,
         variant: RaycastVariant,

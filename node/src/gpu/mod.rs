@@ -24,7 +24,7 @@ use glam::UVec3;
 
 use crate::brick::bytes::{CELL_BYTES, expected_bytes};
 use crate::brick::emptiness::EmptinessCache;
-use crate::brick::texels::PreparedBrick;
+use crate::brick::texels::BuiltBrick;
 use crate::kernel::{
     BackendInfo, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, Recipe, ResidentBrick,
     Watch, check_jobs,
@@ -107,12 +107,12 @@ impl Raycaster for GpuRaycaster {
     }
 
     fn upload(&self, owned: OwnedBox, input: &BrickInput<'_>) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
-        let prepared = PreparedBrick::new(&owned, input)?;
+        let prepared = BuiltBrick::new(&owned, input)?;
         Ok(Arc::new(upload::upload(&self.gpu, &self.kernels, owned, prepared)?))
     }
 
     fn upload_uniform(&self, owned: OwnedBox, mean: Density) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
-        let prepared = PreparedBrick::uniform(&owned, mean);
+        let prepared = BuiltBrick::uniform(&owned, mean);
         Ok(Arc::new(upload::upload(&self.gpu, &self.kernels, owned, prepared)?))
     }
 

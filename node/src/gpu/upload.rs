@@ -12,7 +12,7 @@ use super::device::Gpu;
 use super::kernel::Kernels;
 use crate::brick::bytes::CELL_BYTES;
 use crate::brick::emptiness::Emptiness;
-use crate::brick::texels::PreparedBrick;
+use crate::brick::texels::BuiltBrick;
 use crate::brick::worth::Occupancy;
 use crate::kernel::{Features, KernelScene, RaycastError, ResidentBrick};
 
@@ -89,7 +89,7 @@ pub(super) fn upload(
     gpu: &Arc<Gpu>,
     kernels: &Kernels,
     owned: OwnedBox,
-    mut prepared: PreparedBrick<'_>,
+    mut prepared: BuiltBrick<'_>,
 ) -> Result<GpuBrick, RaycastError> {
     let dims = prepared.uniform.stored_dims;
     let max = gpu.limits.max_texture_dimension_3d;

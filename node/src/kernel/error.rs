@@ -1,7 +1,7 @@
 //! Everything that can go wrong in a backend.
 
 use brickcast_volume::brick::OwnedBox;
-use brickcast_volume::regions::ClassifyError;
+use brickcast_volume::regions::RegionTexelsError;
 use brickcast_volume::{PixelRect, StoredBox};
 
 use super::recipe::Recipe;
@@ -10,7 +10,7 @@ use super::watch::Cancelled;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RaycastError {
     #[error(transparent)]
-    Classify(#[from] ClassifyError),
+    Regions(#[from] RegionTexelsError),
     #[error(
         "recipe {0:?} needs the brick's regions; prepare the store with regions, or leave out leaping and region views"
     )]

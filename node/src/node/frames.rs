@@ -173,34 +173,17 @@ impl Turns for Desk<'_> {
 mod tests {
     use std::sync::atomic::Ordering;
 
-    use brickcast_volume::{BrickGrid, MergeTree, Orbit, StoreHash};
+    use brickcast_volume::{BrickGrid, MergeTree, Orbit};
 
+    use super::super::tests::Bench;
     use super::*;
-    use crate::config::{DataRoot, NodeConfig};
-    use crate::testing::{DIMS, FakeRaycaster, make_store, ramp, scene, whole_order};
+    use crate::testing::{DIMS, scene, whole_order};
 
     const LIMIT: Duration = Duration::from_secs(30);
 
-    struct Bench {
-        _folder: tempfile::TempDir,
-        hash: StoreHash,
-        raycaster: Arc<FakeRaycaster>,
-        node: Arc<Node>,
-    }
-
     impl Bench {
-        fn new(stall_timeout: Duration) -> Self {
-            let folder = tempfile::tempdir().unwrap();
-            let hash = make_store(&folder.path().join("ramp"), ramp);
-            let raycaster = Arc::new(FakeRaycaster::new());
-            let config = NodeConfig::new(DataRoot::Folder(folder.path().to_path_buf()), 1 << 24);
-            let mut node = Node::new(config, raycaster.clone()).unwrap();
-            node.stall_timeout = stall_timeout;
-            Self { _folder: folder, hash, raycaster, node: Arc::new(node) }
-        }
-
         /// The whole volume in a picture of `side` x `side`.
-        async fn render(&self, side: u32, zoom: f64) -> Parts {
+        async fn start(&self, side: u32, zoom: f64) -> Parts {
             let tree = MergeTree::of(BrickGrid::new(DIMS.into(), 8).unwrap());
             let camera = scene(1, 1, Orbit { zoom, ..Orbit::default() }).view.camera;
             let order = whole_order(&tree, self.hash, scene(side, side, Orbit::default()).seen_by(camera));
@@ -209,7 +192,7 @@ mod tests {
 
         /// More parts than may be in flight, as many as that being there.
         async fn render_unheard(&self) -> Parts {
-            let parts = self.render(4096, 4.0).await;
+            let parts = self.start(4096, 4.0).await;
             until(|| parts.len() == PARTS_IN_FLIGHT).await;
             parts
         }
@@ -244,7 +227,7 @@ mod tests {
     /// Whoever takes nothing waits alone: others have their turn meanwhile, and it is told at last.
     #[tokio::test(flavor = "multi_thread")]
     async fn a_client_that_takes_no_parts_does_not_hold_the_turn() {
-        let bench = Bench::new(LIMIT);
+        let bench = Bench::with_limit(LIMIT);
         let parts = bench.render_unheard().await;
         let theirs = bench.node.turns.turn(Client::V6(1));
         let theirs = tokio::time::timeout(LIMIT / 2, theirs).await.unwrap();
@@ -256,7 +239,7 @@ mod tests {
 
     #[tokio::test(flavor = "multi_thread")]
     async fn a_client_that_takes_no_parts_is_given_up() {
-        let bench = Bench::new(Duration::from_millis(100));
+        let bench = Bench::with_limit(Duration::from_millis(100));
         let parts = bench.render_unheard().await;
         until(|| bench.is_idle()).await;
         let (_, receipt) = heard(parts).await;
@@ -266,10 +249,10 @@ mod tests {
     /// However long the others may take whose turn it is.
     #[tokio::test(flavor = "multi_thread")]
     async fn a_frame_whose_client_goes_waits_for_no_turn() {
-        let bench = Bench::new(LIMIT);
+        let bench = Bench::with_limit(LIMIT);
         let _theirs = bench.node.turns.turn(Client::V6(1)).await;
         // For its first turn.
-        let parts = bench.render(64, 1.0).await;
+        let parts = bench.start(64, 1.0).await;
         assert!(!bench.is_idle());
         drop(parts);
         until(|| bench.is_idle()).await;
@@ -287,9 +270,9 @@ mod tests {
 
     #[tokio::test(flavor = "multi_thread")]
     async fn a_frame_whose_client_goes_loads_no_more() {
-        let bench = Bench::new(LIMIT);
+        let bench = Bench::with_limit(LIMIT);
         let permits = bench.raycaster.hold_uploads();
-        let parts = bench.render(64, 1.0).await;
+        let parts = bench.start(64, 1.0).await;
         until(|| bench.raycaster.asked.load(Ordering::SeqCst) > 0).await;
         drop((parts, permits));
         until(|| bench.is_idle()).await;

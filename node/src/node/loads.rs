@@ -4,7 +4,7 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use brickcast_proto::{PrepareReceipt, PrepareRequest, StoreQuery};
+use brickcast_proto::{LoadReceipt, LoadRequest, StoreQuery};
 
 use super::Node;
 use crate::brick::residency::Wanted;
@@ -15,7 +15,7 @@ use crate::render::{BrickChoice, LoadMeter, load_bricks};
 use crate::stores::OpenStore;
 
 /// Bricks loaded ahead before a waiting frame gets its turn.
-const PREPARE_BATCH: usize = 64;
+const LOAD_BATCH: usize = 64;
 
 /// What a request comes to.
 struct Wish {
@@ -41,11 +41,7 @@ impl Node {
     ///
     /// # Errors
     /// An unknown store or brick, a broken store, a failing adapter, draining.
-    pub async fn prepare(
-        self: &Arc<Self>,
-        caller: Caller,
-        request: PrepareRequest,
-    ) -> Result<PrepareReceipt, NodeError> {
+    pub async fn load(self: &Arc<Self>, caller: Caller, request: LoadRequest) -> Result<LoadReceipt, NodeError> {
         self.accepting()?;
         let request = Arc::new(request);
         let (session, background, filter) = (request.session, request.background, request.scene.quality.filter);
@@ -63,7 +59,7 @@ impl Node {
         self.in_turn(&caller, warm_up).await?;
         let mut load = LoadMeter::default();
         let gone = Gone::default();
-        for batch in bricks.chunks(if background { 1 } else { PREPARE_BATCH }) {
+        for batch in bricks.chunks(if background { 1 } else { LOAD_BATCH }) {
             self.accepting()?;
             let (batch, store, gone) = (batch.to_vec(), store.clone(), gone.0.clone());
             let loaded = self.in_turn(&caller, move |node| {
@@ -73,7 +69,7 @@ impl Node {
             });
             load.add(loaded.await?);
         }
-        Ok(PrepareReceipt {
+        Ok(LoadReceipt {
             load_ms: load.milliseconds(),
             bricks: u32::try_from(bricks.len()).unwrap_or(u32::MAX),
             decoded_bytes: load.decoded_bytes,
@@ -85,7 +81,7 @@ impl Node {
     }
 
     /// Works out what to load; builds the scene's tables on the way.
-    fn wish(&self, request: &PrepareRequest, store: &OpenStore) -> Result<Wish, NodeError> {
+    fn wish(&self, request: &LoadRequest, store: &OpenStore) -> Result<Wish, NodeError> {
         let grid = store.store.manifest().grid;
         let all = request.bricks.iter().chain(&request.release);
         if let Some(&brick) = all.into_iter().find(|brick| u64::from(brick.linear()) >= grid.brick_count()) {

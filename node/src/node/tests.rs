@@ -3,11 +3,12 @@
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use brickcast_proto::{Part, PrepareRequest};
+use brickcast_proto::{LoadRequest, Part};
 use brickcast_volume::scene::Scene;
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use brickcast_volume::{BrickGrid, BrickId, MergeTree, Orbit, SessionId, StoreHash};
 
+use super::frames::STALL_TIMEOUT;
 use super::*;
 use crate::config::DataRoot;
 use crate::testing::{DIMS, FakeRaycaster, make_store, ramp, scene, whole_order};
@@ -15,21 +16,27 @@ use crate::testing::{DIMS, FakeRaycaster, make_store, ramp, scene, whole_order};
 const BRICKS: u32 = 5 * 5 * 7;
 const LIMIT: Duration = Duration::from_secs(60);
 
-struct Bench {
+pub(super) struct Bench {
     _folder: tempfile::TempDir,
-    hash: StoreHash,
-    raycaster: Arc<FakeRaycaster>,
-    node: Arc<Node>,
+    pub(super) hash: StoreHash,
+    pub(super) raycaster: Arc<FakeRaycaster>,
+    pub(super) node: Arc<Node>,
 }
 
 impl Bench {
-    fn new() -> Self {
+    pub(super) fn new() -> Self {
+        Self::with_limit(STALL_TIMEOUT)
+    }
+
+    /// Gives clients up that take nothing for so long.
+    pub(super) fn with_limit(stall_timeout: Duration) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let hash = make_store(&folder.path().join("ramp"), ramp);
         let raycaster = Arc::new(FakeRaycaster::new());
         let config = NodeConfig::new(DataRoot::Folder(folder.path().to_path_buf()), 1 << 24);
-        let node = Arc::new(Node::new(config, raycaster.clone()).unwrap());
-        Self { _folder: folder, hash, raycaster, node }
+        let mut node = Node::new(config, raycaster.clone()).unwrap();
+        node.stall_timeout = stall_timeout;
+        Self { _folder: folder, hash, raycaster, node: Arc::new(node) }
     }
 
     /// Shows what is above `from`.
@@ -41,10 +48,10 @@ impl Bench {
     }
 
     /// For all bricks; every one of them is shown.
-    fn load_all(&self) -> PrepareRequest {
+    fn load_all(&self) -> LoadRequest {
         let scene = Self::scene(-2.0);
         let bricks = (0..BRICKS).map(BrickId::finest).collect();
-        PrepareRequest { session: SessionId(1), store: self.hash, bricks, scene, background: true, release: Vec::new() }
+        LoadRequest { session: SessionId(1), store: self.hash, bricks, scene, background: true, release: Vec::new() }
     }
 
     /// Renders a corner of the volume.
@@ -83,7 +90,7 @@ async fn a_frame_overtakes_loading_in_the_background() {
     assert!((1..90).contains(&shown), "{shown} of {BRICKS}: much must be left to load");
     let permits = bench.raycaster.hold_uploads();
     let (node, request) = (bench.node.clone(), bench.load_all());
-    let loading = tokio::spawn(async move { node.prepare(Caller::default(), request).await });
+    let loading = tokio::spawn(async move { node.load(Caller::default(), request).await });
     for overtaken in 0..3 {
         // A brick is on its way and cannot arrive.
         let before = bench.uploads();
@@ -109,19 +116,19 @@ async fn a_frame_overtakes_loading_in_the_background() {
 #[tokio::test(flavor = "multi_thread")]
 async fn bricks_are_let_go_of_on_demand_and_others_take_their_room() {
     let bench = Bench::new();
-    let all = bench.node.prepare(Caller::default(), bench.load_all()).await.unwrap();
+    let all = bench.node.load(Caller::default(), bench.load_all()).await.unwrap();
     let (bricks, release) = (vec![BrickId::finest(0)], [5, 6, 7].map(BrickId::finest).to_vec());
     let receipt =
-        bench.node.prepare(Caller::default(), PrepareRequest { bricks, release, ..bench.load_all() }).await.unwrap();
+        bench.node.load(Caller::default(), LoadRequest { bricks, release, ..bench.load_all() }).await.unwrap();
     assert_eq!(bench.node.residency.occupancy().bricks, BRICKS as usize - 3);
     assert!(receipt.bytes > 0 && receipt.resident_bytes < all.resident_bytes, "{receipt:?}");
     // Loaded anew when they are wanted again, and they alone.
-    let again = bench.node.prepare(Caller::default(), bench.load_all()).await.unwrap();
+    let again = bench.node.load(Caller::default(), bench.load_all()).await.unwrap();
     assert_eq!((again.resident_bytes, bench.uploads()), (all.resident_bytes, BRICKS as usize + 3));
     let beyond = BrickId::finest(BRICKS);
-    let unknown = PrepareRequest { bricks: vec![], release: vec![beyond], ..bench.load_all() };
+    let unknown = LoadRequest { bricks: vec![], release: vec![beyond], ..bench.load_all() };
     assert!(matches!(
-        bench.node.prepare(Caller::default(), unknown).await,
+        bench.node.load(Caller::default(), unknown).await,
         Err(NodeError::NoSuchBrick { brick, .. }) if brick == beyond
     ));
 }
@@ -132,7 +139,7 @@ async fn a_draining_node_ends_its_loading_after_a_brick() {
     let bench = Bench::new();
     let permits = bench.raycaster.hold_uploads();
     let (node, request) = (bench.node.clone(), bench.load_all());
-    let loading = tokio::spawn(async move { node.prepare(Caller::default(), request).await });
+    let loading = tokio::spawn(async move { node.load(Caller::default(), request).await });
     bench.until(|raycaster| raycaster.asked.load(Ordering::SeqCst) > 0).await;
     bench.node.drain();
     permits.send(()).unwrap();

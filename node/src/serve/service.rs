@@ -4,7 +4,7 @@ use std::pin::Pin;
 use std::sync::Arc;
 
 use brickcast_proto::wire;
-use brickcast_proto::{Failure, PrepareRequest, RenderOrder, StoreQuery, WireError};
+use brickcast_proto::{Failure, LoadRequest, RenderOrder, StoreQuery, WireError};
 use futures_util::{Stream, StreamExt as _};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
@@ -65,8 +65,8 @@ impl wire::cluster_server::Cluster for Service {
 
     async fn prepare(&self, request: Request<wire::PrepareRequest>) -> Result<Response<wire::PrepareReceipt>, Status> {
         let caller = caller(&request);
-        let request = PrepareRequest::try_from(request.into_inner()).map_err(refuse)?;
-        Ok(Response::new(self.0.prepare(caller, request).await.map_err(fail)?.into()))
+        let request = LoadRequest::try_from(request.into_inner()).map_err(refuse)?;
+        Ok(Response::new(self.0.load(caller, request).await.map_err(fail)?.into()))
     }
 }
 
@@ -76,7 +76,7 @@ pub(crate) mod client {
     #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
     use brickcast_proto::credentials::Badge;
-    use brickcast_proto::{FramePart, NodeDescription, Part, PrepareReceipt, Receipt, StoreDescription, transport};
+    use brickcast_proto::{FramePart, LoadReceipt, NodeDescription, Part, Receipt, StoreDescription, transport};
     use prost::Message as _;
     use tonic::transport::Channel;
 
@@ -161,7 +161,7 @@ pub(crate) mod client {
             Ok(answer.into_inner().try_into().unwrap())
         }
 
-        pub(crate) async fn prepare(&self, request: PrepareRequest) -> Result<PrepareReceipt, Status> {
+        pub(crate) async fn load(&self, request: LoadRequest) -> Result<LoadReceipt, Status> {
             let mut cluster = transport::cluster_client(self.line());
             let answer = cluster.prepare(wire::PrepareRequest::from(request)).await?;
             Ok(answer.into_inner().try_into().unwrap())

@@ -7,8 +7,8 @@ use bytes::Bytes;
 
 use super::{WireError, at_most, duration, text};
 use crate::cluster::{
-    MAX_NOTES, MAX_STORES, MAX_TEXT, NodeDescription, NodeState, PrepareReceipt, PrepareRequest, StoreDescription,
-    StoreName, StoreQuery, Throttle,
+    LoadReceipt, LoadRequest, MAX_NOTES, MAX_STORES, MAX_TEXT, NodeDescription, NodeState, StoreDescription, StoreName,
+    StoreQuery, Throttle,
 };
 use crate::wire;
 
@@ -132,8 +132,8 @@ impl TryFrom<wire::StoreDescription> for StoreDescription {
     }
 }
 
-impl From<PrepareRequest> for wire::PrepareRequest {
-    fn from(request: PrepareRequest) -> Self {
+impl From<LoadRequest> for wire::PrepareRequest {
+    fn from(request: LoadRequest) -> Self {
         let numbers = |bricks: Vec<BrickId>| bricks.into_iter().map(BrickId::linear).collect();
         // All bricks of a request are of one level.
         let level = request.bricks.iter().chain(&request.release).map(|brick| brick.level()).next().unwrap_or(0);
@@ -149,7 +149,7 @@ impl From<PrepareRequest> for wire::PrepareRequest {
     }
 }
 
-impl TryFrom<wire::PrepareRequest> for PrepareRequest {
+impl TryFrom<wire::PrepareRequest> for LoadRequest {
     type Error = WireError;
 
     fn try_from(request: wire::PrepareRequest) -> Result<Self, WireError> {
@@ -182,8 +182,8 @@ impl TryFrom<wire::PrepareRequest> for PrepareRequest {
     }
 }
 
-impl From<PrepareReceipt> for wire::PrepareReceipt {
-    fn from(r: PrepareReceipt) -> Self {
+impl From<LoadReceipt> for wire::PrepareReceipt {
+    fn from(r: LoadReceipt) -> Self {
         Self {
             load_ms: r.load_ms,
             bricks: r.bricks,
@@ -196,7 +196,7 @@ impl From<PrepareReceipt> for wire::PrepareReceipt {
     }
 }
 
-impl TryFrom<wire::PrepareReceipt> for PrepareReceipt {
+impl TryFrom<wire::PrepareReceipt> for LoadReceipt {
     type Error = WireError;
 
     fn try_from(r: wire::PrepareReceipt) -> Result<Self, WireError> {

@@ -6,9 +6,9 @@
 mod refusals;
 
 use brickcast_proto::{
-    ChunkCost, FramePart, LayerOrder, NodeDescription, NodeState, Part, PrepareReceipt, PrepareRequest, Receipt,
-    RenderOrder, StoreDescription, StoreName, StoreQuery, Throttle, TileError, TilePart, TileRect, WireError,
-    decode_tile, encode_tile, wire,
+    ChunkCost, FramePart, LayerOrder, LoadReceipt, LoadRequest, NodeDescription, NodeState, Part, Receipt, RenderOrder,
+    StoreDescription, StoreName, StoreQuery, Throttle, TileError, TilePart, TileRect, WireError, decode_tile,
+    encode_tile, wire,
 };
 use brickcast_volume::scene::{
     Acceleration, Filter, Leap, Look, MacrocellEdge, Quality, RegionView, Scene, Transport, ViewSpec,
@@ -195,11 +195,11 @@ fn node() -> NodeDescription {
     }
 }
 
-fn prepare(random: &mut Random) -> PrepareRequest {
+fn load_request(random: &mut Random) -> LoadRequest {
     let bricks = (0..random.below(40) as u32).map(|b| BrickId::finest(b * 3)).collect();
     let release = (0..random.below(10) as u32).map(|b| BrickId::finest(b * 3 + 1)).collect();
     let (session, background) = (SessionId(random.below(1000) as u64), random.below(2) == 1);
-    PrepareRequest { session, store: StoreHash(3), bricks, scene: scene(random), background, release }
+    LoadRequest { session, store: StoreHash(3), bricks, scene: scene(random), background, release }
 }
 
 /// Through prost's bytes and back.
@@ -215,13 +215,13 @@ fn valid_messages_survive_the_wire() {
         assert_eq!(RenderOrder::try_from(wired(&wire::RenderOrder::from(&o))), Ok(o));
         let p = part(&mut random);
         assert_eq!(FramePart::try_from(wired(&wire::FramePart::from(p.clone()))), Ok(p));
-        let r = prepare(&mut random);
-        assert_eq!(PrepareRequest::try_from(wired(&wire::PrepareRequest::from(r.clone()))), Ok(r));
+        let r = load_request(&mut random);
+        assert_eq!(LoadRequest::try_from(wired(&wire::PrepareRequest::from(r.clone()))), Ok(r));
     }
     assert_eq!(NodeDescription::try_from(wired(&wire::NodeDescription::from(node()))), Ok(node()));
     let receipt =
-        PrepareReceipt { load_ms: 1.5, bricks: 2, decoded_bytes: 3, fits: true, bytes: 4, ..PrepareReceipt::default() };
-    assert_eq!(PrepareReceipt::try_from(wired(&wire::PrepareReceipt::from(receipt))), Ok(receipt));
+        LoadReceipt { load_ms: 1.5, bricks: 2, decoded_bytes: 3, fits: true, bytes: 4, ..LoadReceipt::default() };
+    assert_eq!(LoadReceipt::try_from(wired(&wire::PrepareReceipt::from(receipt))), Ok(receipt));
     for expected in [None, Some(StoreHash(4))] {
         let query = StoreQuery::Name { name: "a/b".to_owned(), expected };
         assert_eq!(StoreQuery::try_from(wired(&wire::OpenStoreRequest::from(query.clone()))), Ok(query));
@@ -248,7 +248,7 @@ fn fifty_thousand_damaged_messages_neither_panic_nor_cost_memory() {
             0..=2 => wire::RenderOrder::from(&order(&mut random)).encode_to_vec(),
             3..=5 => wire::FramePart::from(part(&mut random)).encode_to_vec(),
             6 => wire::NodeDescription::from(node()).encode_to_vec(),
-            _ => wire::PrepareRequest::from(prepare(&mut random)).encode_to_vec(),
+            _ => wire::PrepareRequest::from(load_request(&mut random)).encode_to_vec(),
         };
         let whole = bytes.clone();
         random.damage(&mut bytes, &other);
@@ -264,8 +264,8 @@ fn fifty_thousand_damaged_messages_neither_panic_nor_cost_memory() {
         count(order.map(|m| check_order(if round % 4 == 0 { m } else { m.sealed() }, bytes.len())));
         count(wire::FramePart::decode(&bytes[..]).ok().map(|m| check_part(m, bytes.len())));
         count(wire::NodeDescription::decode(&bytes[..]).ok().map(check_node));
-        count(wire::PrepareRequest::decode(&bytes[..]).ok().map(check_prepare));
-        count(wire::PrepareReceipt::decode(&bytes[..]).ok().map(|m| PrepareReceipt::try_from(m).is_ok()));
+        count(wire::PrepareRequest::decode(&bytes[..]).ok().map(check_load_request));
+        count(wire::PrepareReceipt::decode(&bytes[..]).ok().map(|m| LoadReceipt::try_from(m).is_ok()));
         count(wire::OpenStoreRequest::decode(&bytes[..]).ok().map(|m| StoreQuery::try_from(m).is_ok()));
         count(wire::StoreDescription::decode(&bytes[..]).ok().map(|m| StoreDescription::try_from(m).is_ok()));
     }
@@ -325,8 +325,8 @@ fn check_node(message: wire::NodeDescription) -> bool {
     true
 }
 
-fn check_prepare(message: wire::PrepareRequest) -> bool {
-    let Ok(request) = PrepareRequest::try_from(message) else { return false };
+fn check_load_request(message: wire::PrepareRequest) -> bool {
+    let Ok(request) = LoadRequest::try_from(message) else { return false };
     let mut named = [request.bricks, request.release].concat();
     named.sort_unstable();
     assert!(named.windows(2).all(|b| b[0] < b[1]));

@@ -129,16 +129,16 @@ fn receipts_and_requests_to_load_are_refused_in_words() {
         let spoiled = wire::Receipt { work_ms: bad, ..Default::default() };
         assert!(Receipt::try_from(spoiled).unwrap_err().to_string().contains("work_ms"));
     }
-    let mut request = wire::PrepareRequest::from(prepare(&mut Random(3)));
+    let mut request = wire::PrepareRequest::from(load_request(&mut Random(3)));
     (request.bricks, request.release) = (vec![5, 2], vec![9, 2]);
-    assert!(PrepareRequest::try_from(request.clone()).unwrap_err().to_string().contains("brick 2 is named twice"));
+    assert!(LoadRequest::try_from(request.clone()).unwrap_err().to_string().contains("brick 2 is named twice"));
     request.release = vec![u32::MAX];
-    assert!(PrepareRequest::try_from(request.clone()).unwrap_err().to_string().contains("is beyond the last one"));
+    assert!(LoadRequest::try_from(request.clone()).unwrap_err().to_string().contains("is beyond the last one"));
     (request.release, request.level) = (vec![9], 3);
-    let coarse = PrepareRequest::try_from(request.clone()).unwrap_err();
+    let coarse = LoadRequest::try_from(request.clone()).unwrap_err();
     assert_eq!(coarse.to_string(), "bricks of level 3: this node knows level 0 only, the finest");
     request.level = 0;
-    let finest = PrepareRequest::try_from(request).unwrap();
+    let finest = LoadRequest::try_from(request).unwrap();
     assert!(finest.bricks.iter().chain(&finest.release).all(|brick| brick.level() == 0));
 }
 

@@ -131,7 +131,7 @@ pub fn integral_ray<W: Watch>(
     let edge = (1_u32 << brick.cell_shift) as f32;
     let has_flags = brick.region_flags == RegionFlags::Texture as u32;
     // Else all samples are of one kind.
-    let has_kinds = frame.shown != SHOWS_RESIDUAL | SHOWS_REGIONS || tables.region.is_some();
+    let tells_apart = frame.shown != SHOWS_RESIDUAL | SHOWS_REGIONS || tables.region.is_some();
     let shows = |in_region: bool| frame.shown & if in_region { SHOWS_REGIONS } else { SHOWS_RESIDUAL } != 0;
     // As its brick computes it.
     let k_entry = if kinds.surfaces { first_sample(frame, volume_entry(style, ray).max(t_lo)) } else { -1.0 };
@@ -231,7 +231,7 @@ pub fn integral_ray<W: Watch>(
             }
         }
         last = code;
-        in_region &= has_kinds;
+        in_region &= tells_apart;
         // Positions that the brick owns.
         let taken = n.min(k_out - k).max(0.0);
         counts.positions += taken as u32;

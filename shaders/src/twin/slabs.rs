@@ -58,8 +58,8 @@ pub fn slabs_ray(
         return (sum, counts);
     }
     let in_region = brick.region_flags == RegionFlags::EveryVoxel as u32;
-    let has_kinds = frame.shown != SHOWS_RESIDUAL | SHOWS_REGIONS || with.tables.region.is_some();
-    let kind = in_region && has_kinds;
+    let tells_apart = frame.shown != SHOWS_RESIDUAL | SHOWS_REGIONS || with.tables.region.is_some();
+    let kind = in_region && tells_apart;
     let shows = frame.shown & if kind { SHOWS_REGIONS } else { SHOWS_RESIDUAL } != 0;
     let table = &slabs[usize::from(kind)];
     let volume = VolumeReader::new(frame, brick, data.texels);

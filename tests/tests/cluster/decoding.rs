@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use brickcast::cluster::Dial;
-use brickcast::embedded::{BackendChoice, EmbeddedNodes, Kernel};
+use brickcast::embedded::{Backend, BackendChoice, EmbeddedNodes};
 use brickcast::session::{LoadStats, Session, StoreChoice};
 use brickcast_node::cpu::CpuRaycaster;
 use brickcast_node::{DataRoot, Node, NodeConfig, serve};
@@ -176,7 +176,7 @@ fn nodes_of_one_process_decode_together_what_one_decodes() {
     let _turn = turn(module_path!());
     let folder = tempfile::tempdir().unwrap();
     tokio::runtime::Runtime::new().unwrap().block_on(async {
-        let kernel = Kernel::open(BackendChoice::Cpu).unwrap();
+        let opened = Backend::open(BackendChoice::Cpu).unwrap();
         for (nth, Case { name, input, range, .. }) in cases(folder.path()).into_iter().enumerate() {
             let target = tempfile::tempdir_in(folder.path()).unwrap();
             let store = prepared(target.path(), &input, 32, [None, Some(range)][nth % 2]);
@@ -184,7 +184,7 @@ fn nodes_of_one_process_decode_together_what_one_decodes() {
                 let mut alone = None;
                 for count in [1, 2, 3, 8] {
                     let what = format!("{name}, {integration:?}: {count} nodes of one process");
-                    let nodes = EmbeddedNodes::start(&kernel, count, &store.path(), BUDGET).await.unwrap();
+                    let nodes = EmbeddedNodes::start(&opened, count, &store.path(), BUDGET).await.unwrap();
                     let load = loaded(nodes.dial(), &nodes.addresses(), &store, integration).await;
                     let ratio = decoded_per_owned(&load);
                     eprintln!("{what}, bricks of 32: {ratio:.2}");

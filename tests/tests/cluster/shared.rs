@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use brickcast::balance::{LoadBy, Settings, max_over_mean};
 use brickcast::cluster::Dial;
-use brickcast::embedded::{BackendChoice, EmbeddedNodes, Kernel};
+use brickcast::embedded::{Backend, BackendChoice, EmbeddedNodes};
 use brickcast::frame::{FinishedTile, FrameSink};
 use brickcast::picture::Picture;
 use brickcast::session::{Cluster, Frame, Session, StoreChoice};
@@ -94,8 +94,8 @@ impl Stage {
     async fn new(count: usize) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let store = store(folder.path());
-        let kernel = Kernel::open(BackendChoice::Cpu).unwrap();
-        let nodes = EmbeddedNodes::start(&kernel, count, &store.path(), BUDGET).await.unwrap();
+        let opened = Backend::open(BackendChoice::Cpu).unwrap();
+        let nodes = EmbeddedNodes::start(&opened, count, &store.path(), BUDGET).await.unwrap();
         Self { _folder: folder, store, nodes }
     }
 
@@ -247,8 +247,8 @@ async fn a_sink_hears_every_tile_once_and_together_they_are_the_picture() {
 /// stage.
 async fn with_mortal_node(stage: &Stage) -> (Runtime, EmbeddedNodes, Arc<Cluster>) {
     let runtime = Runtime::new().unwrap();
-    let (kernel, path) = (Kernel::open(BackendChoice::Cpu).unwrap(), stage.store.path());
-    let start = async move { EmbeddedNodes::start(&kernel, 1, &path, BUDGET).await.unwrap() };
+    let (opened, path) = (Backend::open(BackendChoice::Cpu).unwrap(), stage.store.path());
+    let start = async move { EmbeddedNodes::start(&opened, 1, &path, BUDGET).await.unwrap() };
     let mortal = runtime.spawn(start).await.unwrap();
     let (ours, theirs, their_address) = (stage.nodes.dial(), mortal.dial(), mortal.addresses().remove(0));
     let dial = Dial::through(move |target| match target.address == their_address {

@@ -15,7 +15,7 @@ use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
 use brickcast::cluster::{Access, Dial, NodeClient, NodeError, Target};
-use brickcast::embedded::{BackendChoice, EmbeddedNodes, Kernel};
+use brickcast::embedded::{Backend, BackendChoice, EmbeddedNodes};
 use brickcast::session::{Frame, Session, SessionError, StoreChoice};
 use brickcast_node::cpu::CpuRaycaster;
 use brickcast_node::serve::admission::Admission;
@@ -92,8 +92,8 @@ impl Subject {
         // One node, on the network that there is.
         let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap();
         let views = runtime.block_on(async {
-            let kernel = Kernel::open(BackendChoice::Cpu).unwrap();
-            let one = EmbeddedNodes::start(&kernel, 1, &path, 1 << 28).await.unwrap();
+            let opened = Backend::open(BackendChoice::Cpu).unwrap();
+            let one = EmbeddedNodes::start(&opened, 1, &path, 1 << 28).await.unwrap();
             let choice = StoreChoice::Hash(hash);
             let mut session = Session::open_through(one.dial(), &one.addresses(), choice).await.unwrap();
             let mut views = Vec::new();

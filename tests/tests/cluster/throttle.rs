@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use brickcast::cluster::{Access, NodeClient};
-use brickcast_proto::{LayerOrder, NodeDescription, Part, PrepareRequest, Receipt, RenderOrder, Throttle, TileRect};
+use brickcast_proto::{LayerOrder, LoadRequest, NodeDescription, Part, Receipt, RenderOrder, Throttle, TileRect};
 use brickcast_tests::process::{NodeProcess, brickcast_ok};
 use brickcast_tests::turn;
 use brickcast_volume::scene::{Filter, Look, Quality, Scene, Transport, ViewSpec};
@@ -47,15 +47,15 @@ impl Rig {
         let order = RenderOrder { session: SessionId(1), frame, epoch, store: store.hash, scene, transport, layers };
         let mut rig = Self { node, client, order };
         // Loading is not what is measured here.
-        rig.prepare((0..512).map(BrickId::finest).collect()).await;
+        rig.load((0..512).map(BrickId::finest).collect()).await;
         rig
     }
 
-    async fn prepare(&mut self, bricks: Vec<BrickId>) {
+    async fn load(&mut self, bricks: Vec<BrickId>) {
         let (store, scene) = (self.order.store, self.order.scene.clone());
         let request =
-            PrepareRequest { session: SessionId(1), store, bricks, scene, background: false, release: Vec::new() };
-        self.client.prepare(request).await.unwrap();
+            LoadRequest { session: SessionId(1), store, bricks, scene, background: false, release: Vec::new() };
+        self.client.load(request).await.unwrap();
     }
 
     async fn render(&mut self) -> Receipt {
@@ -123,7 +123,7 @@ async fn a_resting_node_ends_cancelled_frames_and_itself_soon() {
     drop(parts);
     let cancelled = Instant::now();
     // It needs the turn that the frame had.
-    rig.prepare(Vec::new()).await;
+    rig.load(Vec::new()).await;
     assert!(cancelled.elapsed() < Duration::from_secs(30), "{:?}", cancelled.elapsed());
     // On SIGTERM the frame under way is finished, without the rest: that would take longer than the node has.
     rig.order.scene = rig.order.scene.with(|s| s.view.size = PictureSize::new(300, 300).unwrap()).unwrap();

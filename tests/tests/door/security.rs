@@ -6,7 +6,7 @@ use std::process::Output;
 
 use crate::site::{Site, said};
 use brickcast::cluster::{Access, Dial};
-use brickcast::embedded::{BackendChoice, EmbeddedNodes, Kernel};
+use brickcast::embedded::{Backend, BackendChoice, EmbeddedNodes};
 use brickcast::session::{Session, StoreChoice};
 use brickcast_proto::credentials::{Badge, CA_FILE, CLIENT_FILES, SERVER_NAME, TOKEN_FILE, read_tokens};
 use brickcast_proto::transport::{cluster_client, line};
@@ -174,9 +174,9 @@ fn nodes_inside_a_process_want_its_token() {
     let site = Site::new(32);
     let runtime = tokio::runtime::Runtime::new().unwrap();
     runtime.block_on(async {
-        let kernel = Kernel::open(BackendChoice::Cpu).unwrap();
-        let nodes = EmbeddedNodes::start(&kernel, 1, &site.at().join("part.store"), 1 << 30).await.unwrap();
-        let others = EmbeddedNodes::start(&kernel, 1, &site.at().join("part.store"), 1 << 30).await.unwrap();
+        let opened = Backend::open(BackendChoice::Cpu).unwrap();
+        let nodes = EmbeddedNodes::start(&opened, 1, &site.at().join("part.store"), 1 << 30).await.unwrap();
+        let others = EmbeddedNodes::start(&opened, 1, &site.at().join("part.store"), 1 << 30).await.unwrap();
         let ask = async |dial: Dial| {
             Session::open_through(dial, &nodes.addresses(), StoreChoice::Name("part.store".into())).await
         };

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use brickcast::embedded::{BackendChoice, EmbeddedNodes, Kernel};
+use brickcast::embedded::{Backend, BackendChoice, EmbeddedNodes};
 use brickcast::picture::Picture;
 use brickcast::session::{Frame, Session, StoreChoice};
 use brickcast_volume::PictureSize;
@@ -19,9 +19,9 @@ pub(crate) fn runtime() -> tokio::runtime::Runtime {
 }
 
 /// The CPU's, and the GPU's where there is one.
-pub(crate) fn kernels() -> Vec<Kernel> {
-    let mut kernels = vec![Kernel::open(BackendChoice::Cpu).unwrap()];
-    match Kernel::open(BackendChoice::Gpu) {
+pub(crate) fn kernels() -> Vec<Backend> {
+    let mut kernels = vec![Backend::open(BackendChoice::Cpu).unwrap()];
+    match Backend::open(BackendChoice::Gpu) {
         Ok(gpu) => kernels.push(gpu),
         Err(error) if std::env::var_os("BRICKCAST_REQUIRE_ALL").is_none() => {
             eprintln!("skipped: leaping on the GPU: {error}");
@@ -74,8 +74,8 @@ pub(crate) struct Rig {
 }
 
 impl Rig {
-    pub(crate) async fn start(kernel: &Kernel, store: &Store, count: usize) -> Self {
-        let nodes = EmbeddedNodes::start(kernel, count, &store.path(), 1 << 30).await.unwrap();
+    pub(crate) async fn start(opened: &Backend, store: &Store, count: usize) -> Self {
+        let nodes = EmbeddedNodes::start(opened, count, &store.path(), 1 << 30).await.unwrap();
         let session =
             Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash())).await.unwrap();
         Self { session, _nodes: nodes }

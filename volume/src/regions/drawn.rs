@@ -13,7 +13,7 @@ use crate::transfer_function::TransferTable;
 /// voxels of no region keep their 16 bits or lose two, and the inner bit, another half.
 const CODED_SLACK: u16 = 4;
 
-/// The tables by which the samples of a scene are classified.
+/// The tables by which the samples of a scene are classified (turned into colour and opacity).
 #[derive(Debug, Clone, Copy)]
 pub struct SceneTables<'a> {
     pub main: &'a TransferTable,

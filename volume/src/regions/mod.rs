@@ -6,7 +6,6 @@
 
 pub(crate) mod block;
 mod bound;
-mod classify;
 pub mod code;
 pub(crate) mod components;
 pub(crate) mod distance;
@@ -16,13 +15,14 @@ pub(crate) mod given;
 mod reach;
 pub(crate) mod runs;
 mod table;
+mod texels;
 pub(crate) mod windows;
 
 pub use bound::{ChangeRate, change_rate};
-pub use classify::{Classified, ClassifyError, classify};
 pub use code::{Density, density_of_code, guard_width};
 pub use drawn::{Drawn, SceneTables, brick_change, drawn, longest_chord};
 pub use flood::MAX_FLOOD_VOXELS;
 pub use reach::within_reach;
 pub use table::{BrickFacts, BrickRegions, MAX_REGIONS, NO_REGION, Region, RegionTable};
+pub use texels::{RegionTexels, RegionTexelsError, region_texels};
 pub use windows::{Windows, window_width};

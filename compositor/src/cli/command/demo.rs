@@ -22,7 +22,7 @@ use crate::cli::progress::Bar;
 use crate::cli::say::say;
 use crate::cli::scene::SceneChoice;
 use crate::cli::source::prepare_input;
-use crate::embedded::{EmbeddedNodes, Kernel};
+use crate::embedded::{Backend, EmbeddedNodes};
 use crate::output::{FrameOptions, FrameWriter, OutputFormat, hatched, write_manifest};
 use crate::session::{Session, StoreChoice};
 
@@ -35,13 +35,13 @@ pub async fn run(args: DemoArgs, quiet: bool) -> Result<(), Failure> {
     let format = OutputFormat::from_path(&args.output).map_err(Failure::usage)?;
     let opened = phantom_store(&args, quiet)?;
     let store = opened.path().to_path_buf();
-    let kernel = Kernel::open(args.backend.choice())?;
-    let (backend, adapter, notes) = kernel.describe();
+    let raycaster = Backend::open(args.backend.choice())?;
+    let (backend, adapter, notes) = raycaster.describe();
     for note in notes {
         say(quiet, note)?;
     }
     say(quiet, &format!("2. two render nodes in this process, reached over gRPC: {backend}, {adapter}"))?;
-    let nodes = EmbeddedNodes::start(&kernel, 2, &store, BUDGET).await?;
+    let nodes = EmbeddedNodes::start(&raycaster, 2, &store, BUDGET).await?;
     let mut session = Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(opened.hash())).await?;
     let choice = SceneChoice { scene: scene(&opened, size)?, transport: Transport::F16, notes: Vec::new() };
     let load = session.load(&choice.scene).await?;

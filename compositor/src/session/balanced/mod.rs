@@ -7,7 +7,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Weak};
 
-use brickcast_proto::PrepareRequest;
+use brickcast_proto::LoadRequest;
 use brickcast_volume::scene::Scene;
 use brickcast_volume::{BrickId, ChunkId, PerChunk, SessionId};
 use serde::Serialize;
@@ -234,8 +234,8 @@ impl Balanced {
         &self,
         load: &Load,
         first: &Arc<ShownLook>,
-        request: impl Fn(Vec<BrickId>, &Arc<ShownLook>) -> PrepareRequest,
-    ) -> Vec<PrepareRequest> {
+        request: impl Fn(Vec<BrickId>, &Arc<ShownLook>) -> LoadRequest,
+    ) -> Vec<LoadRequest> {
         let others = self.looks.iter().filter_map(Weak::upgrade).filter(|look| !Arc::ptr_eq(look, first));
         let looks: Vec<Arc<ShownLook>> = std::iter::once(first.clone()).chain(others).collect();
         let release: BTreeSet<BrickId> = looks.iter().flat_map(|look| look.shown.bricks_in(&load.drops)).collect();
@@ -243,7 +243,7 @@ impl Balanced {
         for look in &looks {
             let bricks = look.shown.bricks_in(&load.chunks);
             if requests.is_empty() || !bricks.is_empty() {
-                requests.push(PrepareRequest { background: true, ..request(bricks, look) });
+                requests.push(LoadRequest { background: true, ..request(bricks, look) });
             }
         }
         if let Some(first) = requests.first_mut() {
@@ -254,10 +254,10 @@ impl Balanced {
 }
 
 /// Loads beside the frames; the first that does not end well ends it.
-async fn loaded(mut client: NodeClient, requests: Vec<PrepareRequest>) -> LoadOutcome {
+async fn loaded(mut client: NodeClient, requests: Vec<LoadRequest>) -> LoadOutcome {
     let mut ms = 0.0;
     for request in requests {
-        match client.prepare(request).await {
+        match client.load(request).await {
             Ok(receipt) if receipt.fits => ms += receipt.load_ms,
             Ok(_) => return LoadOutcome::DoesNotFit,
             Err(error) => {

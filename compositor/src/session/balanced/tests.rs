@@ -11,7 +11,7 @@ use brickcast_volume::{Camera, Epoch, FrameId, Orbit, PictureSize};
 use super::*;
 use crate::balance::{LoadBy, LookId};
 use crate::cluster::{Members, NodeList, StoreChoice};
-use crate::embedded::{BackendChoice, EmbeddedNodes, Kernel};
+use crate::embedded::{Backend, BackendChoice, EmbeddedNodes};
 use crate::frame::ledger::{Ledger, Ticket};
 use crate::plan::{InView, StoreFacts};
 use crate::session::look::ShownLook;
@@ -51,8 +51,8 @@ async fn what_is_shared_out_is_ordered_whole_from_the_first_moment() {
     let folder = tempfile::tempdir().unwrap();
     let store = store(folder.path());
     let scene = scene(&store);
-    let kernel = Kernel::open(BackendChoice::Cpu).unwrap();
-    let nodes = EmbeddedNodes::start(&kernel, NODES, &store.path(), 1 << 28).await.unwrap();
+    let opened = Backend::open(BackendChoice::Cpu).unwrap();
+    let nodes = EmbeddedNodes::start(&opened, NODES, &store.path(), 1 << 28).await.unwrap();
     let (list, choice) = (NodeList::parse(&nodes.addresses()).unwrap(), StoreChoice::Hash(store.hash()));
     let (members, _) = Members::open(list, &nodes.dial(), &choice).await.unwrap();
     let facts = StoreFacts {

@@ -3,7 +3,7 @@
 use std::net::{IpAddr, Ipv4Addr};
 use std::sync::atomic::Ordering;
 
-use brickcast_proto::{FramePart, NodeState, Part, PrepareRequest, Receipt, RenderOrder, StoreQuery};
+use brickcast_proto::{FramePart, LoadRequest, NodeState, Part, Receipt, RenderOrder, StoreQuery};
 use brickcast_volume::scene::Scene;
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use brickcast_volume::{BrickId, MergeTree, Orbit, SessionId, StoreHash};
@@ -124,13 +124,13 @@ async fn stores_are_described_prepared_and_refused_by_name() {
     let request = |bricks: std::ops::Range<u32>| {
         let bricks = bricks.map(BrickId::finest).collect();
         let (store, scene) = (served.hash, everything_shown());
-        PrepareRequest { session: SessionId(1), store, bricks, scene, background: false, release: Vec::new() }
+        LoadRequest { session: SessionId(1), store, bricks, scene, background: false, release: Vec::new() }
     };
-    let receipt = client.prepare(request(0..175)).await.unwrap();
+    let receipt = client.load(request(0..175)).await.unwrap();
     assert!(receipt.fits && receipt.bricks == 175, "{receipt:?}");
     assert_eq!(receipt.owned_bytes, 40 * 33 * 50);
     assert_eq!(served.raycaster.uploads.load(Ordering::SeqCst), 175);
-    assert_eq!(client.prepare(request(175..176)).await.unwrap_err().code(), Code::InvalidArgument);
+    assert_eq!(client.load(request(175..176)).await.unwrap_err().code(), Code::InvalidArgument);
     let node = client.describe().await;
     assert_eq!((node.resident_bricks, node.memory_used), (175, receipt.resident_bytes));
     assert_eq!((node.state, node.protocol), (NodeState::Serving, brickcast_proto::PROTOCOL_VERSION));
@@ -149,7 +149,7 @@ async fn links_that_come_after_a_store_was_opened_are_refused() {
     let client = served.client();
     let open = |name: &str| client.open_store(StoreQuery::Name { name: name.to_owned(), expected: None });
     let load = || {
-        client.prepare(PrepareRequest {
+        client.load(LoadRequest {
             session: SessionId(1),
             store: halos,
             bricks: (0..36).map(BrickId::finest).collect(),

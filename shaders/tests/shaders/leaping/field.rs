@@ -2,7 +2,9 @@
 
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::regions::code::{MAX_DENSITY, code_of_density};
-use brickcast_volume::regions::{BrickRegions, Classified, NO_REGION, Region, RegionTable, classify, density_of_code};
+use brickcast_volume::regions::{
+    BrickRegions, NO_REGION, Region, RegionTable, RegionTexels, density_of_code, region_texels,
+};
 use brickcast_volume::store::BrickVoxels;
 use brickcast_volume::{BrickGrid, StoredBox};
 use glam::{IVec3, UVec3};
@@ -120,9 +122,9 @@ impl Field {
         }
     }
 
-    pub(crate) fn classified(&self, owned: &OwnedBox, guard: u32) -> Classified {
+    pub(crate) fn texels(&self, owned: &OwnedBox, guard: u32) -> RegionTexels {
         let stored = owned.stored(1);
-        classify(&self.voxels(stored), &self.regions(stored), &self.table, guard, 0).unwrap()
+        region_texels(&self.voxels(stored), &self.regions(stored), &self.table, guard, 0).unwrap()
     }
 
     /// The owned boxes of a grid of bricks.

@@ -85,7 +85,7 @@ fn brick_wholly_inside_region() {
     let uniform = field
         .bricks(8)
         .into_iter()
-        .filter(|b| matches!(field.classified(b, 3), brickcast_volume::regions::Classified::Uniform { label: 1, .. }));
+        .filter(|b| matches!(field.texels(b, 3), brickcast_volume::regions::RegionTexels::Uniform { label: 1, .. }));
     assert!(uniform.count() > 20);
     let c = assert_exact(&field, &STEPS, DVec3::ONE);
     assert!(c.leapt > c.positions / 2, "{c:?}");

@@ -6,7 +6,7 @@ use brickcast_shaders::twin::raycast::{Ray, owned_segment};
 use brickcast_volume::Premul;
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::regions::code::{CodedTexel, MAX_DENSITY};
-use brickcast_volume::regions::{Classified, guard_width};
+use brickcast_volume::regions::{RegionTexels, guard_width};
 use bytemuck::Zeroable;
 use glam::DVec3;
 
@@ -71,14 +71,14 @@ impl Brick {
         let stored = owned.stored(1);
         let mut uniform = BrickUniform::of_boxes(&owned, &stored);
         let code = |density: &u16| f32::from(*density) / f32::from(MAX_DENSITY);
-        let (texels, means) = match field.classified(&owned, guard) {
-            Classified::Plain => (field.voxels(stored).codes, None),
-            Classified::Flat { codes } => (codes, None),
-            Classified::Uniform { mean, .. } => {
+        let (texels, means) = match field.texels(&owned, guard) {
+            RegionTexels::Plain => (field.voxels(stored).codes, None),
+            RegionTexels::Flat { codes } => (codes, None),
+            RegionTexels::Uniform { mean, .. } => {
                 uniform.stored_dims = [1; 3];
                 (vec![CodedTexel::Leap { distance: 255, slot: 0 }.pack()], Some(vec![code(&mean)]))
             }
-            Classified::Coded { texels, means, .. } => {
+            RegionTexels::Coded { texels, means, .. } => {
                 let mut means: Vec<f32> = means.iter().map(code).collect();
                 if broken == Broken::WrongSlot {
                     means.rotate_left(1);

@@ -12,7 +12,7 @@ fn a_small_memory_budget_changes_no_bit() {
     let input = volume_file(folder.path());
     let store = store(folder.path(), &input, 32);
     runtime().block_on(async {
-        let kernel = Kernel::open(BackendChoice::Cpu).unwrap();
+        let kernel = Backend::open(BackendChoice::Cpu).unwrap();
         let mut frames = Vec::new();
         for budget in [1 << 30, 34 * 34 * 34 * 2 * 5] {
             let nodes = EmbeddedNodes::start(&kernel, 2, &store.path(), budget).await.unwrap();
@@ -31,7 +31,7 @@ fn a_small_memory_budget_changes_no_bit() {
 async fn planned_memory_is_what_nodes_hold() {
     let folder = tempfile::tempdir().unwrap();
     let input = volume_file(folder.path());
-    let kernel = Kernel::open(BackendChoice::Cpu).unwrap();
+    let kernel = Backend::open(BackendChoice::Cpu).unwrap();
     for brick_size in [16, 64] {
         let store = store(folder.path(), &input, brick_size);
         let plain = scene(&store, cameras(&store)[0].1, (16, 16), false);

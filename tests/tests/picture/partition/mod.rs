@@ -5,7 +5,7 @@ mod memory;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use brickcast::embedded::{BackendChoice, EmbeddedNodes, Kernel};
+use brickcast::embedded::{Backend, BackendChoice, EmbeddedNodes};
 use brickcast::plan::{Assignment, Share};
 use brickcast::session::{Frame, Session, StoreChoice};
 use brickcast_volume::camera::{Camera, Orbit, Projection};
@@ -90,9 +90,9 @@ fn runtime() -> tokio::runtime::Runtime {
     tokio::runtime::Builder::new_multi_thread().worker_threads(2).enable_all().build().unwrap()
 }
 
-fn kernels() -> Vec<Kernel> {
-    let mut kernels = vec![Kernel::open(BackendChoice::Cpu).unwrap()];
-    match Kernel::open(BackendChoice::Gpu) {
+fn kernels() -> Vec<Backend> {
+    let mut kernels = vec![Backend::open(BackendChoice::Cpu).unwrap()];
+    match Backend::open(BackendChoice::Gpu) {
         Ok(gpu) => kernels.push(gpu),
         Err(error) if std::env::var_os("BRICKCAST_REQUIRE_ALL").is_none() => {
             eprintln!("skipped: partitions on the GPU: {error}");

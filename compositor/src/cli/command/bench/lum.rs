@@ -15,7 +15,7 @@ use crate::cli::args::BenchArgs;
 use crate::cli::failure::Failure;
 use crate::cli::say::tell;
 use crate::cli::source::Source;
-use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
+use crate::embedded::{Backend, EmbeddedNodes, parse_size};
 use crate::output::write_json;
 use crate::picture::Picture;
 use crate::session::{Session, StoreChoice};
@@ -55,12 +55,12 @@ struct Timed {
 /// As a render.
 pub(super) async fn run(args: &BenchArgs) -> Result<(), Failure> {
     let budget = parse_size(&args.memory_budget).map_err(|e| Failure::usage(anyhow!(e)))?;
-    let kernel = Kernel::open(args.backend.choice())?;
-    let (backend, adapter, _) = kernel.describe();
+    let opened = Backend::open(args.backend.choice())?;
+    let (backend, adapter, _) = opened.describe();
     let Source::Store(store) = args.prepare.open(&args.path, false)? else {
         return Err(anyhow!("{}: no such store", args.path.display()).into());
     };
-    let rows = measure(args, &kernel, &store, budget).await?;
+    let rows = measure(args, &opened, &store, budget).await?;
     let (w, h) = args.scene.size;
     tell(&format!(
         "{backend}: {adapter}\n{w} x {h}, median of {} frames; errors against step 1/64, /255\n{}\n",
@@ -92,8 +92,8 @@ fn scene(
     Ok(scene_args.plan()?.on(store.manifest())?.scene)
 }
 
-async fn measure(args: &BenchArgs, kernel: &Kernel, store: &Store, budget: u64) -> Result<Vec<Row>, Failure> {
-    let nodes = EmbeddedNodes::start(kernel, 1, &store.path(), budget).await?;
+async fn measure(args: &BenchArgs, opened: &Backend, store: &Store, budget: u64) -> Result<Vec<Row>, Failure> {
+    let nodes = EmbeddedNodes::start(opened, 1, &store.path(), budget).await?;
     let mut session = Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash())).await?;
     let limit = Duration::from_secs(3600);
     let is_lit = args.scene.style.shading == Some(ShadingKind::Phong);

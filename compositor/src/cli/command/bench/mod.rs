@@ -14,7 +14,7 @@ use crate::cli::failure::Failure;
 use crate::cli::say::{say, tell};
 use crate::cli::scene::SceneChoice;
 use crate::cli::source::Source;
-use crate::embedded::{BackendChoice, EmbeddedNodes, Kernel, parse_size};
+use crate::embedded::{Backend, BackendChoice, EmbeddedNodes, parse_size};
 use crate::output::write_json;
 use crate::session::{Session, StoreChoice};
 use crate::words::bytes;
@@ -53,17 +53,17 @@ pub async fn run(args: BenchArgs, quiet: bool) -> Result<(), Failure> {
     let mut rows = Vec::new();
     let mut adapters = Vec::new();
     for backend in [BackendChoice::Gpu, BackendChoice::Cpu] {
-        let kernel = match Kernel::open(backend) {
-            Ok(kernel) => kernel,
+        let opened = match Backend::open(backend) {
+            Ok(opened) => opened,
             Err(error) => {
                 tracing::warn!("left out: {error}");
                 continue;
             }
         };
-        let (name, adapter, _) = kernel.describe();
+        let (name, adapter, _) = opened.describe();
         adapters.push(json!({ "backend": name, "adapter": adapter }));
         for &nodes in &args.counts {
-            rows.push(measure(&args, &kernel, &store, &choice, (name, nodes), budget).await?);
+            rows.push(measure(&args, &opened, &store, &choice, (name, nodes), budget).await?);
         }
     }
     report(&args, &store, &rows, &adapters)
@@ -71,13 +71,13 @@ pub async fn run(args: BenchArgs, quiet: bool) -> Result<(), Failure> {
 
 async fn measure(
     args: &BenchArgs,
-    kernel: &Kernel,
+    opened: &Backend,
     store: &Store,
     choice: &SceneChoice,
     (backend, count): (&'static str, usize),
     budget: u64,
 ) -> Result<Row, Failure> {
-    let nodes = EmbeddedNodes::start(kernel, count, &store.path(), budget).await?;
+    let nodes = EmbeddedNodes::start(opened, count, &store.path(), budget).await?;
     let mut session = Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash())).await?;
     let load = session.load(&choice.scene).await?;
     let limit = std::time::Duration::from_secs(3600);

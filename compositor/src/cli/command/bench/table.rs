@@ -13,7 +13,7 @@ use crate::cli::args::{AccelArg, BenchArgs, TableArg};
 use crate::cli::failure::Failure;
 use crate::cli::say::{say, tell};
 use crate::cli::source::Source;
-use crate::embedded::{EmbeddedNodes, Kernel, parse_size};
+use crate::embedded::{Backend, EmbeddedNodes, parse_size};
 use crate::output::write_json;
 use crate::picture::Picture;
 use crate::session::{Session, StoreChoice};
@@ -66,8 +66,8 @@ pub(super) async fn run(args: &BenchArgs, which: TableArg, quiet: bool) -> Resul
         return Err(Failure::usage(anyhow!("--ranges: every segmentation range must lie between 0 and 1")));
     }
     let budget = parse_size(&args.memory_budget).map_err(|e| Failure::usage(anyhow!(e)))?;
-    let kernel = Kernel::open(args.backend.choice())?;
-    let (backend, adapter, notes) = kernel.describe();
+    let opened = Backend::open(args.backend.choice())?;
+    let (backend, adapter, notes) = opened.describe();
     for note in notes {
         say(quiet, note)?;
     }
@@ -78,7 +78,7 @@ pub(super) async fn run(args: &BenchArgs, which: TableArg, quiet: bool) -> Resul
             return Err(anyhow!("{}: no such store", args.path.display()).into());
         };
         dims = store.manifest().geometry.dims().to_array();
-        rows.extend(measure(args, &kernel, &store, modes, budget).await?);
+        rows.extend(measure(args, &opened, &store, modes, budget).await?);
     }
     let (w, h) = args.scene.size;
     tell(&format!(
@@ -119,12 +119,12 @@ struct Timed {
 
 async fn measure(
     args: &BenchArgs,
-    kernel: &Kernel,
+    opened: &Backend,
     store: &Store,
     modes: &[Mode],
     budget: u64,
 ) -> Result<Vec<Row>, Failure> {
-    let nodes = EmbeddedNodes::start(kernel, 1, &store.path(), budget).await?;
+    let nodes = EmbeddedNodes::start(opened, 1, &store.path(), budget).await?;
     let mut session = Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash())).await?;
     let limit = Duration::from_secs(3600);
     let mut timed = Vec::new();

@@ -10,7 +10,7 @@ use crate::cli::failure::Failure;
 use crate::cli::say::say;
 use crate::cli::source::{self, Source};
 use crate::cluster::Dial;
-use crate::embedded::{BackendChoice, EmbeddedNodes, Kernel, parse_size};
+use crate::embedded::{Backend, BackendChoice, EmbeddedNodes, parse_size};
 use crate::session::Session;
 
 /// Who renders, and for how long a frame may take.
@@ -72,13 +72,13 @@ impl NodePlan {
             return Ok((session, None));
         }
         let Source::Store(store) = source else { return Err(anyhow!("{}: no such store", path.display()).into()) };
-        let kernel = Kernel::open(self.backend)?;
-        let (backend, adapter, notes) = kernel.describe();
+        let opened = Backend::open(self.backend)?;
+        let (backend, adapter, notes) = opened.describe();
         for note in notes {
             say(quiet, note)?;
         }
         tracing::info!("{backend}: {adapter}");
-        let nodes = EmbeddedNodes::start(&kernel, self.count, &store.path(), self.memory_budget).await?;
+        let nodes = EmbeddedNodes::start(&opened, self.count, &store.path(), self.memory_budget).await?;
         let session = Session::open_through(nodes.dial(), &nodes.addresses(), source.choice()).await?;
         Ok((session, Some(nodes)))
     }

@@ -67,7 +67,7 @@ async fn a_client_loads_and_asks_so_much_at_once_and_no_more() {
     // A frame has the turn, so that what is loaded ahead waits.
     let held = served.hold();
     let frame = served.start(&served.order(64, 64)).await.unwrap();
-    let request = || PrepareRequest {
+    let request = || LoadRequest {
         session: SessionId(1),
         store: served.hash,
         bricks: vec![BrickId::finest(1)],
@@ -78,7 +78,7 @@ async fn a_client_loads_and_asks_so_much_at_once_and_no_more() {
     let mut loads = tokio::task::JoinSet::new();
     for _ in 0..=MAX_LOADS {
         let (client, request) = (served.connect().await, request());
-        loads.spawn(async move { client.prepare(request).await });
+        loads.spawn(async move { client.load(request).await });
     }
     let in_time = Duration::from_secs(20);
     let first = tokio::time::timeout(in_time, loads.join_next()).await.expect("one of them is refused at once");
@@ -88,13 +88,13 @@ async fn a_client_loads_and_asks_so_much_at_once_and_no_more() {
     // Questions have places of their own, and another client has its own.
     served.client().describe().await;
     let (client, theirs) = (served.connect_from(2).await, request());
-    loads.spawn(async move { client.prepare(theirs).await });
+    loads.spawn(async move { client.load(theirs).await });
     drop(held);
     frame.finish().await.unwrap();
     while let Some(load) = tokio::time::timeout(in_time, loads.join_next()).await.unwrap() {
         load.unwrap().unwrap();
     }
-    served.client().prepare(request()).await.unwrap();
+    served.client().load(request()).await.unwrap();
     // As many questions one after the other as one likes.
     for _ in 0..10 * MAX_QUESTIONS {
         served.client().describe().await;
@@ -152,9 +152,8 @@ async fn loading_and_tables_do_not_hold_up_the_runtime() {
         let mut scene = everything_shown();
         scene = scene.with(|s| s.quality.step = 0.5 + f64::from(width) * 0.01).unwrap();
         let bricks = (0..175).map(BrickId::finest).collect();
-        let request =
-            PrepareRequest { session: SessionId(2), store, bricks, scene, background: false, release: vec![] };
-        loads.spawn(async move { client.prepare(request).await });
+        let request = LoadRequest { session: SessionId(2), store, bricks, scene, background: false, release: vec![] };
+        loads.spawn(async move { client.load(request).await });
     }
     for _ in 0..10 {
         let asked = std::time::Instant::now();

@@ -8,7 +8,7 @@ use crate::brick::{BrickVoxels, StoredBox};
 
 /// A brick of V', as it is drawn.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Classified {
+pub enum RegionTexels {
     /// No voxel of the stored box is in a region: the voxels' own 16-bit codes serve.
     Plain,
     /// Region voxels, but none to leap from: V' in 16-bit codes.
@@ -26,7 +26,7 @@ pub enum Classified {
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum ClassifyError {
+pub enum RegionTexelsError {
     #[error("{got} codes, {labels} labels and {distances} distances for boxes of {voxels} and {covered} voxels")]
     Counts { got: usize, labels: usize, distances: usize, voxels: u64, covered: u64 },
     #[error(
@@ -42,29 +42,29 @@ pub enum ClassifyError {
     Slots { dims: [u32; 3] },
 }
 
-/// Classifies the voxels of a stored box for rays whose step needs `guard` (see [`super::guard_width`]);
+/// The texels of a stored box for rays whose step needs `guard` (see [`super::guard_width`]);
 /// `gradient_radius` is 0 for density alone. `regions` covers the stored box and at least `1 + gradient_radius` voxels
 /// more.
 ///
 /// # Errors
 /// Boxes and voxels that do not fit each other, labels that the table lacks, too many regions for the slots.
-pub fn classify(
+pub fn region_texels(
     voxels: &BrickVoxels,
     regions: &BrickRegions,
     table: &RegionTable,
     guard: u32,
     gradient_radius: u32,
-) -> Result<Classified, ClassifyError> {
+) -> Result<RegionTexels, RegionTexelsError> {
     let (stored, covered) = (voxels.stored, regions.covered);
     let margin = 1 + gradient_radius;
     let reach = glam::IVec3::splat(margin as i32);
     if covered.lo.cmpgt(stored.lo - reach).any() || covered.hi.cmplt(stored.hi + reach).any() {
-        return Err(ClassifyError::Margin { covered, stored, margin });
+        return Err(RegionTexelsError::Margin { covered, stored, margin });
     }
     let (got, labels, distances) = (voxels.codes.len(), regions.labels.len(), regions.distances.len());
     let (count, all) = (stored.voxel_count(), covered.voxel_count());
     if got as u64 != count || labels as u64 != all || distances as u64 != all {
-        return Err(ClassifyError::Counts { got, labels, distances, voxels: count, covered: all });
+        return Err(RegionTexelsError::Counts { got, labels, distances, voxels: count, covered: all });
     }
     let inside = Inside::new(&stored, &covered);
     let first = inside.rows().next().map_or(NO_REGION, |row| regions.labels[row.start]);
@@ -78,14 +78,14 @@ pub fn classify(
         }
     }
     let mean = |label: u32| {
-        let region = table.get(label).ok_or(ClassifyError::Label { label, regions: table.0.len() })?;
+        let region = table.get(label).ok_or(RegionTexelsError::Label { label, regions: table.0.len() })?;
         Ok(region.mean())
     };
     if !has_regions {
-        return Ok(Classified::Plain);
+        return Ok(RegionTexels::Plain);
     }
     if is_uniform {
-        return Ok(Classified::Uniform { label: first, mean: mean(first)? });
+        return Ok(RegionTexels::Uniform { label: first, mean: mean(first)? });
     }
     // The means of the last label seen: neighbours mostly share one.
     let mut last = (NO_REGION, 0);
@@ -103,7 +103,7 @@ pub fn classify(
                 flat.push(if label == NO_REGION { code } else { code_of_density(mean_of(label)?) });
             }
         }
-        return Ok(Classified::Flat { codes: flat });
+        return Ok(RegionTexels::Flat { codes: flat });
     }
     let near_leap = near_leaps(regions, guard, margin);
     let mut slots = Slots::default();
@@ -114,7 +114,7 @@ pub fn classify(
             let texel = if label == NO_REGION {
                 CodedTexel::Value { density: density_of_code(code), inner: false }
             } else if u32::from(distance) > guard {
-                let slot = slots.of(label).ok_or(ClassifyError::Slots { dims: stored.dims().into() })?;
+                let slot = slots.of(label).ok_or(RegionTexelsError::Slots { dims: stored.dims().into() })?;
                 CodedTexel::Leap { distance, slot }
             } else {
                 CodedTexel::Value { density: mean_of(label)?, inner: near_leap[at] }
@@ -124,7 +124,7 @@ pub fn classify(
     }
     let labels = slots.labels;
     let means = labels.iter().map(|&label| mean(label)).collect::<Result<_, _>>()?;
-    Ok(Classified::Coded { texels, means, labels })
+    Ok(RegionTexels::Coded { texels, means, labels })
 }
 
 /// Slots in the order of their first leap voxel.
