@@ -53,9 +53,9 @@ impl KernelScene {
             .with_filter(self.filter)
     }
 
-    /// The box to which rays are clipped in a brick, and whether empty-space skipping pays within it. The box is the part
-    /// of `owned` that holds all samples and slabs that show, where all that is not empty lies in `occupied`: a slab that
-    /// shows starts or ends there. For a projection it is all of `owned`: every sample counts.
+    /// The box to which rays are clipped in a brick, and whether empty-space skipping pays within it. The box is the
+    /// part of `owned` that holds all samples and slabs that show, where all that is not empty lies in `occupied`: a
+    /// slab that shows starts or ends there. For a projection it is all of `owned`: every sample counts.
     pub(crate) fn bounds(&self, occupied: Occupied, owned: &OwnedBox) -> (OwnedBox, bool) {
         let Occupied { bounds, skips, skips_uncut } = occupied;
         if self.pixel_kind().is_projection() {
