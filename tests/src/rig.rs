@@ -57,6 +57,8 @@ pub struct Rig {
     pub proxies: Vec<Proxy>,
     /// Of the pictures, pixels.
     pub size: (u32, u32),
+    /// Seconds that a frame may take; a node that falls silent is given up after half of them.
+    pub deadline: u64,
     /// What one node draws, per azimuth asked for.
     reference: Session,
     _one: NodeProcess,
@@ -70,7 +72,7 @@ impl Rig {
         let reference = open(&store, std::slice::from_ref(&one.address)).await.unwrap();
         let nodes: Vec<NodeProcess> = (0..count).map(|_| node(folder.path())).collect();
         let proxies = nodes.iter().map(|n| Proxy::start(&n.address)).collect();
-        Self { folder, store, nodes, proxies, size: (320, 256), reference, _one: one }
+        Self { folder, store, nodes, proxies, size: (320, 256), deadline: 60, reference, _one: one }
     }
 
     /// Ends a node, if it has not ended, and starts another at its address, with these flags.
@@ -101,7 +103,7 @@ impl Rig {
     pub async fn good_frame(&mut self, session: &mut Session, azimuth: f64) -> Frame {
         let mut scene = scene(&self.store, azimuth);
         scene = scene.with(|s| s.view.size = PictureSize::new(self.size.0, self.size.1).unwrap()).unwrap();
-        let frame = render(session, &scene, 60).await.unwrap();
+        let frame = render(session, &scene, self.deadline).await.unwrap();
         assert!(frame.complete && frame.problems.is_empty(), "{:?}", frame.problems);
         let want = render(&mut self.reference, &scene, 60).await.unwrap();
         assert!(want.complete && want.picture.pixels().iter().any(|p| p.a > 0.3), "nothing to see");
