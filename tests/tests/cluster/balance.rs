@@ -116,8 +116,8 @@ fn both_render(frames: &[Value]) {
     }
 }
 
-/// From the even split of `--balance off` to an even load within 20 frames, and it stays even. Load is counted in samples,
-/// so that long steps have the ratios of short ones.
+/// From the even split of `--balance off` to an even load within 20 frames, and it stays even. Load is counted in
+/// samples, so that long steps have the ratios of short ones.
 fn becomes_even(folder: &Path, nodes: [&NodeProcess; 2], step: &str, at_first: f64) {
     let path = ["--frames", "60", "--orbit", "40", "--size", "192x192", "--step", step];
     let still = with(&path, &["--balance", "off"]);
