@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use crate::process::{NodeProcess, brickcast_ok};
 use crate::proxy::{Fault, Proxy};
-use brickcast::cluster::{Access, Dial, NodeClient, NodeError, Target};
+use brickcast::cluster::{Access, CallError, Dial, NodeClient, Target};
 use brickcast::session::{Frame, Session, SessionError, StoreChoice};
 use brickcast_proto::credentials::Badge;
 use brickcast_volume::scene::{Filter, Look, Quality, Scene, Transport, ViewSpec};
@@ -141,7 +141,7 @@ pub async fn open_from(number: u8, store: &Store, nodes: &[String]) -> Result<Se
         let endpoint = NodeClient::endpoint(&target.address, &Access::default())?;
         let channel = endpoint.local_address(Some(loopback(number))).connect().await;
         let channel = channel
-            .map_err(|e| NodeError::Unreachable { address: target.address.clone(), reason: format!("{e:?}") })?;
+            .map_err(|e| CallError::Unreachable { address: target.address.clone(), reason: format!("{e:?}") })?;
         Ok(NodeClient::over(&target.address, channel, Badge::default()))
     });
     Session::open_through(dial, nodes, StoreChoice::Hash(store.hash())).await

@@ -5,7 +5,7 @@ use brickcast_volume::{ChunkId, PerChunk};
 use super::balancer::Balancer;
 use super::basket::{Basket, may_load, send};
 use super::copies::copies;
-use super::settings::Mode;
+use super::settings::Balancing;
 use super::types::{Load, Reason};
 
 impl Balancer {
@@ -17,7 +17,7 @@ impl Balancer {
 }
 
 fn background(b: &mut Balancer) -> Vec<Load> {
-    if b.settings.mode != Mode::Dynamic || b.totals.plan.present.is_empty() {
+    if b.settings.mode != Balancing::Dynamic || b.totals.plan.present.is_empty() {
         return Vec::new();
     }
     let largest = b.totals.plan.present.iter().map(|&n| b.totals.plan.load[n]).fold(0.0, f64::max);

@@ -4,7 +4,7 @@
 use brickcast_volume::ChunkId;
 
 use super::balancer::Balancer;
-use super::settings::Mode;
+use super::settings::Balancing;
 use super::spread::{Own, Plan};
 use super::types::{Demand, Division, Part};
 
@@ -62,7 +62,7 @@ fn divide(b: &mut Balancer) -> Division {
 }
 
 fn cuts(b: &Balancer) -> bool {
-    b.settings.mode == Mode::Dynamic && b.settings.split
+    b.settings.mode == Balancing::Dynamic && b.settings.split
 }
 
 /// Gives a primary to every chunk in view that has none.
@@ -77,7 +77,7 @@ fn appoint_all(b: &mut Balancer, seen: &[ChunkId], plan: &Plan, division: &mut D
         let cost = b.predictor.cost[chunk];
         let after = |node: usize| load[node] + plan.kappa[node] * cost;
         let holders = &b.table.holders[chunk];
-        let index = if b.settings.mode == Mode::Static {
+        let index = if b.settings.mode == Balancing::Static {
             // By cost alone: whoever held it before drops it.
             let index = home(b, chunk, &plan.present, after);
             for other in b.table.holders[chunk].clone().into_iter().filter(|h| *h != index) {
@@ -171,7 +171,7 @@ fn place(b: &mut Balancer, chunk: ChunkId, plan: &mut Plan) {
     let heavy =
         cuts(b) && strips > 1 && holders.len() > 1 && plan.kappa[primary] * cost > b.settings.heavy * plan.bound;
     let room = b.settings.keep * plan.bound;
-    let keeps = b.settings.mode != Mode::Dynamic
+    let keeps = b.settings.mode != Balancing::Dynamic
         || b.is_settled(chunk)
         || after(plan, primary) <= room
         || (heavy && plan.load[primary] < (1.0 - b.settings.heavy) * plan.bound);

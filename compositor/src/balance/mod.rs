@@ -25,7 +25,7 @@ mod types;
 
 pub use self::balancer::Balancer;
 pub use self::report::{Report, SeatLoad, max_over_mean};
-pub use self::settings::{LoadBy, Mode, Settings};
+pub use self::settings::{Balancing, LoadBy, Settings};
 pub use self::types::{
     ChunkFacts, Demand, Division, Load, LoadOutcome, LookId, NodeFacts, Observed, Part, Reason, Seat,
 };

@@ -230,7 +230,7 @@ proptest! {
 
     #[test]
     fn no_chunk_is_lost_or_doubled_and_budgets_are_kept(
-        mode in prop_oneof![1 => Just(Mode::Off), 1 => Just(Mode::Static), 6 => Just(Mode::Dynamic)],
+        mode in prop_oneof![1 => Just(Balancing::Off), 1 => Just(Balancing::Static), 6 => Just(Balancing::Dynamic)],
         (load_by, split) in (prop_oneof![Just(LoadBy::Samples), Just(LoadBy::Time)], prop::bool::weighted(0.8)),
         replicas in 1_u32..4,
         script in prop::collection::vec(event(), 0..200),

@@ -5,7 +5,7 @@ use serde::Serialize;
 /// How much is balanced.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Mode {
+pub enum Balancing {
     /// Chunks stay with the nodes that loaded them.
     Off,
     /// Primaries by the predicted cost of the first view, never changed.
@@ -30,7 +30,7 @@ pub enum LoadBy {
 /// `T` is the lower bound of a frame's time: all cost over the speed of all nodes.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Settings {
-    pub mode: Mode,
+    pub mode: Balancing,
     pub load_by: LoadBy,
     /// Holders of every chunk where memory allows; hot ones get more. 1: no copies at all.
     pub replicas: u32,
@@ -65,7 +65,7 @@ pub struct Settings {
 impl Default for Settings {
     fn default() -> Self {
         Self {
-            mode: Mode::default(),
+            mode: Balancing::default(),
             load_by: LoadBy::default(),
             replicas: 2,
             split: true,

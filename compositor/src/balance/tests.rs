@@ -166,7 +166,7 @@ fn a_full_node_gives_up_cold_copies_for_hot_ones() {
 
 #[test]
 fn a_static_division_is_by_cost_and_stays() {
-    let settings = Settings { mode: Mode::Static, ..Settings::default() };
+    let settings = Settings { mode: Balancing::Static, ..Settings::default() };
     let mut b = two_halves(settings, [1.0; 2]);
     let view = one_sided();
     let first = b.divide(&view);

@@ -8,12 +8,12 @@ use futures_util::FutureExt as _;
 use futures_util::future::BoxFuture;
 
 use super::access::Access;
+use super::call_error::CallError;
 use super::discovery::Target;
-use super::node_error::NodeError;
 use super::pings::Pings;
 use super::service::{LOAD_DEADLINE, NodeClient};
 
-type Connect = dyn Fn(Target) -> BoxFuture<'static, Result<NodeClient, NodeError>> + Send + Sync;
+type Connect = dyn Fn(Target) -> BoxFuture<'static, Result<NodeClient, CallError>> + Send + Sync;
 
 /// Opens connections to nodes.
 #[derive(Clone)]
@@ -23,7 +23,7 @@ impl Dial {
     /// Connects by `connect`, e.g. through a simulated network.
     pub fn through<F>(connect: impl Fn(Target) -> F + Send + Sync + 'static) -> Self
     where
-        F: Future<Output = Result<NodeClient, NodeError>> + Send + 'static,
+        F: Future<Output = Result<NodeClient, CallError>> + Send + 'static,
     {
         Self(Arc::new(move |target| connect(target).boxed()))
     }
@@ -44,7 +44,7 @@ impl Dial {
 
     /// # Errors
     /// As [`NodeClient::connect`].
-    pub fn connect(&self, target: Target) -> BoxFuture<'static, Result<NodeClient, NodeError>> {
+    pub fn connect(&self, target: Target) -> BoxFuture<'static, Result<NodeClient, CallError>> {
         (self.0)(target)
     }
 }

@@ -2,13 +2,13 @@
 
 use brickcast_volume::StoreHash;
 
+use super::call_error::CallError;
 use super::discovery::DiscoveryError;
-use super::node_error::NodeError;
 
 #[derive(Debug, thiserror::Error)]
 pub enum ClusterError {
     #[error(transparent)]
-    Node(#[from] NodeError),
+    Node(#[from] CallError),
     #[error(transparent)]
     Discovery(#[from] DiscoveryError),
     #[error("no nodes were named")]

@@ -12,9 +12,9 @@ use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio::time::Instant;
 
+use super::call_error::CallError;
 use super::dial::Dial;
 use super::discovery::{NodeList, Target};
-use super::node_error::NodeError;
 use super::service::NodeClient;
 use crate::plan::{Assignment, Shown};
 
@@ -215,11 +215,11 @@ async fn sleep_until(wake: Option<Instant>) {
     }
 }
 
-async fn attempt(target: Target, dial: Dial, store: StoreHash, outlooks: Outlooks) -> Result<Arrival, NodeError> {
+async fn attempt(target: Target, dial: Dial, store: StoreHash, outlooks: Outlooks) -> Result<Arrival, CallError> {
     let mut client = dial.connect(target.clone()).await?;
     let description = client.describe().await?;
     if description.state == NodeState::Draining {
-        return Err(NodeError::Draining { address: target.address });
+        return Err(CallError::Draining { address: target.address });
     }
     client.open_store(store).await?;
     let mut holds = BTreeSet::new();

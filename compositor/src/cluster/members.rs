@@ -12,11 +12,11 @@ use brickcast_volume::{ChunkId, Epoch, StoreHash};
 use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 
+use super::call_error::CallError;
 use super::dial::Dial;
 use super::discovery::{NodeList, Target};
 use super::error::ClusterError;
 use super::follow::{Arrival, Follower, News, Outlooks};
-use super::node_error::NodeError;
 use super::roster::{Member, Roster, Slot};
 use super::service::NodeClient;
 
@@ -205,7 +205,7 @@ impl Members {
 
 /// Why a node did not answer at the start.
 struct FirstFailed {
-    error: NodeError,
+    error: CallError,
     /// Something listens there, and only its answers were lost.
     was_reached: bool,
 }
@@ -215,8 +215,8 @@ async fn first(target: Target, dial: Dial, choice: StoreChoice) -> Result<First,
     let mut was_reached = false;
     for _ in 1..FIRST_CALLS {
         match ask(&target, &dial, &choice, &mut was_reached).await {
-            Err(NodeError::Unreachable { address, reason }) if !was_reached => {
-                return Err(FirstFailed { error: NodeError::Unreachable { address, reason }, was_reached });
+            Err(CallError::Unreachable { address, reason }) if !was_reached => {
+                return Err(FirstFailed { error: CallError::Unreachable { address, reason }, was_reached });
             }
             Err(error) if error.may_be_damage() => tracing::debug!("asked again: {error}"),
             answer => {
@@ -230,12 +230,12 @@ async fn first(target: Target, dial: Dial, choice: StoreChoice) -> Result<First,
     answer.map_err(|error| FirstFailed { was_reached: error.may_be_damage() && was_reached, error })
 }
 
-async fn ask(target: &Target, dial: &Dial, choice: &StoreChoice, was_reached: &mut bool) -> Result<First, NodeError> {
+async fn ask(target: &Target, dial: &Dial, choice: &StoreChoice, was_reached: &mut bool) -> Result<First, CallError> {
     let mut client = dial.connect(target.clone()).await?;
     *was_reached = true;
     let description = client.describe().await?;
     if description.state == NodeState::Draining {
-        return Err(NodeError::Draining { address: target.address.clone() });
+        return Err(CallError::Draining { address: target.address.clone() });
     }
     let store = match choice {
         StoreChoice::Hash(hash) => client.open_store(*hash).await?,

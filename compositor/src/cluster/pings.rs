@@ -58,7 +58,7 @@ mod tests {
     use tokio::net::{TcpListener, TcpStream};
 
     use super::*;
-    use crate::cluster::{Access, NodeClient, NodeError};
+    use crate::cluster::{Access, CallError, NodeClient};
 
     #[test]
     fn each_objection_makes_them_rarer_up_to_five_minutes() {
@@ -117,7 +117,7 @@ mod tests {
         let pings = Pings { first, ..Pings::default() };
         let mut client = NodeClient::connect_pinging(&address, &Access::default(), &pings).await.unwrap();
         let error = client.describe().await.unwrap_err();
-        assert!(matches!(error, NodeError::Calmed { .. }), "{error}");
+        assert!(matches!(error, CallError::Calmed { .. }), "{error}");
         assert!(pings.after(&address) >= first * BACKOFF, "{pings:?}");
     }
 }

@@ -7,8 +7,8 @@ use std::error::Error as _;
 use std::time::{Duration, Instant};
 
 use super::access::Access;
+use super::call_error::CallError;
 use super::cancels::Cancels;
-use super::node_error::NodeError;
 use super::pings::Pings;
 use super::tls_words::{PERHAPS_CERTIFICATE, PERHAPS_TLS, explained, is_handshake};
 use brickcast_proto::credentials::Badge;
@@ -46,7 +46,7 @@ const STEADY: Duration = Duration::from_secs(10);
 const PING_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// What comes back of an order: its parts, and the bytes that each took on the wire.
-pub type Parts = BoxStream<'static, Result<(FramePart, usize), NodeError>>;
+pub type Parts = BoxStream<'static, Result<(FramePart, usize), CallError>>;
 
 /// A connected node.
 #[derive(Debug, Clone)]
@@ -68,7 +68,7 @@ impl NodeClient {
     ///
     /// # Errors
     /// A malformed address, no connection within [`transport::CONNECT_TIMEOUT`].
-    pub fn connect<'a>(address: &'a str, access: &'a Access) -> BoxFuture<'a, Result<Self, NodeError>> {
+    pub fn connect<'a>(address: &'a str, access: &'a Access) -> BoxFuture<'a, Result<Self, CallError>> {
         Box::pin(async move { Self::connect_pinging(address, access, &Pings::default()).await })
     }
 
@@ -76,13 +76,13 @@ impl NodeClient {
     ///
     /// # Errors
     /// As [`NodeClient::connect`].
-    pub(crate) async fn connect_pinging(address: &str, access: &Access, pings: &Pings) -> Result<Self, NodeError> {
+    pub(crate) async fn connect_pinging(address: &str, access: &Access, pings: &Pings) -> Result<Self, CallError> {
         let endpoint = Self::endpoint(address, access)?.http2_keep_alive_interval(pings.after(address));
-        let unreachable = |reason: String| NodeError::Unreachable { address: address.to_owned(), reason };
+        let unreachable = |reason: String| CallError::Unreachable { address: address.to_owned(), reason };
         let channel = match tokio::time::timeout(transport::CONNECT_TIMEOUT, endpoint.connect()).await {
             Ok(connected) => connected.map_err(|e| match innermost(&e) {
                 reason if is_handshake(&reason) => {
-                    NodeError::Handshake { address: address.to_owned(), reason: explained(&reason) }
+                    CallError::Handshake { address: address.to_owned(), reason: explained(&reason) }
                 }
                 reason => unreachable(reason),
             })?,
@@ -98,7 +98,7 @@ impl NodeClient {
     ///
     /// # Errors
     /// A malformed address, a certificate that is none.
-    pub fn endpoint(address: &str, access: &Access) -> Result<Endpoint, NodeError> {
+    pub fn endpoint(address: &str, access: &Access) -> Result<Endpoint, CallError> {
         Ok(transport::endpoint(address, access.tls.as_ref())?
             .http2_keep_alive_interval(Pings::default().after(address))
             .keep_alive_timeout(PING_TIMEOUT)
@@ -151,7 +151,7 @@ impl NodeClient {
     }
 
     /// Until the node says that it leaves, and in what words.
-    async fn watch(&mut self) -> Result<String, NodeError> {
+    async fn watch(&mut self) -> Result<String, CallError> {
         let request = HealthCheckRequest { service: String::new() };
         let mut states = match self.health.watch(request).await {
             Ok(states) => states.into_inner(),
@@ -180,29 +180,29 @@ impl NodeClient {
 
     /// # Errors
     /// No answer, or a node of another protocol.
-    pub fn describe(&mut self) -> BoxFuture<'_, Result<NodeDescription, NodeError>> {
+    pub fn describe(&mut self) -> BoxFuture<'_, Result<NodeDescription, CallError>> {
         Box::pin(self.described())
     }
 
-    async fn described(&self) -> Result<NodeDescription, NodeError> {
+    async fn described(&self) -> Result<NodeDescription, CallError> {
         let describe =
             |mut cluster: ClusterClient<Line>| async move { cluster.describe(wire::DescribeRequest {}).await };
         let answer = self.ask("Describe", describe).await.map_err(|error| match error {
-            NodeError::Lost { address, call, reason } if self.is_plain => {
-                NodeError::Lost { address, call, reason: format!("{reason}; {PERHAPS_TLS}") }
+            CallError::Lost { address, call, reason } if self.is_plain => {
+                CallError::Lost { address, call, reason: format!("{reason}; {PERHAPS_TLS}") }
             }
-            NodeError::Lost { address, reason, .. } if is_handshake(&reason) => {
-                NodeError::Handshake { address, reason }
+            CallError::Lost { address, reason, .. } if is_handshake(&reason) => {
+                CallError::Handshake { address, reason }
             }
             // The node looks at a client's certificate last, and what it says of it may be lost with the connection.
-            NodeError::Lost { address, reason, .. } => {
-                NodeError::Handshake { address, reason: format!("{reason}; {PERHAPS_CERTIFICATE}") }
+            CallError::Lost { address, reason, .. } => {
+                CallError::Handshake { address, reason: format!("{reason}; {PERHAPS_CERTIFICATE}") }
             }
             other => other,
         })?;
         let theirs = answer.protocol;
         if theirs != brickcast_proto::PROTOCOL_VERSION {
-            return Err(NodeError::Protocol {
+            return Err(CallError::Protocol {
                 address: self.address.clone(),
                 theirs,
                 version: answer.version.chars().take(64).collect(),
@@ -216,7 +216,7 @@ impl NodeClient {
     ///
     /// # Errors
     /// The node does not know it, or has another content under that name.
-    pub fn open_store(&mut self, hash: StoreHash) -> BoxFuture<'_, Result<StoreDescription, NodeError>> {
+    pub fn open_store(&mut self, hash: StoreHash) -> BoxFuture<'_, Result<StoreDescription, CallError>> {
         Box::pin(self.open(StoreQuery::Hash(hash)))
     }
 
@@ -224,11 +224,11 @@ impl NodeClient {
     ///
     /// # Errors
     /// The node does not know it.
-    pub fn open_store_named(&mut self, name: &str) -> BoxFuture<'_, Result<StoreDescription, NodeError>> {
+    pub fn open_store_named(&mut self, name: &str) -> BoxFuture<'_, Result<StoreDescription, CallError>> {
         Box::pin(self.open(StoreQuery::Name { name: name.to_owned(), expected: None }))
     }
 
-    async fn open(&self, query: StoreQuery) -> Result<StoreDescription, NodeError> {
+    async fn open(&self, query: StoreQuery) -> Result<StoreDescription, CallError> {
         let request = wire::OpenStoreRequest::from(query);
         let open = |mut cluster: ClusterClient<Line>| {
             let request = request.clone();
@@ -242,7 +242,7 @@ impl NodeClient {
     ///
     /// # Errors
     /// A brick that cannot be read, a lost node, more time than there is patience.
-    pub fn load(&mut self, request: LoadRequest) -> BoxFuture<'_, Result<LoadReceipt, NodeError>> {
+    pub fn load(&mut self, request: LoadRequest) -> BoxFuture<'_, Result<LoadReceipt, CallError>> {
         Box::pin(async move {
             let mut cluster = self.cluster.clone();
             let call = cluster.prepare(wire::PrepareRequest::from(request));
@@ -256,11 +256,11 @@ impl NodeClient {
     ///
     /// # Errors
     /// The order is refused. The stream's items may fail, too.
-    pub fn render(&mut self, order: RenderOrder) -> BoxFuture<'_, Result<Parts, NodeError>> {
+    pub fn render(&mut self, order: RenderOrder) -> BoxFuture<'_, Result<Parts, CallError>> {
         Box::pin(self.ordered(order))
     }
 
-    async fn ordered(&self, order: RenderOrder) -> Result<Parts, NodeError> {
+    async fn ordered(&self, order: RenderOrder) -> Result<Parts, CallError> {
         let node = self.clone();
         let (mut render, order) = (self.render.clone(), wire::RenderOrder::from(order));
         let answer = self.cancels.call(async move { render.render_frame(order).await }).await;
@@ -281,7 +281,7 @@ impl NodeClient {
     }
 
     /// A small question, asked again while the node is busy.
-    async fn ask<T, F>(&self, call: &'static str, question: impl Fn(ClusterClient<Line>) -> F) -> Result<T, NodeError>
+    async fn ask<T, F>(&self, call: &'static str, question: impl Fn(ClusterClient<Line>) -> F) -> Result<T, CallError>
     where
         F: Future<Output = Result<tonic::Response<T>, tonic::Status>>,
     {
@@ -301,12 +301,12 @@ impl NodeClient {
         call: &'static str,
         limit: Duration,
         answer: impl Future<Output = Result<tonic::Response<T>, tonic::Status>>,
-    ) -> Result<T, NodeError> {
+    ) -> Result<T, CallError> {
         let answer = self.telling(call, limit, answer);
         match tokio::time::timeout(limit, answer).await {
             Ok(Ok(response)) => Ok(response.into_inner()),
             Ok(Err(status)) => Err(self.refused(call, &status)),
-            Err(_) => Err(NodeError::NoAnswer { address: self.address.clone(), call, seconds: limit.as_secs_f64() }),
+            Err(_) => Err(CallError::NoAnswer { address: self.address.clone(), call, seconds: limit.as_secs_f64() }),
         }
     }
 
@@ -326,15 +326,15 @@ impl NodeClient {
         }
     }
 
-    fn invalid(&self, call: &'static str, error: impl std::fmt::Display) -> NodeError {
-        NodeError::Invalid { address: self.address.clone(), call, reason: error.to_string() }
+    fn invalid(&self, call: &'static str, error: impl std::fmt::Display) -> CallError {
+        CallError::Invalid { address: self.address.clone(), call, reason: error.to_string() }
     }
 
-    fn refused(&self, call: &'static str, status: &tonic::Status) -> NodeError {
+    fn refused(&self, call: &'static str, status: &tonic::Status) -> CallError {
         let address = self.address.clone();
         // Only what comes from the transport has a source; what the node itself says has none.
         let Some(source) = status.source() else {
-            return NodeError::Refused { address, call, code: status.code(), message: status.message().to_owned() };
+            return CallError::Refused { address, call, code: status.code(), message: status.message().to_owned() };
         };
         let reason = explained(&innermost(source));
         // The transport has this code for HTTP/2's ENHANCE_YOUR_CALM only.
@@ -342,9 +342,9 @@ impl NodeClient {
             self.pings.objected(&address);
         }
         if status.code() == tonic::Code::ResourceExhausted || self.cancels.just_now() {
-            NodeError::Calmed { address, call, reason }
+            CallError::Calmed { address, call, reason }
         } else {
-            NodeError::Lost { address, call, reason }
+            CallError::Lost { address, call, reason }
         }
     }
 }

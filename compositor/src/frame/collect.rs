@@ -6,7 +6,7 @@ use futures_util::{StreamExt as _, pin_mut};
 use tokio::sync::mpsc;
 
 use super::ledger::{Ticket, TilePixels};
-use crate::cluster::{NodeClient, NodeError};
+use crate::cluster::{CallError, NodeClient};
 
 /// What a frame's loop hears of its orders.
 #[derive(Debug)]
@@ -27,7 +27,7 @@ pub(crate) enum Event {
     /// The last of a ticket that was answered.
     Receipt { ticket: Ticket, receipt: Receipt },
     /// The last of a ticket that was not.
-    Failed { ticket: Ticket, error: NodeError },
+    Failed { ticket: Ticket, error: CallError },
 }
 
 /// Sends the order and tells of everything that comes back; the last event is a receipt or a failure.
@@ -46,12 +46,12 @@ async fn answers(
     ticket: Ticket,
     order: RenderOrder,
     events: &mpsc::Sender<Event>,
-) -> Result<Receipt, Option<NodeError>> {
+) -> Result<Receipt, Option<CallError>> {
     let (now, size) = ((order.frame, order.epoch), order.scene.view.size);
     let kind = order.scene.look.style.mode.pixel_kind();
     let rects: Vec<(TreeNode, TileRect)> = order.layers.iter().map(|l| (l.node, l.tiles)).collect();
     let address = client.address().to_owned();
-    let invalid = |reason: String| NodeError::Invalid { address: address.clone(), call: "RenderFrame", reason };
+    let invalid = |reason: String| CallError::Invalid { address: address.clone(), call: "RenderFrame", reason };
     let parts = client.render(order).await?;
     pin_mut!(parts);
     while let Some(part) = parts.next().await {
@@ -77,5 +77,5 @@ async fn answers(
             Part::Receipt(_) => return Err(Some(invalid("a receipt of another frame".to_owned()))),
         }
     }
-    Err(Some(NodeError::Lost { address, call: "RenderFrame", reason: "it ended before its receipt".to_owned() }))
+    Err(Some(CallError::Lost { address, call: "RenderFrame", reason: "it ended before its receipt".to_owned() }))
 }

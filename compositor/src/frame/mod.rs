@@ -31,7 +31,7 @@ pub(crate) use self::worker::workers;
 use self::collect::{Event, collect};
 use self::ledger::{Ledger, LedgerError, Ticket, Verdict, Void};
 use self::worker::Worker;
-use crate::cluster::{Dial, NodeClient, NodeError};
+use crate::cluster::{CallError, Dial, NodeClient};
 use crate::plan::{Assignment, InView, Shown};
 
 /// How long a complete frame waits for receipts: they only tell what it cost.
@@ -80,7 +80,7 @@ struct Sent {
 }
 
 /// A worker that was called again, and what came of it.
-type Called = (usize, Result<(NodeClient, NodeFrame), NodeError>);
+type Called = (usize, Result<(NodeClient, NodeFrame), CallError>);
 
 struct Run<'a, 's> {
     order: &'a FrameOrder<'a>,
@@ -239,19 +239,19 @@ impl Run<'_, '_> {
 
     fn fail_as_invalid(&mut self, ticket: Ticket, reason: String, now: Instant) {
         let address = self.workers[self.sent[ticket.0].worker].target.address.clone();
-        self.fail(ticket, &NodeError::Invalid { address, call: "RenderFrame", reason }, now);
+        self.fail(ticket, &CallError::Invalid { address, call: "RenderFrame", reason }, now);
     }
 
     /// The ticket's open layers are void from now on; unless the node is only busy, or closed a connection over
     /// cancelled calls, so are all others of it.
-    fn fail(&mut self, ticket: Ticket, error: &NodeError, now: Instant) {
+    fn fail(&mut self, ticket: Ticket, error: &CallError, now: Instant) {
         let worker = self.sent[ticket.0].worker;
         if self.workers[worker].rests(error, now) {
             tracing::debug!("frame {}: {error}; ordered again", self.order.frame.0);
             self.drop_ticket(ticket, Void::Open);
             return;
         }
-        let which = if matches!(error, NodeError::Invalid { .. }) { Void::All } else { Void::Open };
+        let which = if matches!(error, CallError::Invalid { .. }) { Void::All } else { Void::Open };
         for other in (0..self.sent.len()).filter(|&t| self.sent[t].worker == worker).collect::<Vec<_>>() {
             self.drop_ticket(Ticket(other), which);
         }
@@ -292,7 +292,7 @@ impl Run<'_, '_> {
             let others = (0..self.workers.len()).any(|w| w != worker && self.can_work(w));
             if !ended && silent >= patience && others && self.ledger.owed_by(ticket) > 0 {
                 let address = self.workers[worker].target.address.clone();
-                self.fail(ticket, &NodeError::Hanging { address, seconds: silent.as_secs_f64() }, now);
+                self.fail(ticket, &CallError::Hanging { address, seconds: silent.as_secs_f64() }, now);
             }
         }
     }

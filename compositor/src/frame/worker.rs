@@ -6,7 +6,7 @@ use brickcast_proto::NodeState;
 use tokio::time::Instant;
 
 use super::node_frame::NodeFrame;
-use crate::cluster::{Dial, NodeClient, NodeError, Roster, Slot, Target};
+use crate::cluster::{CallError, Dial, NodeClient, Roster, Slot, Target};
 
 /// How long a busy node is left alone at first, and at most.
 const PAUSE: (Duration, Duration) = (Duration::from_millis(50), Duration::from_secs(1));
@@ -79,7 +79,7 @@ impl Worker {
     }
 
     /// True where it is left alone for a while after this, each time longer, and is not lost.
-    pub(crate) fn rests(&mut self, error: &NodeError, now: Instant) -> bool {
+    pub(crate) fn rests(&mut self, error: &CallError, now: Instant) -> bool {
         if error.is_calmed() {
             // All orders of one connection fail together: that is once.
             if self.resting_until(now).is_some() {
@@ -96,7 +96,7 @@ impl Worker {
     }
 
     /// It is not asked any more.
-    pub(crate) fn leave(&mut self, error: &NodeError) {
+    pub(crate) fn leave(&mut self, error: &CallError) {
         self.out = Some(error.to_string());
         self.may_call_again = error.is_lost();
     }
@@ -105,7 +105,7 @@ impl Worker {
     pub(crate) fn call_again(
         &mut self,
         dial: &Dial,
-    ) -> Option<impl Future<Output = Result<(NodeClient, NodeFrame), NodeError>> + Send + 'static> {
+    ) -> Option<impl Future<Output = Result<(NodeClient, NodeFrame), CallError>> + Send + 'static> {
         if self.out.is_none() || !self.may_call_again || self.called_again == CALLS_AGAIN {
             return None;
         }
@@ -118,7 +118,7 @@ impl Worker {
             let mut client = dial.connect(target.clone()).await?;
             let description = client.describe().await?;
             if description.state == NodeState::Draining {
-                return Err(NodeError::Draining { address: target.address });
+                return Err(CallError::Draining { address: target.address });
             }
             let stat = NodeFrame::new(&target.address, &description);
             Ok((client, stat))

@@ -15,7 +15,7 @@ use super::balanced::{Balanced, Divided};
 use super::error::SessionError;
 use super::look::{Looks, ShownLook};
 use super::{BalanceStats, Session};
-use crate::balance::{Demand, Mode, Settings};
+use crate::balance::{Balancing, Demand, Settings};
 use crate::cluster::{ClusterError, Dial, Members, NodeList, Outlook, Outlooks, Roster, StoreChoice};
 use crate::frame::NodeCost;
 use crate::plan::{Assignment, StoreFacts};
@@ -57,7 +57,7 @@ impl Cluster {
     async fn opened(dial: Dial, nodes: &[String], choice: StoreChoice) -> Result<Arc<Self>, SessionError> {
         let list = NodeList::parse(nodes).map_err(ClusterError::Discovery)?;
         let (members, store) = Members::open(list, &dial, &choice).await?;
-        let settings = Settings { mode: Mode::Off, ..Settings::default() };
+        let settings = Settings { mode: Balancing::Off, ..Settings::default() };
         Ok(Arc::new(Self {
             dial,
             store: facts(&store),
@@ -141,7 +141,7 @@ impl Cluster {
     }
 
     pub(super) fn balances(&self) -> bool {
-        lock(&self.balance).settings.mode != Mode::Off
+        lock(&self.balance).settings.mode != Balancing::Off
     }
 
     /// The table of a frame that begins now; nothing where nobody balances. `first` tells the table that the members of
@@ -153,7 +153,7 @@ impl Cluster {
         first: impl FnOnce(&Roster) -> Arc<Assignment>,
     ) -> Option<Divided> {
         let mut balance = lock(&self.balance);
-        if balance.settings.mode == Mode::Off {
+        if balance.settings.mode == Balancing::Off {
             return None;
         }
         let balanced = balance.of(look);

@@ -20,9 +20,9 @@ const LEAST_LEAPS: f64 = 0.2;
 
 /// [`Occupied`], remembered for the last transfer function.
 #[derive(Debug, Default)]
-pub(crate) struct Occupancy(Mutex<Option<(Weak<Emptiness>, Occupied)>>);
+pub(crate) struct LastOccupied(Mutex<Option<(Weak<Emptiness>, Occupied)>>);
 
-impl Occupancy {
+impl LastOccupied {
     pub(crate) fn ask(&self, emptiness: &Arc<Emptiness>, owned: &OwnedBox, cells: &Macrocells) -> Occupied {
         let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if let Some((known, answer)) = &*last

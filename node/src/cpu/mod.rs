@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use crate::brick::bytes::{CELL_BYTES, expected_bytes};
 use crate::brick::emptiness::{Emptiness, EmptinessCache, is_same};
 use crate::brick::texels::{BuiltBrick, BuiltCells};
-use crate::brick::worth::Occupancy;
+use crate::brick::worth::LastOccupied;
 use crate::kernel::{
     BackendInfo, BrickCounts, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, Recipe,
     ResidentBrick, Watch, check_jobs, new_pixels,
@@ -63,7 +63,7 @@ struct CpuBrick {
     flags: Vec<u8>,
     /// The macrocell map of the last scene.
     map: Mutex<Option<BuiltMap>>,
-    occupancy: Occupancy,
+    occupancy: LastOccupied,
     bytes: u64,
 }
 
@@ -102,7 +102,7 @@ impl CpuBrick {
             cells,
             flags,
             map: Mutex::default(),
-            occupancy: Occupancy::default(),
+            occupancy: LastOccupied::default(),
             bytes,
         })
     }

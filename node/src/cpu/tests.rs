@@ -31,7 +31,7 @@ fn bricks_do_not_keep_the_transfer_functions_that_they_were_seen_with() {
         cells: Some(BuiltCells { cells, homogeneous: None }),
         flags: Vec::new(),
         map: Mutex::default(),
-        occupancy: Occupancy::default(),
+        occupancy: LastOccupied::default(),
         bytes: 0,
     };
     let first = emptiness(0);

@@ -13,7 +13,7 @@ use super::kernel::Kernels;
 use crate::brick::bytes::CELL_BYTES;
 use crate::brick::emptiness::Emptiness;
 use crate::brick::texels::BuiltBrick;
-use crate::brick::worth::Occupancy;
+use crate::brick::worth::LastOccupied;
 use crate::kernel::{Features, KernelScene, RaycastError, ResidentBrick};
 
 /// A brick's textures, bound once.
@@ -27,7 +27,7 @@ pub(super) struct GpuBrick {
     uniform: BrickUniform,
     has_leaps: bool,
     cells: Option<CellTextures>,
-    occupancy: Occupancy,
+    occupancy: LastOccupied,
     bytes: u64,
 }
 
@@ -143,7 +143,7 @@ pub(super) fn upload(
         uniform,
         has_leaps,
         cells,
-        occupancy: Occupancy::default(),
+        occupancy: LastOccupied::default(),
         bytes,
     };
     // Else the staging copies of many bricks would pile up.

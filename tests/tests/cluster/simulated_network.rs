@@ -14,7 +14,7 @@ use std::sync::Arc;
 use std::task::{Context, Poll, ready};
 use std::time::Duration;
 
-use brickcast::cluster::{Access, Dial, NodeClient, NodeError, Target};
+use brickcast::cluster::{Access, CallError, Dial, NodeClient, Target};
 use brickcast::embedded::{Backend, BackendChoice, EmbeddedNodes};
 use brickcast::session::{Frame, Session, SessionError, StoreChoice};
 use brickcast_node::cpu::CpuRaycaster;
@@ -158,8 +158,8 @@ impl Subject {
     }
 }
 
-async fn connect(target: Target) -> Result<NodeClient, NodeError> {
-    let unreachable = |reason: String| NodeError::Unreachable { address: target.address.clone(), reason };
+async fn connect(target: Target) -> Result<NodeClient, CallError> {
+    let unreachable = |reason: String| CallError::Unreachable { address: target.address.clone(), reason };
     let endpoint = NodeClient::endpoint(&target.address, &Access::default())?;
     let connecting = endpoint.connect_with_connector(tower::service_fn(async |uri: Uri| {
         let host = uri.host().unwrap_or_default().to_owned();

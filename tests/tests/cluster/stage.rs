@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use brickcast::cluster::{Access, Dial, NodeClient, NodeError, Target};
+use brickcast::cluster::{Access, CallError, Dial, NodeClient, Target};
 use brickcast::session::{Session, StoreChoice};
 use brickcast_proto::credentials::Badge;
 use brickcast_tests::process::NodeProcess;
@@ -59,7 +59,7 @@ impl Opened {
     }
 }
 
-pub(crate) async fn connect(client: u8, target: Target, opened: Arc<Opened>) -> Result<NodeClient, NodeError> {
+pub(crate) async fn connect(client: u8, target: Target, opened: Arc<Opened>) -> Result<NodeClient, CallError> {
     let endpoint = NodeClient::endpoint(&target.address, &Access::default())?;
     let counted = opened.clone();
     let connector = tower::service_fn(move |uri: Uri| {
@@ -75,7 +75,7 @@ pub(crate) async fn connect(client: u8, target: Target, opened: Arc<Opened>) -> 
     });
     let channel = endpoint.connect_with_connector(connector).await;
     let channel =
-        channel.map_err(|e| NodeError::Unreachable { address: target.address.clone(), reason: format!("{e:?}") })?;
+        channel.map_err(|e| CallError::Unreachable { address: target.address.clone(), reason: format!("{e:?}") })?;
     opened.first.lock().unwrap().get_or_insert(channel.clone());
     Ok(NodeClient::over(&target.address, channel, Badge::default()))
 }

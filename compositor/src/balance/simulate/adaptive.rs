@@ -2,7 +2,7 @@
 
 use brickcast_volume::PerChunk;
 
-use super::lattice::Picture;
+use super::lattice::ViewCosts;
 use super::machine::Machine;
 use super::outcome::ViewRow;
 use super::random::noise;
@@ -63,7 +63,7 @@ impl Adaptive {
     pub(super) fn frame(
         &mut self,
         world: &World,
-        picture: &Picture,
+        picture: &ViewCosts,
         machines: &[Machine],
         spec: &Spec,
         view: u32,

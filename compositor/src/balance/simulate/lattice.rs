@@ -47,13 +47,13 @@ impl Seen {
 
 /// One view: what it costs, and what the balancer is told of it.
 #[derive(Debug)]
-pub(super) struct Picture {
+pub(super) struct ViewCosts {
     /// `None`: not in view, or nothing of it is shown.
     pub(super) seen: PerChunk<Option<Seen>>,
     pub(super) demand: Demand,
 }
 
-impl Picture {
+impl ViewCosts {
     pub(super) fn new(world: &World, spec: &Spec, view: u32) -> Self {
         let eye = eye(world, spec, view);
         let tiles = spec.size.div_ceil(TILE);
@@ -217,7 +217,7 @@ mod tests {
         let spec = Spec::default();
         let world = World::new(&spec);
         for view in [0, 30] {
-            let picture = Picture::new(&world, &spec, view);
+            let picture = ViewCosts::new(&world, &spec, view);
             let (mut told, mut true_cost) = (0.0, 0.0);
             for chunk in world.chunks() {
                 assert_eq!(picture.demand.strips[chunk].is_empty(), picture.seen[chunk].is_none());

@@ -19,10 +19,10 @@ mod world;
 use super::Settings;
 
 pub use self::outcome::{Outcome, Recovery, Row, ViewRow};
-pub use self::spec::{Kill, PathKind, Spec, SpecError, Throttle};
+pub use self::spec::{Kill, PathKind, Spec, SpecError, Throttled};
 
 use self::adaptive::Adaptive;
-use self::lattice::Picture;
+use self::lattice::ViewCosts;
 use self::machine::Machine;
 use self::outcome::Record;
 use self::rivals::Rival;
@@ -49,7 +49,7 @@ pub fn simulate(spec: &Spec, progress: &mut dyn FnMut(u64, u64)) -> Outcome {
                 adaptive.leave(kill.node);
             }
         }
-        let picture = Picture::new(&world, spec, view);
+        let picture = ViewCosts::new(&world, spec, view);
         for rival in &mut rivals {
             let owners = rival.divide(&world, &picture, &machines);
             record.add(rival.name(), rivals::share(&world, &picture, &machines, &owners));

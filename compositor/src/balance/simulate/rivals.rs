@@ -4,7 +4,7 @@ use brickcast_volume::{ChunkId, PerChunk};
 use glam::UVec3;
 
 use super::grid::chunk_at;
-use super::lattice::Picture;
+use super::lattice::ViewCosts;
 use super::machine::Machine;
 use super::outcome::ViewRow;
 use super::random::hash;
@@ -58,7 +58,7 @@ impl Rival {
 
     /// One view: who renders what, how many chunks changed their owner, bytes that the new owners have to load for
     /// that.
-    pub(super) fn divide(&mut self, world: &World, picture: &Picture, machines: &[Machine]) -> (Owners, u64, u64) {
+    pub(super) fn divide(&mut self, world: &World, picture: &ViewCosts, machines: &[Machine]) -> (Owners, u64, u64) {
         let present: Vec<usize> = (0..machines.len()).filter(|&n| machines[n].present).collect();
         let owner = match self.kind {
             Kind::Static => {
@@ -97,7 +97,7 @@ impl Rival {
 
 fn lpt(
     world: &World,
-    picture: &Picture,
+    picture: &ViewCosts,
     machines: &[Machine],
     holders: impl Fn(ChunkId) -> Vec<usize>,
 ) -> PerChunk<usize> {
@@ -117,7 +117,7 @@ fn lpt(
 /// Cuts a box of chunks at the plane that divides its cost most nearly as the speeds of two halves of the nodes.
 fn cut(
     world: &World,
-    picture: &Picture,
+    picture: &ViewCosts,
     machines: &[Machine],
     nodes: &[usize],
     [lo, hi]: [UVec3; 2],
@@ -159,7 +159,7 @@ fn cut(
 /// What a division of a view comes to. `loaded`: chunks that changed owner, bytes loaded for that.
 pub(super) fn share(
     world: &World,
-    picture: &Picture,
+    picture: &ViewCosts,
     machines: &[Machine],
     (owners, handovers, bytes_loaded): &(Owners, u64, u64),
 ) -> ViewRow {

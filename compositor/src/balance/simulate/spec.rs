@@ -19,7 +19,7 @@ pub enum PathKind {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Throttle {
+pub struct Throttled {
     /// How many times slower than the others.
     pub factor: f64,
     pub node: u64,
@@ -38,7 +38,7 @@ pub struct Spec {
     /// Asked for; the grid has about so many.
     pub chunks: u32,
     pub views: u32,
-    pub throttles: Vec<Throttle>,
+    pub throttles: Vec<Throttled>,
     pub kills: Vec<Kill>,
     /// Views before which another node joins.
     pub joins: Vec<u32>,
@@ -157,7 +157,7 @@ impl FromStr for Spec {
                     let factor =
                         number("throttle", factor, "FACTOR@NODE with a factor from 1 to 1000, e.g. 3@0", 1.0..=1000.0)?;
                     let node = number("throttle", node, "FACTOR@NODE, e.g. 3@0", 0..=u64::MAX)?;
-                    spec.throttles.push(Throttle { factor, node });
+                    spec.throttles.push(Throttled { factor, node });
                 }
                 "kill" => {
                     let (view, node) = at("kill", value, "VIEW@NODE, e.g. 30@1")?;
@@ -246,7 +246,7 @@ mod tests {
     fn the_example_is_read() {
         let spec: Spec = EXAMPLE.parse().unwrap();
         assert_eq!((spec.nodes, spec.chunks, spec.views, spec.seed, spec.path), (64, 512, 60, 1, PathKind::Dive));
-        assert_eq!(spec.throttles, [Throttle { factor: 3.0, node: 0 }]);
+        assert_eq!(spec.throttles, [Throttled { factor: 3.0, node: 0 }]);
         assert_eq!((spec.throttle_of(0), spec.throttle_of(1)), (3.0, 1.0));
         assert_eq!((spec.kills, spec.joins), (vec![Kill { view: 30, node: 1 }], vec![40]));
         // A node that joins may be killed later.

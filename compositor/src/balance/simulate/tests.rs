@@ -62,7 +62,7 @@ fn strategies_share_the_same_work() {
     let spec: Spec = "nodes=6,chunks=100,views=1,path=random".parse().unwrap();
     let world = World::new(&spec);
     let machines: Vec<Machine> = (0..6).map(|_| Machine { throttle: 1.0, present: true }).collect();
-    let picture = Picture::new(&world, &spec, 0);
+    let picture = ViewCosts::new(&world, &spec, 0);
     let whole: f64 = world.chunks().map(|c| picture.cost(c)).sum();
     let sum = |row: outcome::ViewRow| row.cost.iter().sum::<f64>() / whole;
     for mut rival in Rival::all(&world, &spec) {

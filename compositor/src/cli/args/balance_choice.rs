@@ -2,7 +2,7 @@
 
 use clap::{Args, ValueEnum};
 
-use crate::balance::{LoadBy, Mode, Settings};
+use crate::balance::{Balancing, LoadBy, Settings};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum BalanceArg {
@@ -47,9 +47,9 @@ impl BalanceChoice {
     pub fn settings(&self, default: BalanceArg) -> Settings {
         Settings {
             mode: match self.balance.unwrap_or(default) {
-                BalanceArg::Off => Mode::Off,
-                BalanceArg::Static => Mode::Static,
-                BalanceArg::Dynamic => Mode::Dynamic,
+                BalanceArg::Off => Balancing::Off,
+                BalanceArg::Static => Balancing::Static,
+                BalanceArg::Dynamic => Balancing::Dynamic,
             },
             load_by: match self.load_by {
                 LoadByArg::Time => LoadBy::Time,

@@ -8,7 +8,7 @@ use serde_json::json;
 use crate::cli::args::NodesArgs;
 use crate::cli::failure::Failure;
 use crate::cli::say::{print, tell};
-use crate::cluster::{NodeError, NodeList};
+use crate::cluster::{CallError, NodeList};
 use crate::words::bytes;
 
 /// Asks every node; those that do not answer are listed with the reason, and make the command fail.
@@ -30,7 +30,7 @@ pub async fn run(args: NodesArgs) -> Result<(), Failure> {
     }))
     .await;
     let mut failed: Vec<String> = problems.iter().map(ToString::to_string).collect();
-    failed.extend(answers.iter().filter_map(|a: &Result<_, NodeError>| a.as_ref().err().map(ToString::to_string)));
+    failed.extend(answers.iter().filter_map(|a: &Result<_, CallError>| a.as_ref().err().map(ToString::to_string)));
     let named = targets.iter().map(|t| &t.address).zip(&answers);
     if args.json {
         let list: Vec<_> = named

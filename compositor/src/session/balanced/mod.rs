@@ -15,7 +15,7 @@ use tokio::task::JoinSet;
 
 use super::look::ShownLook;
 use crate::balance::{
-    Balancer, ChunkFacts, Demand, Load, LoadOutcome, Mode, NodeFacts, Observed, Part, Report, Seat, Settings,
+    Balancer, Balancing, ChunkFacts, Demand, Load, LoadOutcome, NodeFacts, Observed, Part, Report, Seat, Settings,
 };
 use crate::cluster::{Member, NodeClient, Roster};
 use crate::frame::NodeCost;
@@ -24,7 +24,7 @@ use crate::plan::Assignment;
 /// What balancing did for one frame.
 #[derive(Debug, Clone, Serialize)]
 pub struct BalanceStats {
-    pub mode: Mode,
+    pub mode: Balancing,
     /// In the order of the report's seats.
     pub addresses: Vec<String>,
     /// As of the end of the frame; other sessions' frames are in it.
@@ -162,7 +162,7 @@ impl Balanced {
                     NodeFacts { throttle: member.description.throttle.get(), budget: member.description.memory_budget };
                 let holds = match (&member.holds, self.settings.mode) {
                     (Some(holds), _) => holds.clone(),
-                    (None, Mode::Static) => Vec::new(),
+                    (None, Balancing::Static) => Vec::new(),
                     (None, _) => first.chunks_of(position),
                 };
                 self.balancer.join(seat, facts, &holds);

@@ -4,7 +4,7 @@ use brickcast_proto::transport;
 
 /// Something that a node, or the way to it, did not do. Always names the node.
 #[derive(Debug, thiserror::Error)]
-pub enum NodeError {
+pub enum CallError {
     #[error(transparent)]
     Address(#[from] transport::AddressError),
     #[error("node {address}: cannot be reached ({reason}); is brickcast-node running there and its port open?")]
@@ -37,7 +37,7 @@ pub enum NodeError {
     Protocol { address: String, theirs: u32, version: String, ours: u32 },
 }
 
-impl NodeError {
+impl CallError {
     /// True where bytes that were damaged on their way may have looked like that: the same call again may do.
     #[must_use]
     pub(crate) fn may_be_damage(&self) -> bool {
