@@ -99,6 +99,9 @@ impl HaloIndex {
     /// The first record, as its brick and its number there, that is not whole in a file of `bytes`; nothing where all
     /// are.
     pub(crate) fn first_cut(&self, grid: &BrickGrid, bytes: u64) -> Option<(BrickId, usize)> {
+        if bytes >= self.file_bytes() {
+            return None;
+        }
         let brick = grid.ids().nth(self.starts[1..].partition_point(|end| *end <= bytes))?;
         Some((brick, self.of_brick(brick).take_while(|record| record.end() <= bytes).count()))
     }
