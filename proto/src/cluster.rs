@@ -1,7 +1,7 @@
 //! Who a node is, what it holds, and loading ahead of a frame.
 
 use brickcast_volume::scene::Scene;
-use brickcast_volume::store::{BrickFactsTable, BrickRanges, Manifest};
+use brickcast_volume::store::{BrickFactsTable, BrickRanges, CellRanges, Manifest};
 use brickcast_volume::{BrickId, SessionId, StoreHash};
 use bytes::Bytes;
 
@@ -130,6 +130,8 @@ pub struct StoreDescription {
     pub ranges: BrickRanges,
     /// Likewise, where the store has regions.
     pub facts: Option<BrickFactsTable>,
+    /// Likewise, where the store has them.
+    pub cells: Option<CellRanges>,
 }
 
 #[derive(Debug, Clone, PartialEq)]

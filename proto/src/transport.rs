@@ -20,7 +20,7 @@ pub const MAX_PART_BYTES: usize = 8 << 20;
 /// The largest order, bytes: a transfer function with all its points is 4 MiB, and there can be two.
 pub const MAX_ORDER_BYTES: usize = 12 << 20;
 /// The largest message of the cluster service, bytes: ranges and facts of [`brickcast_volume::brick::MAX_BRICKS`]
-/// bricks and a manifest.
+/// bricks, ranges of cells and a manifest.
 pub const MAX_CLUSTER_BYTES: usize = 72 << 20;
 
 pub const FRAME_BYTES: u32 = 1 << 20;

@@ -102,7 +102,35 @@ fn sin_cos_degrees(degrees: f64) -> (f64, f64) {
     }
 }
 
+/// The direction from what is looked at to the eye, and the up that goes with it; degrees.
+fn seen_from(azimuth: f64, elevation: f64) -> (DVec3, DVec3) {
+    let (sin_a, cos_a) = sin_cos_degrees(azimuth);
+    let (sin_e, cos_e) = sin_cos_degrees(elevation);
+    let up = if cos_e == 0.0 { DVec3::new(0.0, 0.0, -sin_e.signum()) } else { DVec3::Y };
+    (DVec3::new(sin_a * cos_e, sin_e, cos_a * cos_e), up)
+}
+
 impl Camera {
+    /// Looks at the middle of a ball, `azimuth` and `elevation` (degrees) as in [`Camera::orbit`], from where the ball's
+    /// outline fills the picture's narrower side but for `margin` (a share); `aspect` is width by height.
+    ///
+    /// # Errors
+    /// As [`Camera::new`].
+    pub fn around_ball(
+        (center, radius): (DVec3, f64),
+        (azimuth, elevation): (f64, f64),
+        (view_angle, aspect): (f64, f64),
+        margin: f64,
+    ) -> Result<Self, CameraError> {
+        if !(view_angle > 0.0 && view_angle < 180.0) {
+            return Err(CameraError::ViewAngle(view_angle));
+        }
+        // Half the angle of a cone around the ball: its outline is seen at this angle from the picture's middle.
+        let half = ((1.0 - margin) * (0.5 * view_angle).to_radians().tan() * aspect.min(1.0)).atan();
+        let (direction, up) = seen_from(azimuth, elevation);
+        Self::new(center + direction * (radius / half.sin()), center, up, Projection::Perspective { view_angle })
+    }
+
     /// # Errors
     /// What makes a camera degenerate: coordinates that are not finite, a focal point at the position, an up along the
     /// viewing direction, an angle outside (0, 180), a scale that is not positive.
@@ -156,12 +184,9 @@ impl Camera {
         if !(orbit.view_angle > 0.0 && orbit.view_angle < 180.0) {
             return Err(CameraError::ViewAngle(orbit.view_angle));
         }
-        let (sin_a, cos_a) = sin_cos_degrees(orbit.azimuth);
-        let (sin_e, cos_e) = sin_cos_degrees(orbit.elevation);
-        let direction = DVec3::new(sin_a * cos_e, sin_e, cos_a * cos_e);
+        let (direction, up) = seen_from(orbit.azimuth, orbit.elevation);
         let distance = geometry.radius_world() / (orbit.view_angle.to_radians() * 0.5).sin() / orbit.zoom;
         let center = geometry.center_world();
-        let up = if cos_e == 0.0 { DVec3::new(0.0, 0.0, -sin_e.signum()) } else { DVec3::Y };
         Self::new(center + direction * distance, center, up, Projection::Perspective { view_angle: orbit.view_angle })
     }
 
@@ -276,6 +301,26 @@ mod tests {
         assert!((forward - DVec3::NEG_Z).length() < 1e-12);
         assert!((right - DVec3::X).length() < 1e-12);
         assert!((up - DVec3::Y).length() < 1e-12);
+    }
+
+    #[test]
+    fn a_ball_fills_the_narrower_side_but_for_the_margin() {
+        let (center, radius) = (DVec3::new(3.0, -2.0, 7.0), 5.0);
+        for aspect in [0.5, 1.0, 16.0 / 9.0] {
+            for margin in [0.0, 0.05] {
+                let camera = Camera::around_ball((center, radius), (30.0, 20.0), (40.0, aspect), margin).unwrap();
+                let to_center = center - camera.position();
+                assert!(camera.basis().2.cross(to_center).length() < 1e-9);
+                // The outline's height in the picture, of half the picture's narrower side.
+                let outline = (radius / to_center.length()).asin().tan();
+                let side = 20.0_f64.to_radians().tan() * aspect.min(1.0);
+                assert!((outline / side - (1.0 - margin)).abs() < 1e-12, "{aspect} {margin}");
+            }
+        }
+        let behind = Camera::around_ball((center, radius), (0.0, 90.0), (30.0, 1.0), 0.05).unwrap();
+        assert_eq!(behind.view_up(), DVec3::NEG_Z);
+        assert!(Camera::around_ball((center, 0.0), (0.0, 0.0), (30.0, 1.0), 0.05).is_err());
+        assert!(Camera::around_ball((center, 1.0), (0.0, 0.0), (180.0, 1.0), 0.05).is_err());
     }
 
     #[test]

@@ -4,7 +4,7 @@ use brickcast_volume::look_on::{BricksOf, LookOn, NewTables};
 use brickcast_volume::merge::MergeTree;
 use brickcast_volume::regions::{BrickFacts, Drawn};
 use brickcast_volume::scene::Scene;
-use brickcast_volume::store::{BrickRanges, Manifest};
+use brickcast_volume::store::{BrickRanges, CellRanges, Manifest, Store};
 use brickcast_volume::{BrickId, BrickIndex, ChunkId, ChunkIndex, OwnedBox, PerChunk};
 
 /// A store as the compositor knows it: no voxels, only what planning needs.
@@ -15,9 +15,19 @@ pub struct StoreFacts {
     pub ranges: BrickRanges,
     /// What the store says of its regions, per brick; nothing where it has none.
     pub facts: Option<Vec<BrickFacts>>,
+    /// The volume seen from afar: its cells, or its bricks where the store is older than cells.
+    pub cells: CellRanges,
 }
 
 impl StoreFacts {
+    /// Of a store that is open here.
+    #[must_use]
+    pub fn of(store: &Store) -> Self {
+        let (manifest, ranges) = (store.manifest().clone(), store.brick_ranges().clone());
+        let cells = store.cell_ranges().cloned().unwrap_or_else(|| CellRanges::of_bricks(&manifest, &ranges));
+        Self { hash: store.hash(), manifest, ranges, facts: store.brick_facts().map(<[_]>::to_vec), cells }
+    }
+
     #[must_use]
     pub fn tree(&self) -> MergeTree {
         MergeTree::of(self.manifest.grid)

@@ -30,6 +30,7 @@ impl Node {
                 manifest_bytes: Bytes::copy_from_slice(open.store.manifest_bytes()),
                 ranges: open.store.brick_ranges().clone(),
                 facts: open.store.brick_facts().map(|facts| BrickFactsTable(facts.to_vec())),
+                cells: open.store.cell_ranges().cloned(),
             })
         };
         self.aside(&caller, description).await

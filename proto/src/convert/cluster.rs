@@ -1,7 +1,7 @@
 //! Descriptions of nodes and stores, and loading ahead.
 
 use brickcast_volume::brick::MAX_BRICKS;
-use brickcast_volume::store::{BrickFactsTable, BrickRanges, Manifest, StoreError};
+use brickcast_volume::store::{BrickFactsTable, BrickRanges, CellRanges, Manifest, StoreError};
 use brickcast_volume::{BrickId, SessionId, StoreHash};
 use bytes::Bytes;
 
@@ -106,6 +106,7 @@ impl From<StoreDescription> for wire::StoreDescription {
             manifest: store.manifest_bytes,
             brick_ranges: store.ranges.to_bytes().into(),
             brick_facts: store.facts.map_or_else(Bytes::new, |facts| facts.to_bytes().into()),
+            cell_ranges: store.cells.map_or_else(Bytes::new, |cells| cells.to_bytes().into()),
         }
     }
 }
@@ -127,8 +128,9 @@ impl TryFrom<wire::StoreDescription> for StoreDescription {
             Some(_) => Some(BrickFactsTable::from_bytes(&manifest, &store.brick_facts).map_err(broken)?),
             None => None,
         };
+        let cells = CellRanges::from_bytes(&manifest, &store.cell_ranges).map_err(broken)?;
         let name = text("store name", store.name, MAX_TEXT)?;
-        Ok(Self { name, hash, manifest, manifest_bytes: store.manifest, ranges, facts })
+        Ok(Self { name, hash, manifest, manifest_bytes: store.manifest, ranges, facts, cells })
     }
 }
 

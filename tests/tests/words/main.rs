@@ -7,6 +7,7 @@ mod cli;
 #[cfg(unix)]
 mod compose;
 mod config;
+mod default_look;
 mod field;
 #[cfg(target_os = "linux")]
 mod interrupts;

@@ -1,5 +1,8 @@
 //! The table of brick ranges: which stretched codes sampling a brick can meet.
 
+use std::ops::Range;
+
+use glam::UVec3;
 use rayon::prelude::*;
 
 use super::error::{RangesError, StoreError};
@@ -8,6 +11,7 @@ use super::manifest::Manifest;
 use super::tiles::Tile;
 use super::voxel::Voxel;
 use crate::brick::{BrickGrid, RANGE_MARGIN};
+use crate::ids::BrickIndex;
 
 /// Per brick, in the grid's linear order: smallest and largest stretched code over the owned box grown by
 /// [`crate::brick::RANGE_MARGIN`], inside the volume; voxels without data left out. [`BrickRanges::NONE`] where none
@@ -24,111 +28,173 @@ impl BrickRanges {
     /// # Errors
     /// Bytes that are not the ones that `manifest` speaks of.
     pub fn from_bytes(manifest: &Manifest, bytes: &[u8]) -> Result<Self, StoreError> {
-        let bricks = manifest.grid.brick_count();
-        let want = bricks * 4;
-        if bytes.len() as u64 != want {
-            return Err(RangesError::Length { got: bytes.len(), want, bricks }.into());
-        }
-        let (got, want) = (ContentHash::of(bytes), manifest.files.ranges);
-        if got != want {
-            return Err(RangesError::Hash { got, want }.into());
-        }
-        let u16_at = |b: &[u8], i| u16::from_le_bytes([b[i], b[i + 1]]);
-        let ranges: Vec<_> = bytes.chunks_exact(4).map(|b| [u16_at(b, 0), u16_at(b, 2)]).collect();
-        let may_lack = manifest.no_data.is_some();
-        let sound = |range: &[u16; 2]| range[0] <= range[1] || (may_lack && *range == Self::NONE);
-        if let Some((&[min, max], brick)) = ranges.iter().zip(manifest.grid.bricks()).find(|(range, _)| !sound(range)) {
-            return Err(RangesError::Inverted { brick, min, max }.into());
-        }
-        Ok(Self(ranges))
+        let cubes = Cubes::bricks(manifest.grid);
+        table_from_bytes("brick", cubes, bytes, manifest.files.ranges, manifest.no_data.is_some()).map(Self)
     }
 
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
-        self.0.iter().flatten().flat_map(|v| v.to_le_bytes()).collect()
+        table_to_bytes(&self.0)
     }
 }
 
-/// Brick ranges in ordinals, gathered slab by slab: what they are stretched to is known only at the end.
+/// Minimum and maximum of each cube, u16 little endian, x fastest.
+pub(super) fn table_to_bytes(ranges: &[[u16; 2]]) -> Vec<u8> {
+    ranges.iter().flatten().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+/// The ranges in `bytes`, which must be those of `hash` and one for each of `cubes`; only where voxels may lack data,
+/// a cube may hold none. `what` is a cube, in words.
+pub(super) fn table_from_bytes(
+    what: &'static str,
+    cubes: Cubes,
+    bytes: &[u8],
+    hash: ContentHash,
+    may_lack: bool,
+) -> Result<Vec<[u16; 2]>, StoreError> {
+    let want = cubes.count() * 4;
+    if bytes.len() as u64 != want {
+        return Err(RangesError::Length { what, got: bytes.len(), want, count: cubes.count() }.into());
+    }
+    let got = ContentHash::of(bytes);
+    if got != hash {
+        return Err(RangesError::Hash { got, want: hash }.into());
+    }
+    let u16_at = |b: &[u8], i| u16::from_le_bytes([b[i], b[i + 1]]);
+    let ranges: Vec<_> = bytes.chunks_exact(4).map(|b| [u16_at(b, 0), u16_at(b, 2)]).collect();
+    let sound = |range: &[u16; 2]| range[0] <= range[1] || (may_lack && *range == BrickRanges::NONE);
+    if let Some((index, &[min, max])) = ranges.iter().enumerate().find(|(_, range)| !sound(range)) {
+        let at = BrickIndex(cubes.at(index).to_array());
+        return Err(RangesError::Inverted { what, at, min, max }.into());
+    }
+    Ok(ranges)
+}
+
+/// Voxels of bricks `b` of edge `size`, grown by the margin and cut to `n`.
+pub(super) fn grown(b: u32, size: u32, n: u32) -> Range<u32> {
+    Cubes { dims: UVec3::splat(n), edge: size, margin: RANGE_MARGIN }.grown(b, n)
+}
+
+/// Cubes of one edge from the volume's corner, each grown by a margin and cut to the volume.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Cubes {
+    /// The volume's, voxels.
+    pub(super) dims: UVec3,
+    pub(super) edge: u32,
+    pub(super) margin: u32,
+}
+
+impl Cubes {
+    /// Bricks, as sampling and slabs reach them.
+    pub(super) fn bricks(grid: BrickGrid) -> Self {
+        Self { dims: grid.volume_dims(), edge: grid.brick_size(), margin: RANGE_MARGIN }
+    }
+
+    /// Cubes per axis.
+    pub(super) fn counts(self) -> UVec3 {
+        self.dims.map(|n| n.div_ceil(self.edge))
+    }
+
+    pub(super) fn count(self) -> u64 {
+        self.counts().as_u64vec3().element_product()
+    }
+
+    /// The cube at a place of the table, in cubes.
+    pub(super) fn at(self, index: usize) -> UVec3 {
+        let (d, index) = (self.counts().as_u64vec3(), index as u64);
+        UVec3::new((index % d.x) as u32, (index / d.x % d.y) as u32, (index / (d.x * d.y)) as u32)
+    }
+
+    /// Voxels of an axis of `n` that cube `b` reaches.
+    fn grown(self, b: u32, n: u32) -> Range<u32> {
+        (b * self.edge).saturating_sub(self.margin)..(b * self.edge + self.edge).saturating_add(self.margin).min(n)
+    }
+
+    /// Cubes that reach into voxels `lo..hi` of an axis with `count` of them.
+    fn met(self, lo: u32, hi: u32, count: u32) -> Range<u32> {
+        lo.saturating_sub(self.margin) / self.edge..((hi - 1 + self.margin) / self.edge + 1).min(count)
+    }
+
+    /// What of `lo..hi` cube `b` reaches, from `lo` on.
+    fn reached(self, b: u32, n: u32, lo: u32, hi: u32) -> Range<usize> {
+        let all = self.grown(b, n);
+        (all.start.max(lo) - lo) as usize..(all.end.min(hi) - lo) as usize
+    }
+}
+
+/// Ranges of cubes in ordinals, gathered slab by slab: what they are stretched to is known only at the end.
 #[derive(Debug)]
 pub(super) struct RangeBuilder {
-    grid: BrickGrid,
-    /// Minimum and maximum ordinal; `[MAX, 0]` before the first voxel.
+    cubes: Cubes,
+    /// Minimum and maximum ordinal, x fastest; `[MAX, 0]` before the first voxel.
     table: Vec<[u16; 2]>,
     /// The ordinal of voxels without data.
     no_data: Option<u16>,
 }
 
-/// Voxels of bricks `b` of edge `size`, grown by the margin and cut to `n`.
-pub(super) fn grown(b: u32, size: u32, n: u32) -> std::ops::Range<u32> {
-    (b * size).saturating_sub(RANGE_MARGIN)..(b * size + size).saturating_add(RANGE_MARGIN).min(n)
-}
-
 impl RangeBuilder {
-    pub(super) fn new(grid: BrickGrid, no_data: Option<u16>) -> Self {
-        Self { grid, table: vec![BrickRanges::NONE; grid.brick_count() as usize], no_data }
+    pub(super) fn new(cubes: Cubes, no_data: Option<u16>) -> Self {
+        Self { cubes, table: vec![BrickRanges::NONE; cubes.count() as usize], no_data }
     }
 
     /// Takes a tile's planes that start at `z0`, x fastest. Tiles and planes may come in any pieces; voxels on a margin
-    /// count for all bricks that they touch.
+    /// count for all cubes that they touch.
     pub(super) fn add<T: Voxel>(&mut self, tile: &Tile, z0: u32, slab: &[T]) {
-        let (n, bricks, size) = (self.grid.volume_dims(), self.grid.dims(), self.grid.brick_size());
+        let (cubes, n, counts) = (self.cubes, self.cubes.dims, self.cubes.counts());
         let [nx, ny] = tile.size();
         let z1 = z0 + (slab.len() / (nx * ny)) as u32;
         if z1 == z0 {
             return;
         }
-        // Bricks that reach into voxels `lo..hi` of an axis, and what of that each of them reaches.
-        let met = |lo: u32, hi: u32, bricks: u32| {
-            lo.saturating_sub(RANGE_MARGIN) / size..((hi - 1 + RANGE_MARGIN) / size + 1).min(bricks)
-        };
-        let reached = |b: u32, n: u32, lo: u32, hi: u32| {
-            let all = grown(b, size, n);
-            (all.start.max(lo) - lo) as usize..(all.end.min(hi) - lo) as usize
-        };
         let no_data = self.no_data.map(T::at);
-        let (xs, ys) = (met(tile.lo[0], tile.hi[0], bricks.x), met(tile.lo[1], tile.hi[1], bricks.y));
-        let x_boxes: Vec<_> = xs.clone().map(|bx| reached(bx, n.x, tile.lo[0], tile.hi[0])).collect();
-        let (layer, row) = ((bricks.x * bricks.y) as usize, bricks.x as usize);
-        for bz in met(z0, z1, bricks.z) {
-            let zs = reached(bz, n.z, z0, z1);
+        let (xs, ys) = (cubes.met(tile.lo[0], tile.hi[0], counts.x), cubes.met(tile.lo[1], tile.hi[1], counts.y));
+        let x_boxes: Vec<_> = xs.clone().map(|bx| cubes.reached(bx, n.x, tile.lo[0], tile.hi[0])).collect();
+        let (layer, row) = ((counts.x * counts.y) as usize, counts.x as usize);
+        for bz in cubes.met(z0, z1, counts.z) {
+            let zs = cubes.reached(bz, n.z, z0, z1);
             let rows = &mut self.table[bz as usize * layer..][..layer][ys.start as usize * row..ys.end as usize * row];
             rows.par_chunks_mut(row).zip(ys.clone().into_par_iter()).for_each(|(row, by)| {
                 let row = &mut row[xs.start as usize..xs.end as usize];
-                let mut found = vec![(T::MAX, T::MIN); row.len()];
+                // Over all rows of voxels that the row of cubes reaches, at each x.
+                let (mut lows, mut highs) = (vec![T::MAX; nx], vec![T::MIN; nx]);
                 for z in zs.clone() {
-                    for y in reached(by, n.y, tile.lo[1], tile.hi[1]) {
+                    for y in cubes.reached(by, n.y, tile.lo[1], tile.hi[1]) {
                         let line = &slab[(z * ny + y) * nx..][..nx];
-                        for (range, xs) in found.iter_mut().zip(&x_boxes) {
-                            let row = line[xs.clone()].iter().copied();
-                            let join = |(a, b): (T, T), v: T| (a.min(v), b.max(v));
-                            *range = match no_data {
-                                None => row.fold(*range, join),
-                                Some(none) => row.filter(|v| *v != none).fold(*range, join),
-                            };
-                        }
+                        widen(&mut lows, &mut highs, line, no_data);
                     }
                 }
-                for ([min, max], (a, b)) in row.iter_mut().zip(found) {
-                    *min = (*min).min(a.ordinal());
-                    *max = (*max).max(b.ordinal());
+                for ([min, max], xs) in row.iter_mut().zip(&x_boxes) {
+                    let low = lows[xs.clone()].iter().copied().fold(T::MAX, T::min);
+                    let high = highs[xs.clone()].iter().copied().fold(T::MIN, T::max);
+                    *min = (*min).min(low.ordinal());
+                    *max = (*max).max(high.ordinal());
                 }
             });
         }
     }
 
     /// `code_of_ordinal` must not descend over the data, so that the extremes stay the extremes.
-    pub(super) fn finish(self, code_of_ordinal: &[u16]) -> BrickRanges {
+    pub(super) fn finish(self, code_of_ordinal: &[u16]) -> Vec<[u16; 2]> {
         let code = |ordinal: u16| code_of_ordinal[usize::from(ordinal)];
         let codes = |[min, max]: [u16; 2]| if min > max { BrickRanges::NONE } else { [code(min), code(max)] };
-        BrickRanges(self.table.into_iter().map(codes).collect())
+        self.table.into_iter().map(codes).collect()
+    }
+}
+
+fn widen<T: Voxel>(lows: &mut [T], highs: &mut [T], line: &[T], no_data: Option<T>) {
+    let each = lows.iter_mut().zip(highs).zip(line.iter().copied());
+    match no_data {
+        None => each.for_each(|((low, high), v)| (*low, *high) = ((*low).min(v), (*high).max(v))),
+        Some(none) => each.for_each(|((low, high), v)| {
+            *low = (*low).min(if v == none { T::MAX } else { v });
+            *high = (*high).max(if v == none { T::MIN } else { v });
+        }),
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::UVec3;
 
     /// Every brick size, slabs that cut bricks and margins in every way, against the definition voxel by voxel.
     #[test]
@@ -149,7 +215,7 @@ mod tests {
         for size in [8, 16, 32, 64] {
             let grid = BrickGrid::new(n, size).unwrap();
             for (planes, no_data) in [(1usize, None), (5, None), (32, None), (5, Some(mostly.ordinal()))] {
-                let mut builder = RangeBuilder::new(grid, no_data);
+                let mut builder = RangeBuilder::new(Cubes::bricks(grid), no_data);
                 let plane = (n.x * n.y) as usize;
                 let voxels = if no_data.is_some() { &holed } else { &voxels };
                 for (i, slab) in voxels.chunks(planes * plane).enumerate() {
@@ -172,7 +238,7 @@ mod tests {
                             }
                         }
                     }
-                    assert_eq!(got.0[linear], want, "brick {brick} of size {size}, {planes} planes");
+                    assert_eq!(got[linear], want, "brick {brick} of size {size}, {planes} planes");
                 }
             }
         }

@@ -193,15 +193,15 @@ pub enum ManifestError {
     Field { field: &'static str, why: String },
 }
 
-/// Bytes that are not the table of brick ranges that a manifest speaks of.
+/// Bytes that are not the table of ranges, of bricks or of cells, that a manifest speaks of.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum RangesError {
-    #[error("{got} bytes, {bricks} bricks need {want}")]
-    Length { got: usize, want: u64, bricks: u64 },
+    #[error("{got} bytes, {count} {what}s need {want}")]
+    Length { what: &'static str, got: usize, want: u64, count: u64 },
     #[error("hash {got}, the manifest promises {want}")]
     Hash { got: ContentHash, want: ContentHash },
-    #[error("brick {brick} has minimum {min} above maximum {max}")]
-    Inverted { brick: BrickIndex, min: u16, max: u16 },
+    #[error("{what} {at} has minimum {min} above maximum {max}")]
+    Inverted { what: &'static str, at: BrickIndex, min: u16, max: u16 },
 }
 
 /// What is wrong with a shard's index.

@@ -5,6 +5,7 @@
 //! `docs/reference/store-format.md`.
 
 mod brick_ranges;
+mod cell_ranges;
 mod codec;
 mod error;
 mod files;
@@ -26,6 +27,7 @@ mod zarr_json;
 
 pub use crate::brick::BrickVoxels;
 pub use brick_ranges::BrickRanges;
+pub use cell_ranges::CellRanges;
 pub use error::{ChunkFault, HaloFault, IndexFault, ManifestError, RangesError, StoreError};
 pub use files::walk::{remove_store, stored_bytes};
 pub use files::workdir::remove_leftovers;

@@ -27,6 +27,8 @@ pub const MANIFEST_FILE: &str = "brickcast.json";
 pub(super) const GROUP_FILE: &str = "zarr.json";
 pub(super) const ARRAY_FILE: &str = "0/zarr.json";
 pub(super) const RANGES_FILE: &str = "bricks.bin";
+/// Not in stores before version 7.
+pub(super) const CELLS_FILE: &str = "cells.bin";
 pub(super) const SHARDS_FILE: &str = "shards.bin";
 /// Files of stores whose bricks have halos.
 pub(super) const HALOS_FILE: &str = "halos.bin";

@@ -6,6 +6,8 @@ pub mod colormap;
 mod colormap_tables;
 pub(crate) mod empty;
 mod function;
+pub mod materials;
+pub mod of_projection;
 pub mod preset;
 pub mod suggest;
 pub mod table;

@@ -76,6 +76,35 @@ pub fn suggest(
     classes: Option<usize>,
     colormap: Colormap,
 ) -> Result<Suggestion, SuggestError> {
+    let Classes { mut classes, separability } = classes_of(histogram, range, classes)?;
+    let threshold = classes[0].range.1;
+    let shown = classes.len() - 1;
+    let mut opacities = vec![OpacityPoint { x: threshold, opacity: 0.0 }];
+    for (k, class) in classes.iter().enumerate().skip(1) {
+        opacities.push(OpacityPoint { x: class.mean, opacity: DEFAULT_OPACITY * k as f64 / shown as f64 });
+    }
+    let colors: Vec<ColorPoint> = colormap.points_over(threshold, classes[shown].mean);
+    let function = TransferFunction::new(colors, opacities)?;
+    for class in &mut classes {
+        (class.opacity, class.rgb) = (function.opacity(class.mean), function.color(class.mean));
+    }
+    Ok(Suggestion { function, classes, separability })
+}
+
+/// Classes, lowest values first, without opacities and colours.
+pub(super) struct Classes {
+    /// Two at least.
+    pub(super) classes: Vec<ValueClass>,
+    /// Share of the variance that they explain, 0..=1.
+    separability: f64,
+}
+
+/// The classes of a histogram; arguments and errors as [`suggest`].
+pub(super) fn classes_of(
+    histogram: &[u64],
+    range: (f64, f64),
+    classes: Option<usize>,
+) -> Result<Classes, SuggestError> {
     if let Some(got) = classes
         && !CLASSES.contains(&got)
     {
@@ -100,7 +129,7 @@ pub fn suggest(
     let between = |i: usize| 0.5 * (bins[i - 1].value + bins[i].value);
     let starts = std::iter::once(0).chain(ends.iter().copied());
     let voxels: f64 = bins.iter().map(|b| b.count).sum();
-    let mut classes: Vec<ValueClass> = starts
+    let classes = starts
         .zip(&ends)
         .map(|(start, &end)| {
             let count: f64 = bins[start..end].iter().map(|b| b.count).sum();
@@ -110,19 +139,7 @@ pub fn suggest(
             ValueClass { range: (low, high), mean, share: count / voxels, opacity: 0.0, rgb: [0.0; 3] }
         })
         .collect();
-
-    let threshold = classes[0].range.1;
-    let shown = classes.len() - 1;
-    let mut opacities = vec![OpacityPoint { x: threshold, opacity: 0.0 }];
-    for (k, class) in classes.iter().enumerate().skip(1) {
-        opacities.push(OpacityPoint { x: class.mean, opacity: DEFAULT_OPACITY * k as f64 / shown as f64 });
-    }
-    let colors: Vec<ColorPoint> = colormap.points_over(threshold, classes[shown].mean);
-    let function = TransferFunction::new(colors, opacities)?;
-    for class in &mut classes {
-        (class.opacity, class.rgb) = (function.opacity(class.mean), function.color(class.mean));
-    }
-    Ok(Suggestion { function, classes, separability })
+    Ok(Classes { classes, separability })
 }
 
 /// The bins that are not empty, at the values of their middles.

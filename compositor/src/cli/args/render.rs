@@ -12,8 +12,9 @@ use super::scene::SceneArgs;
 use super::values::triple;
 
 /// What the manifest of `--scene` says: camera, look and quality.
-const SAID_BY_A_MANIFEST: [&str; 46] = [
+const SAID_BY_A_MANIFEST: [&str; 47] = [
     "size",
+    "look",
     "transfer_function",
     "preset",
     "transfer_function_range",

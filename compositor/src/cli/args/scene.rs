@@ -6,6 +6,7 @@ use brickcast_volume::scene::{Filter, Transport};
 use clap::Args;
 
 use super::accel::AccelArgs;
+use super::look::LookArgs;
 use super::style::StyleArgs;
 use super::values::{pair, picture_size, triple, word};
 
@@ -15,6 +16,8 @@ pub struct SceneArgs {
     /// Picture size in pixels
     #[arg(long, value_name = "WxH", value_parser = picture_size, default_value = "512x512")]
     pub size: (u32, u32),
+    #[command(flatten)]
+    pub look: LookArgs,
     /// ParaView colour-map preset (JSON or XML), or 3D Slicer volume property (.vp)
     #[arg(long, value_name = "FILE", conflicts_with_all = ["window", "opacity", "colormap"])]
     #[arg(help_heading = "Transfer function")]

@@ -8,6 +8,7 @@ use brickcast_volume::style::{
 use clap::Args;
 use glam::DVec3;
 
+use super::look::LookArg;
 use super::values::{numbers, word};
 use crate::cli::failure::Failure;
 
@@ -20,7 +21,7 @@ pub struct StyleArgs {
     /// Entries of the pre-integration table: 256 (while a transfer function is dragged) or 1024
     #[arg(long, value_name = "N", default_value_t = 1024)]
     pub table_size: u32,
-    /// Light on volume and isosurfaces [default: phong with --isosurface, else none]
+    /// Light on volume and isosurfaces [default: phong with --isosurface and in the default look, else none]
     #[arg(long, value_parser = word::<ShadingKind>())]
     pub shading: Option<ShadingKind>,
     /// Where a slab takes its light
@@ -49,9 +50,9 @@ pub struct StyleArgs {
     /// function nothing else shows
     #[arg(long, value_name = "VALUE[:R,G,B[,A]]", allow_hyphen_values = true)]
     pub isosurface: Vec<String>,
-    /// What a pixel shows of its ray
-    #[arg(long, value_parser = word::<Mode>(), default_value_t)]
-    pub mode: Mode,
+    /// What a pixel shows of its ray [default: composite]
+    #[arg(long, value_parser = word::<Mode>())]
+    pub mode: Option<Mode>,
     /// Only what lies in this box, world units
     #[arg(long, value_name = "XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX", allow_hyphen_values = true)]
     pub clip: Option<String>,
@@ -66,18 +67,18 @@ const SURFACE: [f64; 4] = [0.86, 0.84, 0.80, 1.0];
 impl StyleArgs {
     /// # Errors
     /// Usage: text that is no number, values out of range, combinations that contradict themselves.
-    pub fn style(&self, filter: Filter) -> Result<Style, Failure> {
-        let style = self.parse(filter).map_err(|text| Failure::usage(anyhow!(text)))?;
+    pub fn style(&self, filter: Filter, look: Option<LookArg>) -> Result<Style, Failure> {
+        let style = self.parse(filter, look).map_err(|text| Failure::usage(anyhow!(text)))?;
         style.validate().map_err(Failure::usage)?;
         style.validate_with(filter).map_err(Failure::usage)?;
         Ok(style)
     }
 
-    fn parse(&self, filter: Filter) -> Result<Style, String> {
+    fn parse(&self, filter: Filter, look: Option<LookArg>) -> Result<Style, String> {
         let surfaces = self.isosurface.iter().map(|text| surface(text)).collect::<Result<Vec<_>, _>>()?;
         let lit = match self.shading {
             Some(shading) => shading == ShadingKind::Phong,
-            None => !surfaces.is_empty(),
+            None => !surfaces.is_empty() || look.is_some_and(|look| look.is_lit(filter)),
         };
         let light = match &self.light {
             Some(text) => Some(DVec3::from(numbers::<3>("--light", text)?)),
@@ -104,7 +105,7 @@ impl StyleArgs {
             },
             shading: lit.then_some(phong),
             surfaces,
-            mode: self.mode,
+            mode: self.mode.or(look.map(LookArg::mode)).unwrap_or_default(),
             clip: self.clip_of()?,
         })
     }
@@ -154,7 +155,7 @@ mod tests {
 
     fn style(words: &str, filter: Filter) -> Result<Style, String> {
         let words = Words::try_parse_from(std::iter::once("x").chain(words.split_whitespace())).unwrap();
-        words.style.style(filter).map_err(|failure| format!("{failure:?}"))
+        words.style.style(filter, None).map_err(|failure| format!("{failure:?}"))
     }
 
     /// Labels have nothing between them: neither slabs nor gradients nor surfaces, whoever asks for them.

@@ -1,6 +1,8 @@
 //! What the scene's words mean: arguments become a [`ScenePlan`], and on a store a [`Scene`].
 
 mod camera_file;
+mod default_look;
+mod fit;
 mod light_from;
 pub(crate) mod nothing_shows;
 mod on_store;

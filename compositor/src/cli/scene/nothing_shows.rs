@@ -159,7 +159,7 @@ fn no_opacity(scene: &Scene, store: &Manifest) -> Option<String> {
 }
 
 /// True where a value from `lo` to `hi` has opacity.
-fn is_opaque_within(function: &TransferFunction, lo: f64, hi: f64) -> bool {
+pub(super) fn is_opaque_within(function: &TransferFunction, lo: f64, hi: f64) -> bool {
     let inside = function.opacities().iter().filter(|p| p.x >= lo && p.x <= hi);
     function.opacity(lo) > 0.0 || function.opacity(hi) > 0.0 || inside.into_iter().any(|p| p.opacity > 0.0)
 }

@@ -4,13 +4,16 @@ use brickcast_volume::camera::Camera;
 use brickcast_volume::scene::{Acceleration, Filter, Leap, Look, Quality, RegionView, Scene, ViewSpec};
 use brickcast_volume::store::Manifest;
 use brickcast_volume::style::Style;
-use brickcast_volume::transfer_function::{TransferFunction, default_opacities, describe_default};
+use brickcast_volume::transfer_function::{TransferFunction, default_opacities};
 use glam::DVec3;
 
+use super::default_look::{self, Chosen};
+use super::fit;
 use super::plan::{AccelerationPlan, CameraPlan, FunctionPlan, LeapPlan, PresetPlan};
 use super::preset_file::Wanted;
 use super::{SceneChoice, ScenePlan, camera_file, light_from, preset_file};
 use crate::cli::failure::Failure;
+use crate::plan::StoreFacts;
 
 /// Macrocells may span this share of the range where the store was not segmented.
 const DEFAULT_MACRO_RANGE: f32 = 0.03;
@@ -20,11 +23,10 @@ impl ScenePlan {
     ///
     /// # Errors
     /// Usage for a degenerate camera given by flags; failure for files that cannot be read or parsed.
-    pub(crate) fn on(&self, store: &Manifest) -> Result<SceneChoice, Failure> {
-        let mut notes = Vec::new();
-        let camera = self.camera_on(store, &mut notes)?;
+    pub(crate) fn on(&self, facts: &StoreFacts) -> Result<SceneChoice, Failure> {
+        let (store, mut notes) = (&facts.manifest, Vec::new());
         let style = self.style.clone().above_noise(store.noise);
-        let transfer_function = self.function_on(store, &mut notes)?;
+        let Chosen { function: transfer_function, opacity_unit } = self.function_on(store, &mut notes)?;
         notes.extend(self.missing_regions(store));
         notes.extend(light_from::told(&self.style, &style, store));
         let region_transfer_function = match &self.region_function {
@@ -34,10 +36,11 @@ impl ScenePlan {
         let look = Look {
             transfer_function,
             region_transfer_function,
-            opacity_unit: self.opacity_unit.unwrap_or(store.geometry.min_spacing()),
+            opacity_unit: self.opacity_unit.or(opacity_unit).unwrap_or(store.geometry.min_spacing()),
             region_view: self.region_view,
             style,
         };
+        let camera = self.camera_on(facts, &look, &mut notes)?;
         let quality = Quality {
             step: self.step,
             early_termination: self.early_termination,
@@ -51,9 +54,15 @@ impl ScenePlan {
         Ok(SceneChoice { scene, transport: self.transport, notes })
     }
 
-    fn camera_on(&self, store: &Manifest, notes: &mut Vec<String>) -> Result<Camera, Failure> {
+    fn camera_on(&self, facts: &StoreFacts, look: &Look, notes: &mut Vec<String>) -> Result<Camera, Failure> {
+        let store = &facts.manifest;
         let (position, focal_point, up, projection) = match &self.camera {
             CameraPlan::File(path) => return camera_file::read(path, notes),
+            CameraPlan::Fitted => {
+                let (camera, note) = fit::fitted(facts, look, self.size).map_err(Failure::usage)?;
+                notes.push(note);
+                return Ok(camera);
+            }
             CameraPlan::Orbit { orbit, projection, up } => {
                 let around = Camera::orbit(&store.geometry, *orbit).map_err(Failure::usage)?;
                 (around.position(), around.focal_point(), up.unwrap_or(around.view_up()), *projection)
@@ -82,20 +91,22 @@ impl ScenePlan {
         Ok(read.function)
     }
 
-    fn function_on(&self, store: &Manifest, notes: &mut Vec<String>) -> Result<TransferFunction, Failure> {
-        match &self.function {
+    fn function_on(&self, store: &Manifest, notes: &mut Vec<String>) -> Result<Chosen, Failure> {
+        let function = match &self.function {
             FunctionPlan::File(preset) => self.preset_on(preset, store, notes),
             FunctionPlan::Default if shows_surfaces(&self.style) => Ok(TransferFunction::nothing()),
             FunctionPlan::Default => {
-                notes.push(describe_default(store.otsu, store.quantile_999));
-                Ok(TransferFunction::default_for(store.otsu, store.quantile_999))
+                let chosen = default_look::chosen(self.look, self.style.mode, store);
+                notes.push(chosen.note(self.opacity_unit));
+                return Ok(chosen.chosen);
             }
             FunctionPlan::Window { values, opacity, colormap } => {
                 let ramp = default_opacities(store.otsu, store.quantile_999);
                 let [lo, hi] = values.unwrap_or([ramp[0].x, ramp[1].x]);
                 TransferFunction::window(lo, hi, *opacity, *colormap).map_err(Failure::usage)
             }
-        }
+        };
+        Ok(Chosen { function: function?, opacity_unit: None })
     }
 
     /// What to tell where something was asked of regions and the store has none.

@@ -10,7 +10,7 @@ use brickcast_volume::style::Style;
 use brickcast_volume::transfer_function::Colormap;
 use glam::DVec3;
 
-use crate::cli::args::{AccelArgs, SceneArgs};
+use crate::cli::args::{AccelArgs, LookArg, SceneArgs, Unasked};
 use crate::cli::failure::Failure;
 
 /// What was asked of a scene; [`ScenePlan::on`] a store it becomes one. No flag is seen from here on.
@@ -19,6 +19,8 @@ pub(crate) struct ScenePlan {
     pub(super) size: PictureSize,
     pub(super) camera: CameraPlan,
     pub(super) function: FunctionPlan,
+    /// What the function and the opacity unit are chosen by where nothing was said of them.
+    pub(super) look: Option<LookArg>,
     pub(super) region_function: Option<PresetPlan>,
     /// World units; none: the smallest spacing.
     pub(super) opacity_unit: Option<f64>,
@@ -43,6 +45,8 @@ pub(super) enum CameraPlan {
         projection: Projection,
         up: Option<DVec3>,
     },
+    /// From azimuth 30, elevation 20, so that what shows fills the picture.
+    Fitted,
     /// At a point; it looks at the volume's centre unless said otherwise.
     Eye {
         position: DVec3,
@@ -95,24 +99,26 @@ pub(super) enum LeapPlan {
 impl SceneArgs {
     /// # Errors
     /// Usage: picture size, step, early termination, opacity, zoom and angles out of range; what does not go together.
-    pub(crate) fn plan(&self) -> Result<ScenePlan, Failure> {
+    pub(crate) fn plan(&self, unasked: Unasked) -> Result<ScenePlan, Failure> {
         let size = PictureSize::new(self.size.0, self.size.1).map_err(Failure::usage)?;
         self.check_numbers()?;
         if self.exact && !matches!(self.transport, None | Some(Transport::F32)) {
             return Err(Failure::usage(anyhow!("--exact carries pixels as f32: leave --transport out")));
         }
-        let kind = self.style.mode.pixel_kind();
+        let look = self.look(unasked);
+        let style = self.style.style(self.filter, look)?;
+        let kind = style.mode.pixel_kind();
         if self.transport.is_some_and(|transport| !transport.carries(kind)) {
             return Err(Failure::usage(anyhow!("--mode: projections carry codes as f32: leave --transport out")));
         }
         let function = self.function()?;
-        let style = self.style.style(self.filter)?;
         self.accel.check()?;
         let region_function = self.accel.region_transfer_function.as_ref();
         Ok(ScenePlan {
             size,
             camera: self.camera_plan(),
             function,
+            look,
             region_function: region_function.map(|path| PresetPlan {
                 path: path.clone(),
                 name: self.accel.region_preset.clone(),
@@ -153,9 +159,19 @@ impl SceneArgs {
         Ok(())
     }
 
+    /// True where any flag says something of the camera.
+    fn has_camera(&self) -> bool {
+        let angles = [self.azimuth, self.elevation, self.zoom, self.view_angle, self.parallel_scale];
+        let points = [self.position, self.focal_point, self.view_up];
+        self.camera.is_some() || angles.iter().any(Option::is_some) || points.iter().any(Option::is_some)
+    }
+
     fn camera_plan(&self) -> CameraPlan {
         if let Some(path) = &self.camera {
             return CameraPlan::File(path.clone());
+        }
+        if !self.has_camera() {
+            return CameraPlan::Fitted;
         }
         let view_angle = self.view_angle.unwrap_or(30.0);
         let projection = match self.parallel_scale {
@@ -231,7 +247,7 @@ impl ScenePlan {
         let region = self.region_function.as_ref().map(|preset| ("--region-transfer-function", preset.path.clone()));
         let camera = match &self.camera {
             CameraPlan::File(path) => Some(("--camera", path.clone())),
-            CameraPlan::Orbit { .. } | CameraPlan::Eye { .. } => None,
+            CameraPlan::Orbit { .. } | CameraPlan::Eye { .. } | CameraPlan::Fitted => None,
         };
         [function, region, camera].into_iter().flatten().collect()
     }

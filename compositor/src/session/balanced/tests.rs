@@ -55,12 +55,7 @@ async fn what_is_shared_out_is_ordered_whole_from_the_first_moment() {
     let nodes = EmbeddedNodes::start(&opened, NODES, &store.path(), 1 << 28).await.unwrap();
     let (list, choice) = (NodeList::parse(&nodes.addresses()).unwrap(), StoreChoice::Hash(store.hash()));
     let (members, _) = Members::open(list, &nodes.dial(), &choice).await.unwrap();
-    let facts = StoreFacts {
-        hash: store.hash(),
-        manifest: store.manifest().clone(),
-        ranges: store.brick_ranges().clone(),
-        facts: None,
-    };
+    let facts = StoreFacts::of(&store);
     let look = Arc::new(ShownLook::new(LookId(1), &facts, &scene));
     let shown = look.shown.clone();
     let view = scene.view_of(&facts.manifest.geometry).unwrap();

@@ -5,6 +5,7 @@ use std::path::Path;
 use bytes::Bytes;
 use glam::UVec3;
 
+use crate::store::cell_ranges::cells_of;
 use crate::store::halo::index::ENTRY_BYTES;
 use crate::store::halo::reach::{REGION_HALO, VOXEL_HALO};
 use crate::store::hash::ContentHash;
@@ -13,9 +14,9 @@ use crate::store::manifest::file as manifest_file;
 use crate::store::objects::Objects;
 use crate::store::objects::folder::StoreFolder;
 use crate::store::profile::{
-    ARRAY_FILE, DISTANCE_ARRAY_FILE, DISTANCE_SHARDS_FILE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, LABEL_ARRAY_FILE,
-    LABEL_IMAGE_FILE, LABEL_SHARDS_FILE, LABELS_GROUP_FILE, MANIFEST_FILE, RANGES_FILE, REGION_BRICKS_FILE,
-    REGION_HALO_INDEX_FILE, REGION_HALOS_FILE, REGIONS_FILE, SHARD_EDGE, SHARDS_FILE, StoreArray,
+    ARRAY_FILE, CELLS_FILE, DISTANCE_ARRAY_FILE, DISTANCE_SHARDS_FILE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE,
+    LABEL_ARRAY_FILE, LABEL_IMAGE_FILE, LABEL_SHARDS_FILE, LABELS_GROUP_FILE, MANIFEST_FILE, RANGES_FILE,
+    REGION_BRICKS_FILE, REGION_HALO_INDEX_FILE, REGION_HALOS_FILE, REGIONS_FILE, SHARD_EDGE, SHARDS_FILE, StoreArray,
 };
 use crate::store::regions::facts_table::{FACTS_BYTES, REGION_BYTES};
 use crate::store::shard::table::RECORD_BYTES;
@@ -42,6 +43,8 @@ pub(crate) fn small_files(manifest: &Manifest) -> Vec<SmallFile> {
         file(RANGES_FILE, bricks * 4, f.ranges),
         file(SHARDS_FILE, table, f.shards),
     ];
+    let cells = cells_of(manifest.geometry.dims()).count() * 4;
+    files.extend(f.cells.map(|hash| file(CELLS_FILE, cells, hash)));
     let index = |records: usize| bricks * (records * ENTRY_BYTES) as u64;
     if let Some(halo) = &manifest.halo {
         files.push(file(HALO_INDEX_FILE, index(VOXEL_HALO.records()), halo.voxels.index));
@@ -102,6 +105,7 @@ impl StoreShape {
             ARRAY_FILE,
             RANGES_FILE,
             SHARDS_FILE,
+            CELLS_FILE,
             HALOS_FILE,
             HALO_INDEX_FILE,
             REGION_HALOS_FILE,

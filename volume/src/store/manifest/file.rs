@@ -12,6 +12,7 @@ use crate::brick::BrickGrid;
 use crate::format::VoxelType;
 use crate::space::Geometry;
 use crate::store::error::{ManifestError, StoreError};
+use crate::store::hash::ContentHash;
 use crate::store::no_data::{NoData, with_room_below};
 use crate::store::shard::grid::ShardGrid;
 use crate::store::value_map::check_range;
@@ -19,9 +20,11 @@ use crate::store::voxel::{SOURCE_TYPES, StoredType};
 
 const FORMAT: &str = "brickcast-store";
 /// Of the format that is written.
-pub const VERSION: u64 = 6;
-/// Read as well: 4 lacks keys that may be left out, and before 6 shards have no checksums of their chunks at their end.
+pub const VERSION: u64 = 7;
+/// Read as well: 4 lacks keys that may be left out, and before 6 shards have no checksums of their chunks at their
+/// end, and before 7 there are no cells.
 const OLDEST: u64 = 4;
+const FIRST_WITH_CELLS: u64 = 7;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -91,6 +94,9 @@ struct Files {
     ranges: String,
     #[serde(rename = "shards.bin")]
     shards: String,
+    /// Left out before version 7.
+    #[serde(rename = "cells.bin", default, skip_serializing_if = "Option::is_none")]
+    cells: Option<String>,
 }
 
 /// Says whether bytes are a manifest of any version, however broken otherwise.
@@ -133,6 +139,16 @@ fn checked_text(name: &'static str, text: String) -> Result<String, ManifestErro
 fn check_ascending(name: &'static str, values: &[f64]) -> Result<(), ManifestError> {
     let good = values.iter().all(|v| v.is_finite()) && values.is_sorted();
     if good { Ok(()) } else { Err(field(name, "values must be finite and must not descend")) }
+}
+
+/// Stores have cells from version 7 on, and not before.
+fn cells_hash(version: u64, cells: Option<&str>) -> Result<Option<ContentHash>, ManifestError> {
+    match (version >= FIRST_WITH_CELLS, cells) {
+        (true, Some(text)) => hash("files", text).map(Some),
+        (false, None) => Ok(None),
+        (true, None) => Err(field("files", format!("cells.bin is missing, which version {version} has"))),
+        (false, Some(_)) => Err(field("files", format!("cells.bin, which version {version} has not"))),
+    }
 }
 
 fn checked_noise(noise: Option<f64>) -> Result<Option<f64>, ManifestError> {
@@ -251,6 +267,7 @@ impl TryFrom<ManifestFile> for Manifest {
                 array: hash("files", &file.files.array)?,
                 ranges: hash("files", &file.files.ranges)?,
                 shards: hash("files", &file.files.shards)?,
+                cells: cells_hash(file.version, file.files.cells.as_deref())?,
             },
             halo: halo::parse(file.halo, file.brick_size, file.regions.is_some())?,
             regions: file.regions.map(|regions| regions.parse(&geometry)).transpose()?,
@@ -317,6 +334,7 @@ impl From<&Manifest> for ManifestFile {
                 array: m.files.array.to_string(),
                 ranges: m.files.ranges.to_string(),
                 shards: m.files.shards.to_string(),
+                cells: m.files.cells.map(|cells| cells.to_string()),
             },
             halo: m.halo.as_ref().map(HaloFile::from),
             regions: m.regions.as_ref().map(RegionsFile::from),

@@ -112,7 +112,7 @@ impl NotFinite {
     }
 }
 
-/// Hashes of the files that every store has.
+/// Hashes of the files that every store has, the last from version 7 on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FileHashes {
     /// `zarr.json`: the OME-Zarr group.
@@ -123,6 +123,8 @@ pub struct FileHashes {
     pub ranges: ContentHash,
     /// `shards.bin`: length and hash of every shard.
     pub shards: ContentHash,
+    /// `cells.bin`: the cell ranges. Nothing in stores before version 7.
+    pub cells: Option<ContentHash>,
 }
 
 impl Manifest {

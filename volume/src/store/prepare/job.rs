@@ -18,7 +18,8 @@ use crate::brick::BrickGrid;
 use crate::format::{SourceHeader, VolumeSource};
 use crate::ids::StoreHash;
 use crate::regions::code::{MAX_DENSITY, density_of_code};
-use crate::store::brick_ranges::RangeBuilder;
+use crate::store::brick_ranges::{BrickRanges, Cubes, RangeBuilder};
+use crate::store::cell_ranges::{CellRanges, cells_of};
 use crate::store::error::StoreError;
 use crate::store::files::workdir::{self, WorkDir, write_synced};
 use crate::store::halo::reach::{VOXEL_HALO, has_halos};
@@ -32,7 +33,7 @@ use crate::store::manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QU
 use crate::store::no_data::{NoData, with_room_below};
 use crate::store::objects::folder::StoreFolder;
 use crate::store::profile::{
-    ARRAY_FILE, CHUNK_EDGE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, MANIFEST_FILE, RANGES_FILE,
+    ARRAY_FILE, CELLS_FILE, CHUNK_EDGE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, MANIFEST_FILE, RANGES_FILE,
     REGION_HALO_INDEX_FILE, SHARDS_FILE, StoreArray,
 };
 use crate::store::progress::{Phase, Progress};
@@ -154,6 +155,7 @@ struct Gathered {
     statistics: Statistics,
     no_data: u64,
     ranges: RangeBuilder,
+    cells: RangeBuilder,
     shards: Vec<ShardRecord>,
     /// Nothing where bricks are smaller than inner chunks.
     halos: Option<WrittenHalos>,
@@ -176,7 +178,8 @@ impl Job<'_> {
         let mut writer = ShardWriter::new(&root, StoreArray::Voxels, self.shards);
         let no_data = self.no_data();
         let mut statistics = Statistics::new(StoredType::of(self.header.voxel_type));
-        let mut ranges = RangeBuilder::new(self.grid, no_data.ordinal());
+        let mut ranges = RangeBuilder::new(Cubes::bricks(self.grid), no_data.ordinal());
+        let mut cells = RangeBuilder::new(cells_of(d), no_data.ordinal());
         let halo_path = if one_tile { root.join(HALOS_FILE) } else { work.scratch().join(HALOS_FILE) };
         let mut halos = has_halos.then(|| VoxelHalos::create(&halo_path, self.grid)).transpose()?;
         let mut done = 0;
@@ -198,6 +201,7 @@ impl Job<'_> {
                 // A slab: a tile's voxels of a layer of inner chunks, x fastest. Each voxel of the volume is in one.
                 statistics.add(tile.size(), slab, no_data.ordinal());
                 ranges.add(&tile, z0, slab);
+                cells.add(&tile, z0, slab);
                 writer.add(&tile, cz as u32, slab)?;
                 halos.as_mut().map(|h| h.add(planes, wide)).transpose()?;
                 done += slab.len() as u64;
@@ -209,7 +213,7 @@ impl Job<'_> {
             false => h.finish_sorted(self.tiles, &root.join(HALOS_FILE)),
         });
         let (halos, no_data) = (halos.transpose()?, no_data.leave_out(&mut statistics.histogram)?);
-        Ok(Gathered { statistics, no_data, ranges, shards: writer.finish(), halos })
+        Ok(Gathered { statistics, no_data, ranges, cells, shards: writer.finish(), halos })
     }
 
     /// The stored numbers of voxels without data.
@@ -272,9 +276,11 @@ impl Job<'_> {
         mut regions: Option<Written>,
         root: &Path,
     ) -> Result<PrepareSummary, StoreError> {
-        let Gathered { ranges, shards, halos, .. } = gathered;
+        let Gathered { ranges, cells, shards, halos, .. } = gathered;
         let code_of_ordinal = manifest.value_map().code_of_ordinal_table();
-        let ranges = ranges.finish(&code_of_ordinal).to_bytes();
+        let ranges = BrickRanges(ranges.finish(&code_of_ordinal)).to_bytes();
+        let dims = manifest.geometry.dims();
+        let cells = CellRanges::new(cells_of(dims), cells.finish(&code_of_ordinal)).to_bytes();
         let table = shard_table::to_bytes(&shards);
         let (group, array) = (zarr_json::group(&manifest), zarr_json::array(&manifest));
         manifest.files = FileHashes {
@@ -282,6 +288,7 @@ impl Job<'_> {
             array: ContentHash::of(&array),
             ranges: ContentHash::of(&ranges),
             shards: ContentHash::of(&table),
+            cells: Some(ContentHash::of(&cells)),
         };
         let region_halos = regions.as_mut().and_then(|r| r.halos.take());
         if let Some((entry, halos)) = manifest.halo.as_mut().zip(halos.as_ref()) {
@@ -295,7 +302,8 @@ impl Job<'_> {
         let manifest = Manifest::from_bytes(&bytes)?;
         let mut store_bytes: u64 = shards.iter().map(|s| s.bytes).sum();
         let hash = StoreHash::of(&bytes);
-        let mut files = vec![(GROUP_FILE, group), (ARRAY_FILE, array), (RANGES_FILE, ranges), (SHARDS_FILE, table)];
+        let mut files = vec![(GROUP_FILE, group), (ARRAY_FILE, array), (RANGES_FILE, ranges)];
+        files.extend([(SHARDS_FILE, table), (CELLS_FILE, cells)]);
         if let Some(regions) = regions {
             files.extend(regions.files);
             store_bytes += regions.shard_bytes;
@@ -369,7 +377,13 @@ impl Job<'_> {
             quantiles,
             histogram: histogram.binned(HISTOGRAM_BINS, |ordinal| usize::from(code(ordinal) >> 8)),
             noise: noise::rounded(scale * noise.deviation()),
-            files: FileHashes { group: unknown, array: unknown, ranges: unknown, shards: unknown },
+            files: FileHashes {
+                group: unknown,
+                array: unknown,
+                ranges: unknown,
+                shards: unknown,
+                cells: Some(unknown),
+            },
             halo: HaloEntry::unwritten(self.grid.brick_size()),
             regions: None,
             notes: Vec::new(),

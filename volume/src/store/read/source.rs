@@ -8,6 +8,7 @@ use crate::brick::BrickVoxels;
 use crate::ids::{BrickIndex, StoreHash};
 use crate::regions::{BrickFacts, BrickRegions, RegionTable};
 use crate::store::brick_ranges::BrickRanges;
+use crate::store::cell_ranges::CellRanges;
 use crate::store::error::StoreError;
 use crate::store::manifest::Manifest;
 
@@ -25,6 +26,9 @@ pub trait BrickSource: Debug + Send + Sync {
 
     /// Which codes sampling each brick can meet.
     fn brick_ranges(&self) -> &BrickRanges;
+
+    /// Which codes sampling each cell can meet; nothing in stores before version 7.
+    fn cell_ranges(&self) -> Option<&CellRanges>;
 
     /// In the grid's linear order; nothing where there are no regions.
     fn brick_facts(&self) -> Option<&[BrickFacts]>;
@@ -66,6 +70,10 @@ impl BrickSource for Store {
 
     fn brick_ranges(&self) -> &BrickRanges {
         self.brick_ranges()
+    }
+
+    fn cell_ranges(&self) -> Option<&CellRanges> {
+        self.cell_ranges()
     }
 
     fn brick_facts(&self) -> Option<&[BrickFacts]> {

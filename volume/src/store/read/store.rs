@@ -12,6 +12,7 @@ use super::window::{RowDecoder, ToCodes, Window};
 use crate::brick::{BrickVoxels, StoredBox};
 use crate::ids::{BrickIndex, StoreHash};
 use crate::store::brick_ranges::BrickRanges;
+use crate::store::cell_ranges::{CellRanges, cells_of};
 use crate::store::error::{HaloFault, StoreError};
 use crate::store::halo::bound::RecordBound;
 use crate::store::halo::reach::VOXEL_HALO;
@@ -21,8 +22,8 @@ use crate::store::no_data::NO_DATA_CODE;
 use crate::store::objects::Objects;
 use crate::store::objects::folder::StoreFolder;
 use crate::store::profile::{
-    ARRAY_FILE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, InnerChunk, MANIFEST_FILE, RANGES_FILE, SHARDS_FILE,
-    StoreArray,
+    ARRAY_FILE, CELLS_FILE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, InnerChunk, MANIFEST_FILE, RANGES_FILE,
+    SHARDS_FILE, StoreArray,
 };
 use crate::store::regions::open::StoreRegions;
 use crate::store::shard::grid::ShardGrid;
@@ -50,6 +51,8 @@ struct Inner {
     manifest: Manifest,
     manifest_bytes: Bytes,
     ranges: BrickRanges,
+    /// Nothing in stores before version 7.
+    cells: Option<CellRanges>,
     shards: Shards,
     /// Nothing where bricks are smaller than inner chunks.
     halos: Option<Halos>,
@@ -96,6 +99,11 @@ impl Store {
         }
         let ranges = objects.read_exactly(RANGES_FILE, manifest.grid.brick_count() * 4)?;
         let ranges = BrickRanges::from_bytes(&manifest, &ranges)?;
+        let cells = match manifest.files.cells {
+            Some(_) => objects.read_exactly(CELLS_FILE, cells_of(manifest.geometry.dims()).count() * 4)?,
+            None => Bytes::new(),
+        };
+        let cells = CellRanges::from_bytes(&manifest, &cells)?;
         let grid = ShardGrid::new(manifest.geometry.dims())?;
         let voxel_bytes = manifest.stored_type.bytes();
         let layout = TailLayout::of_version(manifest.version);
@@ -111,7 +119,18 @@ impl Store {
         let codes = manifest.value_map().code_of_bits_table();
         let hash = StoreHash::of(&manifest_bytes);
         Ok(Self {
-            inner: Arc::new(Inner { objects, hash, manifest, manifest_bytes, ranges, shards, halos, regions, codes }),
+            inner: Arc::new(Inner {
+                objects,
+                hash,
+                manifest,
+                manifest_bytes,
+                ranges,
+                cells,
+                shards,
+                halos,
+                regions,
+                codes,
+            }),
         })
     }
 
@@ -140,6 +159,12 @@ impl Store {
     #[must_use]
     pub fn brick_ranges(&self) -> &BrickRanges {
         &self.inner.ranges
+    }
+
+    /// Nothing in stores before version 7.
+    #[must_use]
+    pub fn cell_ranges(&self) -> Option<&CellRanges> {
+        self.inner.cells.as_ref()
     }
 
     /// Smallest and largest value that sampling the brick can meet, in the file's units, to half a code; clamped to the

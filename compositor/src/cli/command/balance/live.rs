@@ -9,7 +9,7 @@ use brickcast_volume::shown::shown;
 use serde::Serialize;
 
 use crate::balance::max_over_mean;
-use crate::cli::args::{BalanceArg, BalanceArgs};
+use crate::cli::args::{BalanceArg, BalanceArgs, Unasked};
 use crate::cli::failure::Failure;
 use crate::cli::say::{print, say, tell};
 use crate::output::{MAX_FRAMES, write_json};
@@ -52,7 +52,7 @@ struct NodeLine {
 /// # Errors
 /// Usage; what a render can fail with; [`Failure::Incomplete`] where a frame was not complete.
 pub(super) async fn run(args: &BalanceArgs, path: &Path, quiet: bool) -> Result<(), Failure> {
-    let plan = args.scene.plan()?;
+    let plan = args.scene.plan(Unasked::Chosen)?;
     if !(1..=MAX_FRAMES).contains(&args.frames) {
         return Err(Failure::usage(anyhow!("--frames {}: must lie between 1 and {MAX_FRAMES}", args.frames)));
     }
@@ -62,7 +62,7 @@ pub(super) async fn run(args: &BalanceArgs, path: &Path, quiet: bool) -> Result<
     let nodes = args.nodes.plan()?;
     let source = args.prepare.open(path, nodes.are_elsewhere())?;
     let (mut session, _embedded) = nodes.open_session(path, &source, quiet).await?;
-    let choice = plan.on(&session.store().manifest)?;
+    let choice = plan.on(session.store())?;
     for note in &choice.notes {
         say(quiet, note)?;
     }

@@ -11,13 +11,14 @@ use comfy_table::Table;
 use serde::Serialize;
 use serde_json::json;
 
-use crate::cli::args::BenchArgs;
+use crate::cli::args::{BenchArgs, Unasked};
 use crate::cli::failure::Failure;
 use crate::cli::say::tell;
 use crate::cli::source::Source;
 use crate::embedded::{Backend, EmbeddedNodes, parse_size};
 use crate::output::write_json;
 use crate::picture::Picture;
+use crate::plan::StoreFacts;
 use crate::session::{Session, StoreChoice};
 
 /// The step that counts as converged, in voxels.
@@ -89,7 +90,7 @@ fn scene(
     let mut scene_args = args.scene.clone();
     scene_args.step = step;
     change(&mut scene_args.style);
-    Ok(scene_args.plan()?.on(store.manifest())?.scene)
+    Ok(scene_args.plan(Unasked::Plain)?.on(&StoreFacts::of(store))?.scene)
 }
 
 async fn measure(args: &BenchArgs, opened: &Backend, store: &Store, budget: u64) -> Result<Vec<Row>, Failure> {

@@ -9,13 +9,14 @@ use brickcast_volume::store::Store;
 use comfy_table::Table;
 use serde_json::json;
 
-use crate::cli::args::BenchArgs;
+use crate::cli::args::{BenchArgs, Unasked};
 use crate::cli::failure::Failure;
 use crate::cli::say::{say, tell};
 use crate::cli::scene::SceneChoice;
 use crate::cli::source::Source;
 use crate::embedded::{Backend, BackendChoice, EmbeddedNodes, parse_size};
 use crate::output::write_json;
+use crate::plan::StoreFacts;
 use crate::session::{Session, StoreChoice};
 use crate::words::bytes;
 
@@ -32,7 +33,7 @@ struct Row {
 /// # Errors
 /// As a render.
 pub async fn run(args: BenchArgs, quiet: bool) -> Result<(), Failure> {
-    let plan = args.scene.plan()?;
+    let plan = args.scene.plan(Unasked::Chosen)?;
     if !(1..=1000).contains(&args.repeat) {
         return Err(Failure::usage(anyhow!("--repeat {}: must lie between 1 and 1000", args.repeat)));
     }
@@ -46,7 +47,7 @@ pub async fn run(args: BenchArgs, quiet: bool) -> Result<(), Failure> {
     let Source::Store(store) = args.prepare.open(&args.path, false)? else {
         return Err(anyhow!("{}: no such store", args.path.display()).into());
     };
-    let choice = plan.on(store.manifest())?;
+    let choice = plan.on(&StoreFacts::of(&store))?;
     for note in &choice.notes {
         say(quiet, note)?;
     }

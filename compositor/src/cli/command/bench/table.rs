@@ -9,13 +9,14 @@ use comfy_table::Table;
 use serde::Serialize;
 use serde_json::json;
 
-use crate::cli::args::{AccelArg, BenchArgs, TableArg};
+use crate::cli::args::{AccelArg, BenchArgs, TableArg, Unasked};
 use crate::cli::failure::Failure;
 use crate::cli::say::{say, tell};
 use crate::cli::source::Source;
 use crate::embedded::{Backend, EmbeddedNodes, parse_size};
 use crate::output::write_json;
 use crate::picture::Picture;
+use crate::plan::StoreFacts;
 use crate::session::{Session, StoreChoice};
 
 /// A row's name and its accelerations.
@@ -132,7 +133,7 @@ async fn measure(
     for (_, accel) in modes {
         let mut scene_args = args.scene.clone();
         scene_args.accel.accel = accel.to_vec();
-        let choice = scene_args.plan()?.on(store.manifest())?;
+        let choice = scene_args.plan(Unasked::Plain)?.on(&StoreFacts::of(store))?;
         transport = choice.transport;
         let load = session.load(&choice.scene).await?;
         // The first frame pays for caches and lazy pages: it is not timed.

@@ -1,6 +1,5 @@
 //! `brickcast render --dry-run`: what each node would hold and render.
 
-use brickcast_volume::store::Store;
 use comfy_table::Table;
 
 use super::frames::Frames;
@@ -28,7 +27,7 @@ pub(super) async fn run(plan: &RenderPlan, source: Source) -> Result<(), Failure
                 true => found(&nodes.elsewhere).await?,
             };
             let budgets = vec![nodes.memory_budget; names.len()];
-            (local_facts(&store), names, budgets)
+            (StoreFacts::of(&store), names, budgets)
         }
         Source::Name(_) | Source::Hash(_) => {
             let session = Session::open_through(nodes.dial()?, &nodes.elsewhere, source.choice()).await?;
@@ -39,7 +38,7 @@ pub(super) async fn run(plan: &RenderPlan, source: Source) -> Result<(), Failure
         }
     };
     let count = names.len();
-    let frames = Frames::on(&plan.scenes, &store.manifest)?;
+    let frames = Frames::on(&plan.scenes, &store)?;
     let scene = frames.first();
     if let Some(outlook) = &frames.outlook {
         tracing::warn!("{}", outlook.in_words());
@@ -92,14 +91,5 @@ async fn found(words: &[String]) -> Result<Vec<String>, Failure> {
     match targets.is_empty() {
         true => Err(ClusterError::NoneServes(problems.iter().map(ToString::to_string).collect()).into()),
         false => Ok(targets.into_iter().map(|t| t.address).collect()),
-    }
-}
-
-fn local_facts(store: &Store) -> StoreFacts {
-    StoreFacts {
-        hash: store.hash(),
-        manifest: store.manifest().clone(),
-        ranges: store.brick_ranges().clone(),
-        facts: store.brick_facts().map(<[_]>::to_vec),
     }
 }

@@ -12,6 +12,7 @@ use crate::cli::say::say;
 use crate::cli::scene::SceneChoice;
 use crate::cli::scene::nothing_shows::{self, Outlook};
 use crate::cli::scene::table_note::table_note;
+use crate::plan::StoreFacts;
 
 /// The frames of a render, on the store that they show.
 #[derive(Debug)]
@@ -33,7 +34,7 @@ impl<'a> Frames<'a> {
     /// # Errors
     /// As [`ScenePlan::on`](crate::cli::scene::ScenePlan::on); cameras of a sequence that are degenerate; a manifest's
     /// scene that cannot be drawn of this store.
-    pub(super) fn on(plan: &'a ScenesPlan, store: &Manifest) -> Result<Self, Failure> {
+    pub(super) fn on(plan: &'a ScenesPlan, store: &StoreFacts) -> Result<Self, Failure> {
         let (first, others) = match plan {
             ScenesPlan::Asked { scene, frames, path, degrees } => {
                 let first = scene.on(store)?;
@@ -43,7 +44,7 @@ impl<'a> Frames<'a> {
             ScenesPlan::Drawn(redraw) => {
                 let file = redraw.path.display();
                 for (i, manifest) in redraw.manifests.iter().enumerate() {
-                    let view = manifest.scene.view_of(&store.geometry);
+                    let view = manifest.scene.view_of(&store.manifest.geometry);
                     view.map_err(|error| anyhow!("{file}: frame {i} cannot be drawn of this store: {error}"))?;
                 }
                 let Some(first) = redraw.manifests.first() else { return Err(anyhow!("{file}: no frames").into()) };
@@ -51,7 +52,7 @@ impl<'a> Frames<'a> {
                 (SceneChoice { scene, transport, notes: Vec::new() }, Others::Drawn(redraw))
             }
         };
-        let outlook = nothing_shows::outlook(&first.scene, store);
+        let outlook = nothing_shows::outlook(&first.scene, &store.manifest);
         Ok(Self { first, others, outlook })
     }
 

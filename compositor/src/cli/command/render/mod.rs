@@ -36,7 +36,7 @@ pub async fn run(args: RenderArgs, quiet: bool) -> Result<(), Failure> {
 
 async fn render(plan: &RenderPlan, mut session: Session, quiet: bool) -> Result<(), Failure> {
     plan.source.agree(&plan.scenes, session.store().hash)?;
-    let frames = Frames::on(&plan.scenes, &session.store().manifest)?;
+    let frames = Frames::on(&plan.scenes, session.store())?;
     frames.tell(&session.store().manifest, quiet)?;
     let all = sequence::draw(plan, &frames, &mut session, quiet).await?;
     report(plan, &all, frames.outlook.as_ref(), quiet)

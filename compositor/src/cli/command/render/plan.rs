@@ -11,7 +11,7 @@ use super::nodes::NodePlan;
 use super::output_paths::{RenderPaths, real};
 use super::redraw::Redraw;
 use crate::balance::Settings;
-use crate::cli::args::{BalanceArg, CameraPath, OnTheWayArgs, RenderArgs};
+use crate::cli::args::{BalanceArg, CameraPath, OnTheWayArgs, RenderArgs, Unasked};
 use crate::cli::failure::Failure;
 use crate::cli::scene::ScenePlan;
 use crate::cli::source::Source;
@@ -155,7 +155,7 @@ fn check_paths(args: &RenderArgs, scenes: &ScenesPlan, output: Option<&OutputPla
 
 impl ScenesPlan {
     fn asked(args: &RenderArgs) -> Result<Self, Failure> {
-        let scene = Box::new(args.scene.plan()?);
+        let scene = Box::new(args.scene.plan(if args.audit { Unasked::Plain } else { Unasked::Chosen })?);
         Ok(Self::Asked { scene, frames: args.frames, path: args.camera_path, degrees: args.orbit.unwrap_or(360.0) })
     }
 

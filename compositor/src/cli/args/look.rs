@@ -1,0 +1,68 @@
+//! Looks by name.
+
+use brickcast_volume::scene::Filter;
+use brickcast_volume::style::Mode;
+use clap::{Args, ValueEnum};
+
+use super::scene::SceneArgs;
+
+/// What a volume looks like where no transfer function, light or mode is given.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, ValueEnum)]
+pub enum LookArg {
+    /// Materials by the histogram, a colour each, lit: what is drawn without any of these flags
+    Part,
+    /// The same materials as glass: borders and pores inside show
+    Scan,
+    /// The largest value of each ray
+    Mip,
+    /// The mean of each ray
+    Xray,
+}
+
+#[derive(Debug, Clone, Default, Args)]
+#[command(next_help_heading = "Look")]
+pub struct LookArgs {
+    /// How the volume looks, all from its histogram [default: part, where no flag says what to show or how]
+    #[arg(long, value_enum, value_name = "NAME")]
+    #[arg(conflicts_with_all = ["transfer_function", "window", "opacity", "colormap", "isosurface", "mode"])]
+    pub look: Option<LookArg>,
+}
+
+/// Whether what was not asked for may be chosen from the histogram.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Unasked {
+    /// The default look.
+    Chosen,
+    /// The plain function of docs/definition.md, without light: audits, and tables of papers.
+    Plain,
+}
+
+impl LookArg {
+    /// What a pixel shows of its ray.
+    pub(crate) fn mode(self) -> Mode {
+        match self {
+            Self::Part | Self::Scan => Mode::Composite,
+            Self::Mip => Mode::Maximum,
+            Self::Xray => Mode::Average,
+        }
+    }
+
+    /// True where it is lit, unless `filter` knows no gradients.
+    pub(crate) fn is_lit(self, filter: Filter) -> bool {
+        matches!(self, Self::Part | Self::Scan) && filter != Filter::Nearest
+    }
+}
+
+impl SceneArgs {
+    /// The look that was asked for; or the default one, where no flag says what shows or how.
+    pub(crate) fn look(&self, unasked: Unasked) -> Option<LookArg> {
+        let says_what = self.transfer_function.is_some()
+            || self.window.is_some()
+            || self.opacity.is_some()
+            || self.colormap.is_some()
+            || !self.style.isosurface.is_empty();
+        let says_how = self.style.mode.is_some() || self.style.shading.is_some();
+        let default = (unasked == Unasked::Chosen && !says_what && !says_how).then_some(LookArg::Part);
+        self.look.look.or(default)
+    }
+}
