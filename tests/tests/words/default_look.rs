@@ -61,11 +61,11 @@ fn draw(folder: &Path, args: &[&str]) -> Drawn {
 
 impl Drawn {
     fn is_lit(&self) -> bool {
-        !self.manifest["scene"]["look"]["style"]["shading"].is_null()
+        !self.manifest["style"]["shading"].is_null()
     }
 
     fn camera(&self) -> &Value {
-        &self.manifest["scene"]["view"]["camera"]
+        &self.manifest["camera"]
     }
 
     fn shown(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
@@ -99,9 +99,13 @@ fn the_camera_is_fitted_to_the_cells_that_show() {
     }
     assert_eq!(camera["viewAngle"], 30.0);
     // It is all in the picture, and not small in it.
-    let rows: Vec<usize> = drawn.shown().map(|[_, y]| y).collect();
-    let (first, last) = (*rows.iter().min().unwrap(), *rows.iter().max().unwrap());
-    assert!(first >= 1 && last < 63 && last - first > 32, "rows {first} to {last} of 64");
+    let extent = |axis: usize| {
+        let at: Vec<usize> = drawn.shown().map(|p| p[axis]).collect();
+        (*at.iter().min().unwrap(), *at.iter().max().unwrap())
+    };
+    let [(left, right), (top, bottom)] = [extent(0), extent(1)];
+    assert!(top >= 1 && bottom < 63 && left >= 17 && right < 79, "{left} to {right}, {top} to {bottom}");
+    assert!(right - left > 28, "columns {left} to {right} of the 64 in the middle");
     // A narrow picture is as wide as the ball; clips and the number of nodes change nothing.
     let tall = draw(at, &["--size", "32x96"]);
     let far = |d: &Drawn| (0..3).map(|a| (point(d.camera(), "position")[a] - center[a]).powi(2)).sum::<f64>().sqrt();
@@ -121,6 +125,7 @@ fn nodes_that_have_the_store_alone_give_the_same_picture() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     two_materials(at);
+    std::fs::create_dir(at.join("data")).unwrap();
     brickcast_ok(at, &["-q", "prepare", "two.nrrd", "data/two"]);
     let here = draw(at, &["data/two"]);
     let node = NodeProcess::start(&at.join("data"), &["--backend", "cpu"]);
@@ -152,10 +157,13 @@ fn with_no_flag_materials_are_told_apart_and_lit() {
     for flag in ["--window LO,HI", "--shading none", "--opacity-unit", "--azimuth DEG", "--light-from LENGTH"] {
         assert!(drawn.said.contains(flag), "{flag}: {}", drawn.said);
     }
-    // Blue is what is light and seen through, orange what is dense.
+    // Blue is what is light, orange what is dense: cut open, both show.
     let is_blue = |p: &&[u8; 4]| p[3] > 20 && p[2] > p[0] + 20;
     let is_orange = |p: &&[u8; 4]| p[3] > 20 && p[0] > p[2] + 20;
-    assert!(drawn.pixels.iter().filter(is_blue).count() > 50 && drawn.pixels.iter().filter(is_orange).count() > 50);
+    let cut = draw(at, &["--clip-plane", "0,0,-1,-28"]);
+    assert_eq!(drawn.pixels.iter().filter(is_orange).count(), 0, "it lies too deep");
+    let (blue, orange) = (cut.pixels.iter().filter(is_blue).count(), cut.pixels.iter().filter(is_orange).count());
+    assert!(blue > 50 && orange > 10, "{blue} and {orange} pixels");
     assert_eq!(draw(at, &["--look", "part"]).pixels, drawn.pixels);
     for (flags, lit) in [
         (&["--shading", "none"][..], false),
@@ -192,7 +200,7 @@ fn looks_and_projections_have_functions_of_their_own() {
         let drawn = draw(at, &flags);
         assert!(drawn.shown().count() > 100, "{flags:?}");
         let levels: std::collections::BTreeSet<[u8; 4]> = drawn.pixels.iter().copied().collect();
-        assert!(levels.len() > 20, "{flags:?}: {} colours", levels.len());
+        assert!(levels.len() > 5, "{flags:?}: {} colours", levels.len());
         assert!(drawn.said.contains("change it with") && !drawn.said.contains("nothing"), "{flags:?}: {}", drawn.said);
         seen.push(drawn.pixels);
     }

@@ -129,7 +129,7 @@ fn whoever_gets_an_empty_picture_is_told_why() {
     ball(at);
     std::fs::write(at.join("away.json"), r#"{"position": [0.6, 0.6, 4], "focalPoint": [0.6, 0.6, 9]}"#).unwrap();
     for (args, why) in [
-        (&["--mode", "minip"][..], "choose a window from the volume's smallest value on"),
+        (&["--mode", "minip", "--colormap", "grayscale"][..], "choose a window from the volume's smallest value on"),
         (&["--window", "50000,60000"], "values run from 2000 to"),
         (&["--clip", "4,20,4,20,4,20"], "does not meet the volume's box"),
         (&["--clip-plane", "1,0,0,5"], "clip planes leave nothing"),
