@@ -111,7 +111,7 @@ fn seen_from(azimuth: f64, elevation: f64) -> (DVec3, DVec3) {
 }
 
 impl Camera {
-    /// Looks at the middle of a ball, `azimuth` and `elevation` (degrees) as in [`Camera::orbit`], from where the ball's
+    /// Looks at the middle of a ball, `azimuth` and `elevation` (degrees) as in [`Camera::orbit`], from where its
     /// outline fills the picture's narrower side but for `margin` (a share); `aspect` is width by height.
     ///
     /// # Errors

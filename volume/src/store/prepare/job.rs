@@ -139,14 +139,14 @@ pub fn survey(source: &mut dyn VolumeSource, progress: &mut dyn FnMut(Progress))
     Ok(manifest)
 }
 
-struct Job<'a> {
-    header: &'a SourceHeader,
+pub(super) struct Job<'a> {
+    pub(super) header: &'a SourceHeader,
     fill: &'a Fill,
     options: &'a PrepareOptions,
     grid: BrickGrid,
     shards: ShardGrid,
     tiles: Tiles,
-    mapping: Option<(Scan, Quantiser)>,
+    pub(super) mapping: Option<(Scan, Quantiser)>,
 }
 
 /// What the pass over all voxels gathers.
@@ -388,26 +388,5 @@ impl Job<'_> {
             regions: None,
             notes: Vec::new(),
         })
-    }
-
-    fn notes(&self, m: &Manifest) -> Vec<String> {
-        let mut notes = self.header.notes.clone();
-        notes.extend(m.no_data.as_ref().map(|no_data| no_data.words(m.not_finite.nan)));
-        let Some((scan, _)) = self.mapping else { return notes };
-        let how = if m.lossless { "exactly".to_owned() } else { format!("within {:e} of each value", m.scale * 0.5) };
-        notes.push(format!(
-            "mapped from {} to 16 bits in two passes, {how}: value = {} * stored + {}",
-            8 * self.header.voxel_type.bytes(),
-            m.scale,
-            m.offset
-        ));
-        if scan.rounded > 0 {
-            notes.push(format!(
-                "{} voxels are whole numbers beyond 2^53 (9007199254740992), which were rounded to 53 bits",
-                scan.rounded
-            ));
-        }
-        notes.extend(m.not_finite.words());
-        notes
     }
 }

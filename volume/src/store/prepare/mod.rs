@@ -11,3 +11,4 @@ mod pass;
 mod quantise;
 mod spool;
 mod statistics;
+mod told;
