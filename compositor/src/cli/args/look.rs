@@ -4,8 +4,6 @@ use brickcast_volume::scene::Filter;
 use brickcast_volume::style::Mode;
 use clap::{Args, ValueEnum};
 
-use super::scene::SceneArgs;
-
 /// What a volume looks like where no transfer function, light or mode is given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, ValueEnum)]
 pub enum LookArg {
@@ -50,19 +48,5 @@ impl LookArg {
     /// True where it is lit, unless `filter` knows no gradients.
     pub(crate) fn is_lit(self, filter: Filter) -> bool {
         matches!(self, Self::Part | Self::Scan) && filter != Filter::Nearest
-    }
-}
-
-impl SceneArgs {
-    /// The look that was asked for; or the default one, where no flag says what shows or how.
-    pub(crate) fn look(&self, unasked: Unasked) -> Option<LookArg> {
-        let says_what = self.transfer_function.is_some()
-            || self.window.is_some()
-            || self.opacity.is_some()
-            || self.colormap.is_some()
-            || !self.style.isosurface.is_empty();
-        let says_how = self.style.mode.is_some() || self.style.shading.is_some();
-        let default = (unasked == Unasked::Chosen && !says_what && !says_how).then_some(LookArg::Part);
-        self.look.look.or(default)
     }
 }

@@ -6,7 +6,7 @@ use brickcast_volume::scene::{Filter, Transport};
 use clap::Args;
 
 use super::accel::AccelArgs;
-use super::look::LookArgs;
+use super::look::{LookArg, LookArgs, Unasked};
 use super::style::StyleArgs;
 use super::values::{pair, picture_size, triple, word};
 
@@ -103,4 +103,18 @@ pub struct SceneArgs {
     pub style: StyleArgs,
     #[command(flatten)]
     pub accel: AccelArgs,
+}
+
+impl SceneArgs {
+    /// The look that was asked for; or the default one, where no flag says what shows or how.
+    pub(crate) fn look(&self, unasked: Unasked) -> Option<LookArg> {
+        let says_what = self.transfer_function.is_some()
+            || self.window.is_some()
+            || self.opacity.is_some()
+            || self.colormap.is_some()
+            || !self.style.isosurface.is_empty();
+        let says_how = self.style.mode.is_some() || self.style.shading.is_some();
+        let default = (unasked == Unasked::Chosen && !says_what && !says_how).then_some(LookArg::Part);
+        self.look.look.or(default)
+    }
 }

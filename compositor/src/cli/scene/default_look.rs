@@ -60,7 +60,7 @@ impl Told {
     }
 }
 
-/// Docs/definition.md's own function.
+/// The function of docs/definition.md, Transfer function 4.
 fn plain(store: &Manifest) -> Told {
     let (otsu, q999) = (store.otsu, store.quantile_999);
     let function = TransferFunction::default_for(otsu, q999);
