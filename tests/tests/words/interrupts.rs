@@ -129,6 +129,18 @@ fn the_part_of_a_killed_writer_goes_with_the_next_write_there() {
     output(living, PATIENCE, "phantom");
 }
 
+/// Once its folder has its lock.
+fn kill_in_the_middle(mut child: Child, at: &Path) {
+    let locked = || names(at).iter().any(|name| is_temporary(name) && at.join(name).join("lock").exists());
+    while !locked() {
+        assert!(child.try_wait().unwrap().is_none(), "ended before it could be killed");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    assert!(names(at).iter().any(|name| is_temporary(name)), "{:?}", names(at));
+}
+
 /// A phantom of some hundred megabytes, and a store half made, under names that nobody looked at again.
 #[test]
 fn what_a_killed_demo_or_prepare_left_goes_with_the_next_run_there() {
@@ -137,21 +149,12 @@ fn what_a_killed_demo_or_prepare_left_goes_with_the_next_run_there() {
     let cache = at.join("cache");
     std::fs::create_dir(&cache).unwrap();
     let demo = |dims| ["demo", "--dims", dims, "--size", "32x32", "-o", "d.png", "--backend", "cpu"];
-    let mut killed = writing(at, &cache, &demo("320,320,320"));
-    killed.kill().unwrap();
-    killed.wait().unwrap();
-    assert!(names(&cache).iter().any(|name| is_temporary(name)), "{:?}", names(&cache));
+    kill_in_the_middle(writing(at, &cache, &demo("320,320,320")), &cache);
     brickcast_ok(at, &demo("32,32,32"));
     assert!(!names(&cache).iter().any(|name| is_temporary(name)), "{:?}", names(&cache));
 
     brickcast_ok(at, &["phantom", "part.nrrd", "--dims", "320,320,320", "--pores", "2"]);
-    let mut killed = writing(at, at, &["prepare", "part.nrrd", "never-again", "--brick", "16"]);
-    while names(at).iter().filter(|name| is_temporary(name)).all(|name| !at.join(name).join("lock").exists()) {
-        std::thread::sleep(Duration::from_millis(1));
-    }
-    killed.kill().unwrap();
-    killed.wait().unwrap();
-    assert!(names(at).iter().any(|name| is_temporary(name)), "{:?}", names(at));
+    kill_in_the_middle(writing(at, at, &["prepare", "part.nrrd", "never-again", "--brick", "16"]), at);
     brickcast_ok(at, &demo("32,32,32"));
     assert!(!names(at).iter().any(|name| is_temporary(name)), "{:?}", names(at));
 }

@@ -41,7 +41,7 @@ fn an_animation_that_a_signal_ends_plays_what_was_done() {
         // The second finds the first's file, which it does not take away.
         let (file, before) = if quiet { ("a.partial.apng", names(at)) } else { ("a.apng", names(at)) };
         let child = writing(at, at, &[&render[..], if quiet { &["-q"] } else { &[] }].concat());
-        std::thread::sleep(Duration::from_millis(if quiet { 1500 } else { 7000 }));
+        std::thread::sleep(Duration::from_secs(if quiet { 3 } else { 9 }));
         signal(&child, name);
         let ended = output(child, PATIENCE, &format!("render after SIG{name}"));
         let said = String::from_utf8_lossy(&ended.stderr).into_owned();
@@ -50,7 +50,7 @@ fn an_animation_that_a_signal_ends_plays_what_was_done() {
         assert!(said.contains(&format!("ended by SIG{name}; {file} keeps the {frames} of 90000")), "{said}");
         assert!(said.contains("nothing half-written is left"), "{said}");
         let lines = said.lines().filter(|line| line.starts_with("rendering a.apng: ")).count();
-        assert_eq!(lines, usize::from(!quiet), "one in five seconds, in seven: {said}");
+        assert_eq!(lines, usize::from(!quiet), "one in five seconds, in nine: {said}");
         assert!(quiet || said.contains(" of 90000 frames, ") && said.contains(" left"), "{said}");
         assert!(!quiet || said.lines().count() == 1, "{said}");
 
