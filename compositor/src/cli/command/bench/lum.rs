@@ -59,7 +59,7 @@ pub(super) async fn run(args: &BenchArgs, quiet: bool) -> Result<(), Failure> {
     let budget = parse_size(&args.memory_budget).map_err(|e| Failure::usage(anyhow!(e)))?;
     let opened = Backend::open(args.backend.choice())?;
     let (backend, adapter, _) = opened.describe();
-    let regions_for = args.scene.plan()?.shows_regions();
+    let regions_for = args.scene.plan(Unasked::Plain)?.shows_regions();
     let prepare = args.prepare.clone().with_regions_for(&args.path, regions_for.as_deref(), quiet)?;
     let Source::Store(store) = prepare.open(&args.path, false)? else {
         return Err(anyhow!("{}: no such store", args.path.display()).into());
