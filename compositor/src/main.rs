@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use brickcast::cli::failure::Failure;
 use brickcast::cli::invocation::{Invocation, NotInvoked};
+use brickcast::cli::progress::Beside;
 use brickcast::cli::{command, interrupts, progress};
 use brickcast::embedded;
 use brickcast_volume::shown::ShownLog;
@@ -34,7 +35,7 @@ fn main() -> ExitCode {
     let colours = std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
     tracing_subscriber::fmt()
         .with_env_filter(filter)
-        .with_writer(move || ShownLog::new(std::io::stderr(), colours))
+        .with_writer(move || Beside(ShownLog::new(std::io::stderr(), colours)))
         .without_time()
         .with_target(false)
         .with_ansi(colours)

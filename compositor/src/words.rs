@@ -14,8 +14,40 @@ pub(crate) fn bytes(n: u64) -> String {
     if unit == 0 { format!("{n} B") } else { format!("{value:.1} {}", UNITS[unit]) }
 }
 
+/// Seconds for people: `85 ms`, `0.4 s`, `90 s`, `12 min`.
+pub(crate) fn time(seconds: f64) -> String {
+    match seconds {
+        s if s < 0.095 => format!("{:.0} ms", s * 1e3),
+        s if s < 9.95 => format!("{s:.1} s"),
+        s if s < 99.5 => format!("{s:.0} s"),
+        s if s < 5970.0 => format!("{:.0} min", s / 60.0),
+        s => format!("{:.1} h", s / 3600.0),
+    }
+}
+
 /// The beginning of a hash, for messages.
 #[must_use]
 pub(crate) fn short(hash: StoreHash) -> String {
     hash.to_string().chars().take(12).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_as_exact_as_people_want_them() {
+        for (seconds, words) in [
+            (0.0, "0 ms"),
+            (0.0854, "85 ms"),
+            (0.0951, "0.1 s"),
+            (0.44, "0.4 s"),
+            (9.96, "10 s"),
+            (90.2, "90 s"),
+            (100.0, "2 min"),
+            (7200.0, "2.0 h"),
+        ] {
+            assert_eq!(time(seconds), words);
+        }
+    }
 }

@@ -9,7 +9,8 @@ use crate::kernel::Raycaster;
 /// Which backend the user asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BackendChoice {
-    /// The GPU, or the CPU where there is none, saying why.
+    /// A real GPU, or the CPU kernel where there is none, saying why. A driver that renders on the processor is taken only
+    /// as [`BackendChoice::Gpu`]: the CPU kernel is faster than it.
     #[default]
     Auto,
     Gpu,
@@ -21,11 +22,11 @@ pub enum BackendChoice {
 /// # Errors
 /// Only for [`BackendChoice::Gpu`]: no adapter, or one that cannot be used.
 pub fn open(choice: BackendChoice) -> Result<Arc<dyn Raycaster>, GpuError> {
-    let gpu = || GpuRaycaster::new(GpuOptions::from_env());
+    let gpu = |real_only| GpuRaycaster::new(GpuOptions { real_only, ..GpuOptions::from_env() });
     match choice {
         BackendChoice::Cpu => Ok(Arc::new(CpuRaycaster::new())),
-        BackendChoice::Gpu => Ok(Arc::new(gpu()?)),
-        BackendChoice::Auto => match gpu() {
+        BackendChoice::Gpu => Ok(Arc::new(gpu(false)?)),
+        BackendChoice::Auto => match gpu(true) {
             Ok(raycaster) => Ok(Arc::new(raycaster)),
             Err(error) => Ok(Arc::new(CpuRaycaster::with_note(format!("rendering on the CPU: {error}")))),
         },

@@ -48,7 +48,7 @@ pub(crate) struct Cli {
     #[arg(long, value_name = "ADDR", conflicts_with_all = ["data", "listen", "insecure"])]
     pub(crate) health: Option<String>,
 
-    /// Who renders: the GPU, the CPU, or the GPU where there is one
+    /// Who renders: a real GPU, else the CPU (auto); the GPU's kernel, on a software driver too (gpu); the CPU's (cpu)
     #[arg(long, value_enum, default_value_t = Backend::Auto)]
     pub(crate) backend: Backend,
 

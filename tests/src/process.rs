@@ -63,10 +63,18 @@ pub fn brickcast(folder: &Path, args: &[&str]) -> Output {
 /// # Panics
 /// Another exit code than 0.
 pub fn brickcast_ok(folder: &Path, args: &[&str]) -> String {
+    brickcast_both(folder, args).0
+}
+
+/// As [`brickcast_ok`]: its results (stdout), and what it says beside them (stderr).
+///
+/// # Panics
+/// As [`brickcast_ok`].
+pub fn brickcast_both(folder: &Path, args: &[&str]) -> (String, String) {
     let output = brickcast(folder, args);
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    assert!(output.status.success(), "{args:?}: {}\n{}", output.status, text(&output.stderr));
-    text(&output.stdout)
+    let [results, talk] = [output.stdout, output.stderr].map(|bytes| String::from_utf8_lossy(&bytes).into_owned());
+    assert!(output.status.success(), "{args:?}: {}\n{talk}", output.status);
+    (results, talk)
 }
 
 /// The stores in a cache folder; there are none where there is no folder.

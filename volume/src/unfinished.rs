@@ -1,7 +1,8 @@
 //! A file that is finished or absent: written under another name in the same folder, then renamed.
 //!
 //! `.NAME.brickcast-PID-N.part` is locked while its writer lives. One whose process is gone and whose lock is free was
-//! left by a writer that was killed: whoever writes in that folder next removes it.
+//! left by a writer that was killed: whoever writes in that folder next removes it. In containers the same few numbers
+//! live again and again: of a file that nobody has touched for a while, the lock alone tells.
 
 use std::collections::HashSet;
 use std::ffi::{OsStr, OsString};
@@ -10,6 +11,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 
 use crate::leftovers::Listed;
 
@@ -73,12 +75,21 @@ impl Unfinished {
     ///
     /// # Errors
     /// A full disk, a folder that cannot be written.
-    pub fn finish(mut self) -> io::Result<()> {
+    pub fn finish(self) -> io::Result<()> {
+        let target = self.target.clone();
+        self.finish_as(&target)
+    }
+
+    /// The same under another name in the same folder.
+    ///
+    /// # Errors
+    /// As [`Unfinished::finish`].
+    pub fn finish_as(mut self, target: &Path) -> io::Result<()> {
         // Before the rename, or a crash could leave the name with half of the content.
         self.file.sync_all()?;
         let Some(listed) = self.listed.take() else { return Ok(()) };
         listed.settle(|| {
-            let renamed = fs::rename(&self.temporary, &self.target);
+            let renamed = fs::rename(&self.temporary, target);
             if renamed.is_err() {
                 let _ = fs::remove_file(&self.temporary);
             }
@@ -115,7 +126,7 @@ fn folder_of(target: &Path) -> PathBuf {
 
 /// [`sweep`], the first time that this process writes in a folder: a sequence of many pictures must not read it again
 /// and again.
-fn sweep_once(folder: &Path) {
+pub(crate) fn sweep_once(folder: &Path) {
     static SWEPT: Mutex<Option<HashSet<PathBuf>>> = Mutex::new(None);
     let mut swept = SWEPT.lock().unwrap_or_else(PoisonError::into_inner);
     if swept.get_or_insert_default().insert(folder.to_path_buf()) {
@@ -129,7 +140,7 @@ fn sweep(folder: &Path) {
     for entry in entries.flatten() {
         let Some(process) = process_of(&entry.file_name()) else { continue };
         let path = entry.path();
-        if is_ours(&path) && !is_alive(process) && is_unlocked(&path) {
+        if is_ours(&path) && is_settled(&path, process) && is_unlocked(&path) {
             let _ = fs::remove_file(&path);
         }
     }
@@ -155,6 +166,14 @@ fn is_ours(path: &Path) -> bool {
         }
     }
     metadata.is_file()
+}
+
+/// True where whoever made this has had the time to lock it, or is no more.
+#[must_use]
+pub fn is_settled(path: &Path, process: u32) -> bool {
+    const BEGINNING: Duration = Duration::from_secs(60);
+    let changed = || fs::symlink_metadata(path).and_then(|data| data.modified()).ok();
+    !is_alive(process) || changed().and_then(|at| at.elapsed().ok()).is_some_and(|age| age > BEGINNING)
 }
 
 /// Of a process of this machine and container; those elsewhere that share the folder hold their locks.
@@ -224,6 +243,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (at, dead, alive) = (folder.path(), dead(), std::process::id());
         let locked_name = format!(".l.png.brickcast-{dead}-0.part");
+        // In containers every process has the number of the one before.
+        let old = at.join(format!(".o.png.brickcast-{alive}-7777778.part"));
+        fs::write(&old, "x").unwrap();
+        let hour_ago = std::time::SystemTime::now() - Duration::from_secs(3600);
+        File::options().write(true).open(&old).unwrap().set_modified(hour_ago).unwrap();
         let keep = [
             format!(".a.png.brickcast-{alive}-7777777.part"),
             locked_name.clone(),

@@ -8,10 +8,10 @@ use brickcast_volume::shown::{causes, shown};
 pub const EXIT_CODES: &str = "\
 Exit codes:
   0  complete: every picture or file asked for was written
-  1  failure: nothing half-written is left behind
+  1  failure: nothing half-written is left behind; frames of a sequence that are done stay
   2  usage: the arguments are wrong
   3  incomplete picture written: its manifest and this code say so
-  128 + N  ended by signal N (130: ctrl-c): nothing half-written is left behind";
+  128 + N  ended by signal N (130: ctrl-c): as 1";
 
 /// Why a command did not end well.
 #[derive(Debug)]

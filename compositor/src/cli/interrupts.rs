@@ -2,7 +2,8 @@
 
 use std::io::Write as _;
 
-use brickcast_volume::leftovers;
+use brickcast_volume::leftovers::{self, Cleared};
+use brickcast_volume::shown::shown;
 
 /// From now on INT, TERM and HUP end the process with 128 and their number, after everything unfinished is off the
 /// disk. What was ignored from the start (`nohup`) stays ignored.
@@ -53,11 +54,24 @@ pub fn watch() -> std::io::Result<()> {
 
 #[cfg(unix)]
 fn end((number, name): (i32, &str)) -> ! {
-    leftovers::clear();
+    let text = last_words(name, &leftovers::clear());
     // A closed stderr is no reason to stay.
-    writeln!(std::io::stderr(), "brickcast: ended by {name}; nothing half-written is left").ok();
+    writeln!(std::io::stderr(), "{text}").ok();
     // SAFETY: always safe to call. Not `exit`: that runs what drivers have registered, while their threads still work.
     unsafe { libc::_exit(128 + number) }
+}
+
+/// What became of what was not finished.
+#[cfg(unix)]
+fn last_words(name: &str, cleared: &Cleared) -> String {
+    let left = cleared.left.iter().map(|(path, error)| format!("{} could not be removed: {error}", path.display()));
+    let left: Vec<_> = match cleared.left.is_empty() {
+        true => vec!["nothing half-written is left".to_owned()],
+        false => left.collect(),
+    };
+    let all: Vec<_> =
+        std::iter::once(format!("ended by {name}")).chain(cleared.kept.iter().cloned()).chain(left).collect();
+    format!("brickcast: {}", shown(&all.join("; ")))
 }
 
 /// The signals that this process ignores, a bit each from 1 on; none where the system does not tell.
@@ -66,4 +80,24 @@ fn ignored() -> u64 {
     let status = brickcast_volume::small_file::system_text("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_stays_after_a_signal_is_told() {
+        let none = Cleared::default();
+        assert_eq!(last_words("SIGINT", &none), "brickcast: ended by SIGINT; nothing half-written is left");
+        let kept = vec!["a.apng keeps the 3 of 9 frames that were done".to_owned()];
+        let words = last_words("SIGTERM", &Cleared { kept, left: Vec::new() });
+        assert!(
+            words.contains("SIGTERM; a.apng keeps the 3 of 9 frames that were done; nothing half-written"),
+            "{words}"
+        );
+        let left = vec![("x/.s.brickcast-tmp-1-0".into(), std::io::ErrorKind::PermissionDenied.into())];
+        let words = last_words("SIGINT", &Cleared { kept: Vec::new(), left });
+        assert!(words.contains(".s.brickcast-tmp-1-0 could not be removed: ") && !words.contains("nothing"), "{words}");
+    }
 }

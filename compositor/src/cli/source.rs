@@ -9,9 +9,10 @@ use brickcast_volume::brick::BrickGrid;
 use brickcast_volume::format::{self, RawHints};
 use brickcast_volume::store::{Manifest, Phase, PrepareOptions, PrepareSummary, STORE_VERSION, Store, prepare, survey};
 
-use super::args::{OnTheWayArgs, RawArgs};
+use super::args::{DEFAULT_SEGMENTATION_RANGE, OnTheWayArgs, RawArgs};
 use super::failure::Failure;
 use super::progress::Bar;
+use super::say::say;
 use crate::cache::{Key, Wanted};
 use crate::session::StoreChoice;
 
@@ -51,6 +52,21 @@ pub fn surveyed(path: &Path, raw: &RawArgs) -> Result<Surveyed, Failure> {
 }
 
 impl OnTheWayArgs {
+    /// With regions, where an input is prepared for a picture of them, asked for by the flag `asked`, and nothing was said
+    /// of how to find them.
+    ///
+    /// # Errors
+    /// stderr cannot be written.
+    pub fn with_regions_for(mut self, path: &Path, asked: Option<&str>, quiet: bool) -> Result<Self, Failure> {
+        if let (Some(asked), true, true) = (asked, self.regions.is_silent(), path.is_file()) {
+            let range = DEFAULT_SEGMENTATION_RANGE;
+            self.regions.segmentation_range = Some(range);
+            let shown = path.display();
+            say(quiet, &format!("{asked} wants regions: {shown} is prepared with --segmentation-range {range}"))?;
+        }
+        Ok(self)
+    }
+
     /// Opens what `path` names; an input is prepared into the cache, or found there while it is unchanged. With
     /// `nodes_know`, a path that does not exist here is taken for a name that the nodes know.
     ///

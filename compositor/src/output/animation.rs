@@ -1,28 +1,43 @@
 //! Sequences: an animated PNG, written frame by frame, and names for numbered files.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use brickcast_volume::PictureSize;
 
-use super::atomic::AtomicFile;
 use super::error::OutputError;
 use super::png;
+use super::reel::Reel;
 use crate::picture::Picture;
 
 /// An animated PNG in the making; it loops for ever. Dropped before [`ApngWriter::finish`], it leaves nothing behind.
 pub struct ApngWriter {
-    // Before the file in drop order: its buffer must be gone when the file is removed.
     stream: png::Stream,
-    file: AtomicFile,
+    cutter: Cutter,
+    path: PathBuf,
+    pushed: u32,
+}
+
+/// Ends an animation in the making with the frames that it has.
+#[derive(Debug, Clone)]
+pub(super) struct Cutter {
+    reel: Reel,
+    shape: Shape,
+}
+
+/// What an animation's header says.
+#[derive(Debug, Clone, Copy)]
+struct Shape {
     size: PictureSize,
     background: Option<[f32; 3]>,
     frames: u32,
-    pushed: u32,
+    /// Seconds a frame.
+    delay: (u16, u16),
 }
 
 impl std::fmt::Debug for ApngWriter {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("ApngWriter").field("file", &self.file).field("pushed", &self.pushed).finish_non_exhaustive()
+        f.debug_struct("ApngWriter").field("path", &self.path).field("pushed", &self.pushed).finish_non_exhaustive()
     }
 }
 
@@ -38,30 +53,28 @@ impl ApngWriter {
         fps: f64,
         background: Option<[f32; 3]>,
     ) -> Result<Self, OutputError> {
-        let (numerator, denominator) = frame_delay(fps)?;
-        let file = AtomicFile::create(path)?;
-        let encode = |e: ::png::EncodingError| png::encoding(path, e);
-        let mut encoder = png::encoder(file.writer()?, size, background);
-        encoder.set_animated(frames, 0).map_err(encode)?;
-        encoder.set_frame_delay(numerator, denominator).map_err(encode)?;
-        encoder.set_blend_op(::png::BlendOp::Source).map_err(encode)?;
-        encoder.set_dispose_op(::png::DisposeOp::None).map_err(encode)?;
-        encoder.validate_sequence(true);
-        let stream = encoder.write_header().map_err(encode)?;
-        Ok(Self { stream, file, size, background, frames, pushed: 0 })
+        let shape = Shape { size, background, frames, delay: frame_delay(fps)? };
+        let reel = Reel::create(path)?;
+        let stream = shape.stream(reel.clone()).map_err(|e| png::encoding(path, e))?;
+        Ok(Self { stream, cutter: Cutter { reel, shape }, path: path.to_owned(), pushed: 0 })
+    }
+
+    pub(super) fn cutter(&self) -> Cutter {
+        self.cutter.clone()
     }
 
     /// # Errors
     /// A frame of another size, or one too many; a full disk.
     pub fn push(&mut self, picture: &Picture) -> Result<(), OutputError> {
-        let path = || self.file.target().to_owned();
-        if self.pushed == self.frames {
-            return Err(OutputError::FrameCount { path: path(), want: self.frames, got: self.pushed + 1 });
+        let Shape { size, background, frames, .. } = self.cutter.shape;
+        if self.pushed == frames {
+            return Err(OutputError::FrameCount { path: self.path.clone(), want: frames, got: self.pushed + 1 });
         }
-        check_size(self.file.target(), self.size, picture)?;
-        let bytes = png::bytes(picture.pixels(), self.background);
-        self.stream.write_image_data(&bytes).map_err(|e| png::encoding(&path(), e))?;
+        check_size(&self.path, size, picture)?;
+        let bytes = png::bytes(picture.pixels(), background);
+        self.stream.write_image_data(&bytes).map_err(|e| png::encoding(&self.path, e))?;
         self.pushed += 1;
+        self.cutter.reel.frame_is_whole();
         Ok(())
     }
 
@@ -70,13 +83,61 @@ impl ApngWriter {
     /// # Errors
     /// Fewer frames than announced, a full disk.
     pub fn finish(self) -> Result<PathBuf, OutputError> {
-        let Self { stream, file, frames, pushed, .. } = self;
-        if pushed != frames {
-            return Err(OutputError::FrameCount { path: file.target().to_owned(), want: frames, got: pushed });
+        let Self { stream, cutter, path, pushed } = self;
+        let want = cutter.shape.frames;
+        if pushed != want {
+            return Err(OutputError::FrameCount { path, want, got: pushed });
         }
-        stream.finish().map_err(|e| png::encoding(file.target(), e))?;
-        file.commit()
+        stream.finish().map_err(|e| png::encoding(&path, e))?;
+        cutter.reel.finish()?;
+        Ok(path)
     }
+}
+
+impl Shape {
+    fn stream<W: Write>(&self, out: W) -> Result<::png::Writer<W>, ::png::EncodingError> {
+        let mut encoder = png::encoder(out, self.size, self.background);
+        encoder.set_animated(self.frames, 0)?;
+        encoder.set_frame_delay(self.delay.0, self.delay.1)?;
+        encoder.set_blend_op(::png::BlendOp::Source)?;
+        encoder.set_dispose_op(::png::DisposeOp::None)?;
+        encoder.validate_sequence(true);
+        encoder.write_header()
+    }
+
+    /// The bytes that an animation of this shape begins with, and those that it ends with.
+    fn head_and_end(&self) -> Result<(Vec<u8>, Vec<u8>), ::png::EncodingError> {
+        /// Length, name and checksum of the chunk that ends a PNG.
+        const END_BYTES: usize = 12;
+        let mut bytes = Vec::new();
+        // Dropped without a frame, it writes nothing but its end.
+        drop(self.stream(&mut bytes)?);
+        let end = bytes.split_off(bytes.len().saturating_sub(END_BYTES));
+        Ok((bytes, end))
+    }
+}
+
+impl Cutter {
+    pub(super) fn frames(&self) -> u32 {
+        self.shape.frames
+    }
+
+    /// Its path and number of frames; nothing where it has none, or is finished. Where a file has its name already,
+    /// that stays, and the animation is `x.partial.apng`. With `park`, whoever makes it waits from now on for the end
+    /// of the process.
+    pub(super) fn cut(&self, park: bool) -> Result<Option<(PathBuf, u32)>, OutputError> {
+        let head_and_end = |frames| {
+            let shape = Shape { frames, ..self.shape };
+            shape.head_and_end().map_err(|e| png::encoding(Path::new("animation"), e))
+        };
+        self.reel.cut(park, head_and_end, |path| if path.exists() { partial(path) } else { path.to_owned() })
+    }
+}
+
+/// `x.partial.apng` for `x.apng`.
+fn partial(path: &Path) -> PathBuf {
+    let ending = path.extension().map(|ending| ending.to_string_lossy().into_owned()).unwrap_or_default();
+    path.with_extension(format!("partial.{ending}"))
 }
 
 pub(super) fn check_size(path: &Path, want: PictureSize, picture: &Picture) -> Result<(), OutputError> {
@@ -154,6 +215,40 @@ mod tests {
         let error = writer.finish().unwrap_err().to_string();
         assert!(error.contains("3 frames and got 1"), "{error}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    /// Also in the middle of a frame, and by another thread than the one that makes it.
+    #[test]
+    fn an_animation_that_is_cut_plays_the_frames_that_it_has() {
+        let folder = tempfile::tempdir().unwrap();
+        let size = PictureSize::new(70, 40).unwrap();
+        let path = folder.path().join("a.apng");
+        for (pushed, old) in [(1, None), (3, None), (3, Some("old")), (5, None)] {
+            if let Some(old) = old {
+                std::fs::write(&path, old).unwrap();
+            }
+            let mut writer = ApngWriter::create(&path, size, 5, 10.0, None).unwrap();
+            let cutter = writer.cutter();
+            assert!(cutter.cut(false).unwrap().is_none(), "no frames, no animation");
+            for i in 0..pushed {
+                writer.push(&frame(size, i as f32 / 10.0)).unwrap();
+            }
+            writer.cutter.reel.write_all(b"the beginning of a frame").unwrap();
+            let cut = std::thread::spawn(move || cutter.cut(false).unwrap()).join().unwrap();
+            let (place, frames) = cut.unwrap();
+            drop(writer);
+            assert_eq!(frames, pushed);
+            assert_eq!(place, folder.path().join(if old.is_some() { "a.partial.apng" } else { "a.apng" }));
+            let back = png::read(&place).unwrap();
+            let reds: Vec<_> = back.frames.iter().map(|f| f[20][0]).collect();
+            assert_eq!(reds, (0..pushed).map(|i| (i as f32 * 25.5).round() as u8).collect::<Vec<_>>());
+            if let Some(old) = old {
+                assert_eq!(std::fs::read(&path).unwrap(), old.as_bytes());
+                std::fs::remove_file(&path).unwrap();
+            }
+            std::fs::remove_file(&place).unwrap();
+            assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+        }
     }
 
     #[test]

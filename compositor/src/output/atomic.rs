@@ -24,7 +24,7 @@ pub(super) fn check_target(target: &Path) -> Result<(), OutputError> {
     Ok(())
 }
 
-fn folder_of(target: &Path) -> PathBuf {
+pub(super) fn folder_of(target: &Path) -> PathBuf {
     match target.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder.to_owned(),
         _ => PathBuf::from("."),
@@ -56,9 +56,14 @@ impl AtomicFile {
     /// Gives the file its name, replacing what had it.
     pub(super) fn commit(self) -> Result<PathBuf, OutputError> {
         let path = self.target().to_owned();
-        match self.0.finish() {
-            Ok(()) => Ok(path),
-            Err(error) => Err(OutputError::Write { path, error }),
+        self.commit_as(&path)
+    }
+
+    /// Gives the file another name in the same folder.
+    pub(super) fn commit_as(self, path: &Path) -> Result<PathBuf, OutputError> {
+        match self.0.finish_as(path) {
+            Ok(()) => Ok(path.to_owned()),
+            Err(error) => Err(OutputError::Write { path: path.to_owned(), error }),
         }
     }
 }

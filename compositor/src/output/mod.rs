@@ -13,6 +13,7 @@ mod limits;
 pub mod manifest;
 pub mod picture_manifest;
 pub mod png;
+mod reel;
 mod writer;
 
 pub use error::OutputError;
@@ -21,5 +22,5 @@ pub use hatch::hatched;
 pub use likeness::{Difference, DrawnFile};
 pub use limits::MAX_FRAMES;
 pub use manifest::{write_json, write_manifest, write_text};
-pub use picture_manifest::{AboutPicture, ManifestError, PictureManifest, read_manifest};
-pub use writer::{FrameOptions, FrameWriter};
+pub use picture_manifest::{AboutPicture, ManifestError, PictureManifest, animation_manifest, read_manifest};
+pub use writer::{FrameOptions, FrameWriter, Keeper, Kept};

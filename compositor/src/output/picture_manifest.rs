@@ -181,6 +181,13 @@ impl<'de> Deserialize<'de> for PictureManifest {
     }
 }
 
+/// The manifest of an animation that was to have `asked` frames.
+#[must_use]
+pub fn animation_manifest(frames: &[PictureManifest], asked: u32) -> Value {
+    let complete = frames.len() == asked as usize && frames.iter().all(|frame| frame.complete);
+    json!({ "complete": complete, "frames_asked": asked, "frames": frames })
+}
+
 /// The pictures of a manifest: one, or the frames of an animation.
 ///
 /// # Errors
@@ -201,7 +208,7 @@ fn of_value(root: &Value) -> Result<Vec<PictureManifest>, FieldError> {
     if fields.optional("frames").is_none() {
         return Ok(vec![PictureManifest::from_json(&fields)?]);
     }
-    fields.only(&[&["frames"]])?;
+    fields.only(&[&["frames", "complete", "frames_asked"]])?;
     let frames = fields.objects("frames")?;
     if !(1..=MAX_FRAMES as usize).contains(&frames.len()) {
         return Err(fields.refused("frames", format!("between 1 and {MAX_FRAMES} are needed")));

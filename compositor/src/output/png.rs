@@ -1,6 +1,6 @@
 //! PNG: 8-bit straight RGBA, or opaque RGB over a background.
 
-use std::io::{BufWriter, Cursor, Write};
+use std::io::{Cursor, Write};
 use std::path::{Path, PathBuf};
 
 use brickcast_volume::{PictureSize, Premul, small_file};
@@ -8,6 +8,7 @@ use brickcast_volume::{PictureSize, Premul, small_file};
 use super::atomic::AtomicFile;
 use super::error::OutputError;
 use super::limits::MAX_FILE_BYTES;
+use super::reel::Reel;
 use crate::picture::Picture;
 
 /// Writes `picture` as straight RGBA, or as opaque RGB over `background` (display-referred, each channel in 0..=1).
@@ -121,7 +122,7 @@ pub fn read(path: &Path) -> Result<Decoded, OutputError> {
 }
 
 /// What the streaming writers hold.
-pub(super) type Stream = ::png::Writer<BufWriter<std::fs::File>>;
+pub(super) type Stream = ::png::Writer<Reel>;
 
 #[cfg(test)]
 mod tests {

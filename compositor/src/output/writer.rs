@@ -1,11 +1,14 @@
 //! One door for all formats: open, push every frame, finish.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use brickcast_volume::PictureSize;
+use brickcast_volume::store::remove_leftovers;
 
-use super::animation::{ApngWriter, check_size, numbered};
-use super::atomic::check_target;
+use super::animation::{ApngWriter, Cutter, check_size, numbered};
+use super::atomic::{check_target, folder_of};
 use super::error::OutputError;
 use super::format::OutputFormat;
 use super::limits::MAX_FRAMES;
@@ -28,6 +31,45 @@ impl Default for FrameOptions {
     }
 }
 
+/// Ends a sequence early with the frames that are done; any number of them, from any thread.
+#[derive(Debug, Clone)]
+pub struct Keeper {
+    animation: Option<Cutter>,
+    /// Of numbered files.
+    path: PathBuf,
+    frames: u32,
+    done: Arc<AtomicU32>,
+}
+
+/// The part of a sequence that was kept.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Kept {
+    /// Of the animation, or of the first numbered file.
+    pub path: PathBuf,
+    pub is_animation: bool,
+    pub frames: u32,
+    /// How many were to be.
+    pub of: u32,
+}
+
+impl Keeper {
+    /// What was kept; nothing of a single picture, where no frame is done, and where all are. An animation is given its
+    /// name, or `x.partial.apng` where a file has that. With `park`, whoever still writes it waits from now on for the
+    /// end of the process.
+    ///
+    /// # Errors
+    /// A full disk.
+    pub fn keep(&self, park: bool) -> Result<Option<Kept>, OutputError> {
+        if let Some(animation) = &self.animation {
+            let cut = animation.cut(park)?;
+            return Ok(cut.map(|(path, frames)| Kept { path, is_animation: true, frames, of: animation.frames() }));
+        }
+        let (frames, of) = (self.done.load(Ordering::Acquire), self.frames);
+        let some = (1..of).contains(&frames);
+        Ok(some.then(|| Kept { path: numbered(&self.path, 0, of), is_animation: false, frames, of }))
+    }
+}
+
 /// Writes a picture or a sequence: one file, numbered files (`x_0000.png` ...), or one animation.
 ///
 /// A numbered file is complete as soon as its frame is pushed; an animation appears with [`FrameWriter::finish`].
@@ -39,6 +81,7 @@ pub struct FrameWriter {
     options: FrameOptions,
     animation: Option<ApngWriter>,
     pushed: u32,
+    done: Arc<AtomicU32>,
     written: Vec<PathBuf>,
 }
 
@@ -57,13 +100,30 @@ impl FrameWriter {
             return Err(OutputError::Frames(options.frames));
         }
         check_target(path)?;
+        // What killed writers of stores left there; those of pictures are looked for with every file.
+        remove_leftovers(&folder_of(path));
         let animation = match format {
             OutputFormat::Apng => {
                 Some(ApngWriter::create(path, size, options.frames, options.fps, options.background)?)
             }
             OutputFormat::Png | OutputFormat::Exr => None,
         };
-        Ok(Self { format, path: path.to_owned(), size, options, animation, pushed: 0, written: Vec::new() })
+        Ok(Self {
+            format,
+            path: path.to_owned(),
+            size,
+            options,
+            animation,
+            pushed: 0,
+            done: Arc::default(),
+            written: Vec::new(),
+        })
+    }
+
+    #[must_use]
+    pub fn keeper(&self) -> Keeper {
+        let animation = self.animation.as_ref().map(ApngWriter::cutter);
+        Keeper { animation, path: self.path.clone(), frames: self.options.frames, done: Arc::clone(&self.done) }
     }
 
     /// # Errors
@@ -84,6 +144,7 @@ impl FrameWriter {
             });
         }
         self.pushed += 1;
+        self.done.store(self.pushed, Ordering::Release);
         Ok(())
     }
 
@@ -165,7 +226,12 @@ mod tests {
         let size = PictureSize::new(4, 3).unwrap();
         let options = FrameOptions { frames: 2, ..FrameOptions::default() };
         let mut writer = FrameWriter::open(OutputFormat::Png, &folder.path().join("a.png"), size, options).unwrap();
+        let keeper = writer.keeper();
+        assert_eq!(keeper.keep(false).unwrap(), None);
         writer.push(&picture(size, 0.5)).unwrap();
         assert!(writer.finish().unwrap_err().to_string().contains("2 frames and got 1"));
+        let path = folder.path().join("a_0000.png");
+        assert!(path.is_file());
+        assert_eq!(keeper.keep(false).unwrap(), Some(Kept { path, is_animation: false, frames: 1, of: 2 }));
     }
 }

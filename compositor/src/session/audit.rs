@@ -17,28 +17,36 @@ pub struct Audit {
     pub largest_difference: f32,
     /// Mean over all pixels and channels.
     pub mean_difference: f64,
-    /// The largest bound of any pixel: what the segmentation allows in this view.
+    /// The largest bound of any pixel: what the segmentation allows in this view. 1 bounds nothing: values lie in 0..=1.
     pub largest_bound: f32,
     /// What a pixel may differ beyond its bound: transport, filter weights, rays that stop early.
     pub slack: f32,
     /// Pixels that differ by more than their own bound and the slack: 0, or there is a bug.
     pub pixels_over_bound: u64,
+    /// Of a bound that bounds nothing, too.
     pub bound_held: bool,
+    /// For some pixel, no bound is known that a difference of values in 0..=1 could exceed.
+    pub bounds_nothing: bool,
 }
 
 impl Audit {
     /// One line for people.
     #[must_use]
     pub fn in_words(&self) -> String {
-        let held = if self.bound_held {
-            "the bound held".to_owned()
-        } else {
-            format!("{} pixels differ by more than their bound", self.pixels_over_bound)
+        let bound = match (self.bound_held, self.bounds_nothing) {
+            (true, true) => "no bound below 1 is known for this view".to_owned(),
+            (held, _) => {
+                let held = match held {
+                    true => "the bound held".to_owned(),
+                    false => format!("{} pixels differ by more than their bound", self.pixels_over_bound),
+                };
+                let (bound, slack) = (self.largest_bound, self.slack);
+                format!("{held} (at most {bound:.4} in this view, and {slack:.4} for rounding and early termination)")
+            }
         };
         format!(
-            "audit: without leaping the picture differs by at most {:.4} (mean {:.6}) of 1; {held} (at most {:.4} in \
-             this view, and {:.4} for rounding and early termination)",
-            self.largest_difference, self.mean_difference, self.largest_bound, self.slack
+            "audit: without leaping the picture differs by at most {:.4} (mean {:.6}) of 1; {bound}",
+            self.largest_difference, self.mean_difference
         )
     }
 }
@@ -98,13 +106,15 @@ pub fn compare(with: &Picture, without: &Picture, bounds: &[f32], scene: &Scene,
         largest = largest.max(worst);
         over += u64::from(worst > bound + slack);
     }
+    let largest_bound = bounds.iter().copied().fold(0.0, f32::max);
     Audit {
         largest_difference: largest,
         mean_difference: sum / (4 * with.pixels().len()).max(1) as f64,
-        largest_bound: bounds.iter().copied().fold(0.0, f32::max),
+        largest_bound,
         slack,
         pixels_over_bound: over,
         bound_held: over == 0,
+        bounds_nothing: largest_bound + slack >= 1.0,
     }
 }
 
@@ -144,6 +154,23 @@ mod tests {
         let bad = verdict(0.27, 0.2);
         assert!(!bad.bound_held && bad.pixels_over_bound == 1, "{bad:?}");
         assert!(bad.in_words().contains("1 pixels differ by more than their bound"));
+        assert!(good.in_words().contains("the bound held (at most 0.5000"), "{}", good.in_words());
+    }
+
+    /// Nothing in 0..=1 differs by more than 1: such a bound holds of any two pictures.
+    #[test]
+    fn a_bound_that_bounds_nothing_is_not_said_to_have_held() {
+        let scene = scene(1.0);
+        let picture = |v: f32| {
+            let pixels = [v, 0.1].map(|v| Premul::from_array([0.1, 0.1, v, 0.9]));
+            Picture::new(scene.view.size, pixels.to_vec()).unwrap()
+        };
+        let of = |bounds: &[f32]| compare(&picture(0.9), &picture(0.2), bounds, &scene, Transport::F32);
+        let words = of(&[1.0, 0.01]).in_words();
+        assert!(words.contains("at most 0.7000") && words.contains("no bound below 1 is known"), "{words}");
+        assert!(!words.contains("held"), "{words}");
+        // A pixel beyond a bound of its own is a bug, whatever is known of its neighbours.
+        assert!(of(&[0.01, 1.0]).in_words().contains("1 pixels differ by more than their bound"));
     }
 
     #[test]

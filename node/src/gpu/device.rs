@@ -41,7 +41,7 @@ impl Gpu {
     }
 
     pub(super) fn open(options: &GpuOptions) -> Result<Self, GpuError> {
-        let adapter = choose(options.adapter.as_deref())?;
+        let adapter = choose(options.adapter.as_deref(), options.real_only)?;
         let info = adapter.get_info();
         let name = describe(&adapter);
         let is_software = info.device_type == DeviceType::Cpu;
@@ -190,9 +190,10 @@ fn from_wgpu(what: &'static str, bytes: u64, error: &wgpu::Error) -> RaycastErro
 }
 
 /// The best adapter whose description holds `wanted` (any case): real GPUs before software, Vulkan, Metal and DX12
-/// before GL.
-fn choose(wanted: Option<&str>) -> Result<Adapter, GpuError> {
+/// before GL; with `real_only` no software.
+fn choose(wanted: Option<&str>, real_only: bool) -> Result<Adapter, GpuError> {
     let mut found = Vec::new();
+    let mut software = None;
     // GL is only asked where nothing else answers: opening it on a machine without a display is slow and noisy.
     for backends in [Backends::PRIMARY, Backends::GL] {
         if !wgpu::Instance::enabled_backend_features().intersects(backends) {
@@ -206,9 +207,17 @@ fn choose(wanted: Option<&str>) -> Result<Adapter, GpuError> {
         let mut adapters = pollster::block_on(instance.enumerate_adapters(backends));
         found.extend(adapters.iter().map(describe));
         adapters.retain(|a| can_compute(a) && wanted.is_none_or(|w| contains(&describe(a), w)));
-        if let Some(best) = adapters.into_iter().min_by_key(rank) {
-            return Ok(best);
+        match adapters.into_iter().min_by_key(rank) {
+            Some(best) if !real_only || is_real(&best) => return Ok(best),
+            Some(best) => {
+                software = Some(describe(&best));
+                break;
+            }
+            None => {}
         }
+    }
+    if let Some(found) = software {
+        return Err(GpuError::OnlySoftware { found });
     }
     match (wanted, found.is_empty()) {
         (_, true) => Err(GpuError::NoAdapter),
@@ -228,6 +237,11 @@ fn can_compute(adapter: &Adapter) -> bool {
         && limits.max_storage_buffers_per_shader_stage >= 2
         && limits.max_storage_buffer_binding_size >= super::plan::MIN_ACCUMULATOR_BYTES
         && limits.max_bind_groups >= 3
+}
+
+fn is_real(adapter: &Adapter) -> bool {
+    use DeviceType::{DiscreteGpu, IntegratedGpu, VirtualGpu};
+    matches!(adapter.get_info().device_type, DiscreteGpu | IntegratedGpu | VirtualGpu)
 }
 
 fn rank(adapter: &Adapter) -> u32 {

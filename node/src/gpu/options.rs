@@ -9,6 +9,8 @@ use crate::kernel::RaycastError;
 pub struct GpuOptions {
     /// Part of the adapter's name, driver or backend, any case; `None` takes the best.
     pub adapter: Option<String>,
+    /// Take no driver that renders on the processor (lavapipe, WARP): the CPU kernel is faster there.
+    pub real_only: bool,
     /// Store voxels as R32Float even where R16Unorm is there (for tests of the fallback).
     pub without_norm16: bool,
     /// Filter the transfer function as half floats even where full ones are faster (for tests of what real GPUs do).
@@ -27,6 +29,7 @@ impl Default for GpuOptions {
     fn default() -> Self {
         Self {
             adapter: None,
+            real_only: false,
             without_norm16: false,
             without_float_table: false,
             with_map_kernels: false,
@@ -55,6 +58,8 @@ pub enum GpuError {
     NoAdapter,
     #[error("no adapter's description holds `{wanted}` (BRICKCAST_ADAPTER); found: {found}")]
     NoSuchAdapter { wanted: String, found: String },
+    #[error("{found} renders on the processor, where the CPU kernel is faster; --backend gpu takes it all the same")]
+    OnlySoftware { found: String },
     #[error("no adapter can run the compute kernel; found: {found}; update the driver, or use --backend cpu")]
     NoCompute { found: String },
     #[error("adapter {adapter} does not open: {reason}; update the driver, or use --backend cpu")]

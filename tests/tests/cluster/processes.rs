@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use brickcast::embedded::{Backend, BackendChoice};
 use brickcast_tests::process::{NodeProcess, brickcast, brickcast_ok, shared_data};
 use brickcast_tests::turn;
 
@@ -34,9 +35,9 @@ fn real_volumes_through_two_processes_give_the_bits_of_one() {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         brickcast_ok(at, &["prepare", input.to_str().unwrap(), "data.store", "--brick", "32"]);
-        let one = NodeProcess::start(at, &[]);
-        let two = NodeProcess::start(at, &[]);
-        let three = NodeProcess::start(at, &[]);
+        // The GPU's kernel, on a software driver too: the other tests of processes are of the CPU's.
+        let kernel = if Backend::open(BackendChoice::Gpu).is_ok() { "gpu" } else { "cpu" };
+        let [one, two, three] = std::array::from_fn(|_| NodeProcess::start(at, &["--backend", kernel]));
         let view = ["--size", "160x120", "--azimuth", "30", "--elevation", "20", "--exact"];
         let mut pictures = Vec::new();
         for (i, nodes) in [

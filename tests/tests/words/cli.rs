@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use brickcast_tests::process::{brickcast, brickcast_ok, cached_stores};
+use brickcast_tests::process::{brickcast, brickcast_both, brickcast_ok, cached_stores};
 
 fn part(folder: &Path) {
     brickcast_ok(folder, &["phantom", "part.nrrd", "--dims", "48,40,44", "--pores", "2"]);
@@ -25,7 +25,7 @@ fn every_output_format_and_sequence() {
     part(at);
     let base = ["render", "part.nrrd", "--size", "48x32", "--backend", "cpu", "--brick", "16"];
     let render = |extra: &[&str]| brickcast_ok(at, &[&base[..], extra].concat());
-    let said = render(&["-o", "a.png"]);
+    let (_, said) = brickcast_both(at, &[&base[..], &["-o", "a.png"]].concat());
     assert!(said.contains("--window"), "the default transfer function is explained: {said}");
     render(&["-o", "a.exr"]);
     render(&["-o", "a.apng", "--frames", "3", "--orbit", "90"]);
@@ -79,7 +79,8 @@ fn regions_are_asked_for_by_range_or_label_volume() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     part(at);
-    let said = brickcast_ok(at, &["prepare", "part.nrrd", "part", "--brick", "16", "--segmentation-range", "0.2"]);
+    let prepare = ["prepare", "part.nrrd", "part", "--brick", "16", "--segmentation-range", "0.2"];
+    let (_, said) = brickcast_both(at, &prepare);
     assert!(said.contains("regions (windows of range 0.2"), "{said}");
     let info: serde_json::Value = serde_json::from_str(&brickcast_ok(at, &["info", "part", "--json"])).unwrap();
     let regions = &info["regions"];
@@ -97,7 +98,7 @@ fn regions_are_asked_for_by_range_or_label_volume() {
     assert_eq!(manifest("none"), manifest("plain"));
 
     std::fs::write(at.join("l_48x40x44_uint8.raw"), vec![5; 48 * 40 * 44]).unwrap();
-    let said = brickcast_ok(at, &["prepare", "part.nrrd", "given", "--labels", "l_48x40x44_uint8.raw"]);
+    let (_, said) = brickcast_both(at, &["prepare", "part.nrrd", "given", "--labels", "l_48x40x44_uint8.raw"]);
     assert!(said.contains("1 regions (labels") && said.contains("100.0 % of the voxels"), "{said}");
 
     for (args, says) in [

@@ -11,9 +11,12 @@ mod default_look;
 mod field;
 #[cfg(target_os = "linux")]
 mod interrupts;
+#[cfg(target_os = "linux")]
+mod kept;
 #[cfg(unix)]
 mod project;
 mod scene_file;
 mod store_care;
 mod store_interop;
+mod talk;
 mod transfer_function;

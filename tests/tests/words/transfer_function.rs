@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use brickcast::output::png;
-use brickcast_tests::process::{brickcast, brickcast_ok};
+use brickcast_tests::process::{brickcast, brickcast_both, brickcast_ok};
 use brickcast_volume::transfer_function::{Preset, PresetOptions, TransferFunction};
 
 const PROPERTY: &str = "1\n1\n0.8\n0.2\n0.3\n12\n6 0 0 9000 0 60000 0.5\n4 0 1 255 1\n\
@@ -62,8 +62,8 @@ fn show_draws_text_and_picture_with_and_without_a_volume() {
     );
     assert_eq!(store.replace("part,", "part.nrrd,"), input);
 
-    let said = show(&["p.vp", "--volume", "part", "-o", "p.png"]);
-    assert!(said.ends_with("wrote p.png\n"), "{said}");
+    let (shown, said) = brickcast_both(at, &["transfer-function", "show", "p.vp", "--volume", "part", "-o", "p.png"]);
+    assert_eq!((shown, said.as_str()), (store, "wrote p.png\n"));
     let picture = png::read(&at.join("p.png")).unwrap();
     assert!(picture.frames[0].iter().any(|p| p[0] == p[1] && p[1] == p[2] && (205..215).contains(&p[0])), "histogram");
     show(&["p.json", "-o", "alone.png"]);
@@ -95,8 +95,9 @@ fn convert_gives_the_same_function_and_render_the_same_picture() {
     part(at);
     std::fs::write(at.join("p.vp"), PROPERTY).unwrap();
     std::fs::write(at.join("p.json"), PRESET).unwrap();
-    let convert = |from: &str, to: &str| brickcast_ok(at, &["transfer-function", "convert", from, to]);
-    assert_eq!(convert("p.vp", "a.json"), "wrote a.json \"p\": 3 points of colour, 3 of opacity\n");
+    let convert = |from: &str, to: &str| brickcast_both(at, &["transfer-function", "convert", from, to]);
+    let said = "wrote a.json \"p\": 3 points of colour, 3 of opacity\n";
+    assert_eq!(convert("p.vp", "a.json"), (String::new(), said.to_owned()));
     convert("p.json", "b.json");
     convert("b.json", "c.json");
     let want = read(&at.join("p.json"));
@@ -129,7 +130,7 @@ fn what_is_left_out_of_a_volume_property_is_told() {
     assert!(output.status.success() && String::from_utf8_lossy(&output.stderr).contains("gradient opacity"));
     let args =
         ["render", "part.nrrd", "-o", "g.png", "--size", "16x16", "--backend", "cpu", "--transfer-function", "g.vp"];
-    let said = brickcast_ok(at, &args);
+    let (_, said) = brickcast_both(at, &args);
     assert!(said.contains("gradient opacity is left out"), "{said}");
 }
 
@@ -139,11 +140,11 @@ fn suggest_finds_the_part_and_render_takes_it() {
     let at = folder.path();
     part(at);
     brickcast_ok(at, &["prepare", "part.nrrd", "part", "--brick", "16"]);
-    let suggest = |more: &[&str]| brickcast_ok(at, &[&["transfer-function", "suggest"], more].concat());
-    let said = suggest(&["part"]);
-    assert!(said.contains("classes by multi-level Otsu thresholding") && said.contains("--output FILE.json"), "{said}");
+    let suggest = |more: &[&str]| brickcast_both(at, &[&["transfer-function", "suggest"], more].concat());
+    let (said, hint) = suggest(&["part"]);
+    assert!(said.contains("classes by multi-level Otsu thresholding") && hint.contains("--output FILE.json"), "{said}");
     assert!(said.contains("clear") && said.is_ascii() && said.lines().all(|l| l.len() <= 80), "{said}");
-    let said = suggest(&["part.nrrd", "-o", "s.json", "--colormap", "plasma"]);
+    let (_, said) = suggest(&["part.nrrd", "-o", "s.json", "--colormap", "plasma"]);
     assert!(said.contains("brickcast render part.nrrd --transfer-function s.json"), "{said}");
 
     // Air, the lowest class, is clear; the material above Otsu's threshold is not.

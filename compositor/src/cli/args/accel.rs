@@ -93,6 +93,11 @@ impl AccelArgs {
         self.has(&[AccelArg::Leap, AccelArg::All])
     }
 
+    /// True where `leap` was named itself.
+    pub(crate) fn names_leap(&self) -> bool {
+        self.has(&[AccelArg::Leap])
+    }
+
     pub(crate) fn macrocell_edge(&self) -> Result<MacrocellEdge, Failure> {
         MacrocellEdge::of_voxels(self.macrocell)
             .ok_or_else(|| Failure::usage(anyhow!("--macrocell {}: 4 or 8", self.macrocell)))

@@ -38,6 +38,7 @@ pub use self::look::{LookArg, LookArgs, Unasked};
 pub use self::nodes::{BackendArg, NodeArgs};
 pub use self::on_the_way::OnTheWayArgs;
 pub use self::raw::RawArgs;
+pub(crate) use self::region::DEFAULT_SEGMENTATION_RANGE;
 pub use self::region::{RegionArgs, SegmentationArg};
 pub use self::render::RenderArgs;
 pub use self::scene::SceneArgs;

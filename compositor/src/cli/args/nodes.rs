@@ -10,10 +10,12 @@ use crate::embedded::BackendChoice;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub enum BackendArg {
-    /// The GPU where a driver is found, else the CPU, saying so
+    /// A real GPU, else the CPU, saying so
     #[default]
     Auto,
+    /// The GPU's kernel, on a software driver where there is no GPU
     Gpu,
+    /// The processor's kernel
     Cpu,
 }
 

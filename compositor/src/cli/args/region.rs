@@ -9,6 +9,9 @@ use clap::{Args, ValueEnum};
 
 use crate::cli::failure::Failure;
 
+/// The segmentation range of an input that is prepared on the way for a picture of its regions.
+pub(crate) const DEFAULT_SEGMENTATION_RANGE: f64 = 0.03;
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub enum SegmentationArg {
     /// Components of value windows at the histogram's masses
@@ -36,6 +39,11 @@ pub struct RegionArgs {
 }
 
 impl RegionArgs {
+    /// True where nothing was said of regions.
+    pub(crate) fn is_silent(&self) -> bool {
+        self.segmentation_range.is_none() && self.labels.is_none()
+    }
+
     /// Nothing where no regions are asked for. A raw label volume has the input's `dims`, its name says the type.
     ///
     /// # Errors

@@ -101,7 +101,7 @@ pub struct RenderArgs {
     /// Times, samples, tiles and bytes as JSON
     #[arg(long, value_name = "FILE", help_heading = "Output")]
     pub stats: Option<PathBuf>,
-    /// Render again without leaping, and report the largest and mean difference and the bound that held
+    /// Render again without leaping, and report the largest and mean difference, and the bound where one is known
     #[arg(long, help_heading = "Output")]
     pub audit: bool,
     /// Write no <picture>.json beside the picture

@@ -3,14 +3,12 @@
 use std::cell::Cell;
 use std::path::Path;
 
-use anyhow::Context as _;
 use brickcast_volume::PictureSize;
 use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::format::RawHints;
-use brickcast_volume::leftovers::Listed;
 use brickcast_volume::phantom::{PhantomOptions, write_phantom};
 use brickcast_volume::scene::{Look, Quality, Scene, Transport, ViewSpec};
-use brickcast_volume::store::{PrepareOptions, STORE_VERSION, Store};
+use brickcast_volume::store::{PrepareOptions, STORE_VERSION, ScratchFolder, Store};
 use brickcast_volume::style::{Integration, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 
@@ -99,16 +97,8 @@ fn phantom_store(args: &DemoArgs, quiet: bool) -> Result<Store, Failure> {
 
 /// Writes the phantom to a file beside `target`, and prepares that; its number of bricks.
 fn make(target: &Path, phantom: &PhantomOptions) -> anyhow::Result<u64> {
-    let beside = target.with_extension(format!("phantom-{}", std::process::id()));
-    let (_, listed) = Listed::making(&beside, || std::fs::create_dir(&beside))
-        .with_context(|| format!("{}: cannot be made", beside.display()))?;
-    let result = make_from(&beside.join("phantom.nrrd"), target, phantom);
-    // What cannot be removed is in nobody's way.
-    let _ = listed.settle(|| std::fs::remove_dir_all(&beside));
-    result
-}
-
-fn make_from(nrrd: &Path, target: &Path, phantom: &PhantomOptions) -> anyhow::Result<u64> {
+    let beside = ScratchFolder::beside(&target.with_extension("phantom"))?;
+    let nrrd = &beside.path().join("phantom.nrrd");
     let bar = Bar::new("phantom");
     write_phantom(nrrd, phantom, &mut |done, total| bar.at(done, total))?;
     bar.finish();

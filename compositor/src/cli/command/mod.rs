@@ -40,7 +40,7 @@ pub fn run(invocation: Invocation) -> Result<(), Failure> {
         Command::Bench(args) => blocking(bench::run(*args, quiet)),
         Command::TransferFunction(args) => transfer_function::run(args, quiet),
         Command::Config(args) => config::run(&args, &origins),
-        Command::Tls(args) => tls::run(args),
+        Command::Tls(args) => tls::run(args, quiet),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "brickcast", &mut script);

@@ -9,7 +9,7 @@ use serde_json::json;
 use crate::cli::args::VerifyArgs;
 use crate::cli::failure::Failure;
 use crate::cli::progress::Bar;
-use crate::cli::say::{print, say, tell};
+use crate::cli::say::{answer, print, tell};
 use crate::words::{bytes, short};
 
 /// Broken parts of one file that are told one by one, unless `--json` asks for all.
@@ -34,12 +34,12 @@ pub fn run(args: &VerifyArgs, quiet: bool) -> Result<(), Failure> {
     }
     if !args.json {
         let (hash, size) = (short(found.hash), bytes(found.bytes));
-        say(quiet, &format!("{name}: store {hash}, {size}: every byte is as the manifest says"))?;
+        answer(quiet, &format!("{name}: store {hash}, {size}: every byte is as the manifest says"))?;
         if !found.binds_chunks {
             let version = found.version.unwrap_or_default();
             let note = "renders would not notice where parts of another store take the place of its own later; prepare \
                         it again for that";
-            say(quiet, &format!("  of format version {version}: {note}"))?;
+            answer(quiet, &format!("  of format version {version}: {note}"))?;
         }
     }
     Ok(())

@@ -1,7 +1,8 @@
 //! On a store, what was asked becomes a scene.
 
+use anyhow::anyhow;
 use brickcast_volume::camera::Camera;
-use brickcast_volume::scene::{Acceleration, Filter, Leap, Look, Quality, RegionView, Scene, ViewSpec};
+use brickcast_volume::scene::{Acceleration, Filter, Leap, Look, Quality, Scene, ViewSpec};
 use brickcast_volume::store::Manifest;
 use brickcast_volume::style::Style;
 use brickcast_volume::transfer_function::{TransferFunction, default_opacities};
@@ -12,6 +13,7 @@ use super::fit;
 use super::plan::{AccelerationPlan, CameraPlan, FunctionPlan, LeapPlan, PresetPlan};
 use super::preset_file::Wanted;
 use super::{SceneChoice, ScenePlan, camera_file, light_from, preset_file};
+use crate::cli::args::DEFAULT_SEGMENTATION_RANGE;
 use crate::cli::failure::Failure;
 use crate::plan::StoreFacts;
 
@@ -27,7 +29,7 @@ impl ScenePlan {
         let (store, mut notes) = (&facts.manifest, Vec::new());
         let style = self.style.clone().above_noise(store.noise);
         let Chosen { function: transfer_function, opacity_unit } = self.function_on(store, &mut notes)?;
-        notes.extend(self.missing_regions(store));
+        notes.extend(self.missing_regions(store)?);
         notes.extend(light_from::told(&self.style, &style, store));
         let region_transfer_function = match &self.region_function {
             Some(preset) => Some(self.preset_on(preset, store, &mut notes)?),
@@ -109,12 +111,24 @@ impl ScenePlan {
         Ok(Chosen { function: function?, opacity_unit: None })
     }
 
-    /// What to tell where something was asked of regions and the store has none.
-    fn missing_regions(&self, store: &Manifest) -> Option<String> {
-        let asks =
-            self.leaps_through_regions() || self.region_view != RegionView::All || self.region_function.is_some();
-        (asks && store.regions.is_none())
-            .then(|| "the store has no regions: prepare it with --segmentation-range (e.g. 0.03) to leap".to_owned())
+    /// What to tell where something was asked of regions and the store has none. A picture without them is no defect
+    /// view; leaping or not, the picture is the same.
+    ///
+    /// # Errors
+    /// Usage: the picture that was asked for is one of regions.
+    fn missing_regions(&self, store: &Manifest) -> Result<Option<String>, Failure> {
+        if store.regions.is_some() {
+            return Ok(None);
+        }
+        if let Some(asked) = self.shows_regions() {
+            return Err(Failure::usage(anyhow!(
+                "{asked}: the store has no regions; prepare it anew with --segmentation-range W (e.g. \
+                 {DEFAULT_SEGMENTATION_RANGE})"
+            )));
+        }
+        let note = "--accel leap: the store has no regions, so no ray leaps; stores that were prepared with \
+                    --segmentation-range W have some";
+        Ok(self.is_leap_named.then(|| note.to_owned()))
     }
 }
 

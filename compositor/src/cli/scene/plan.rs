@@ -32,6 +32,8 @@ pub(crate) struct ScenePlan {
     pub(super) filter: Filter,
     pub(super) exact: bool,
     pub(super) acceleration: AccelerationPlan,
+    /// `leap` itself is among the accelerations, and not only all of them.
+    pub(super) is_leap_named: bool,
     pub(super) transport: Transport,
 }
 
@@ -132,6 +134,7 @@ impl SceneArgs {
             filter: self.filter,
             exact: self.exact,
             acceleration: self.accel.plan()?,
+            is_leap_named: self.accel.names_leap(),
             transport: match self.transport {
                 None if self.exact || !kind.may_be_rounded() => Transport::F32,
                 asked => asked.unwrap_or_default(),
@@ -232,6 +235,14 @@ impl AccelArgs {
 impl ScenePlan {
     pub(crate) fn leaps_through_regions(&self) -> bool {
         matches!(self.acceleration.leap, LeapPlan::Known(Leap::Regions))
+    }
+
+    /// The flag that asks for a picture of regions.
+    pub(crate) fn shows_regions(&self) -> Option<String> {
+        match self.region_view {
+            RegionView::All => self.region_function.as_ref().map(|_| "--region-transfer-function".to_owned()),
+            view => Some(format!("--view {view}")),
+        }
     }
 
     pub(crate) fn style(&self) -> &Style {

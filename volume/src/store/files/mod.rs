@@ -1,6 +1,7 @@
 //! What a store's folder holds: which files there are, what else lies there, and how a folder becomes a store, or stays
 //! none.
 
+pub(super) mod abandoned;
 pub(super) mod position;
 pub(super) mod shape;
 pub(super) mod walk;

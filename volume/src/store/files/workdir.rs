@@ -2,7 +2,8 @@
 //!
 //! `.NAME.brickcast-tmp-PID-N/` holds `lock` (held while its writer lives), `store/` (being written), scratch files
 //! and, for the moment of replacing one, `old/`. A working directory whose lock is free was left by a writer that was
-//! killed: the next writer for the same target puts `old/` back where the target is gone, and removes the rest.
+//! killed: the next writer for the same target puts `old/` back where the target is gone, and whoever writes in that
+//! folder next removes the rest.
 //!
 //! Nothing is ever removed that no store has: a folder that holds anything else is refused, before the work and again
 //! before the old store goes; of what dead writers left, it stays.
@@ -12,13 +13,12 @@ use std::fs::{self, File};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
+use super::abandoned::{MARK, clear, recover, remove_leftovers};
 use super::shape::StoreShape;
-use super::walk::{self as store_walk, Found};
-use crate::leftovers::Listed;
+use super::walk::Found;
+use crate::leftovers::{self, Listed};
 use crate::store::error::StoreError;
-
-/// Between a target's name and a writer's number in the name of a working directory.
-const MARK: &str = ".brickcast-tmp-";
+use crate::unfinished::sweep_once;
 
 #[derive(Debug)]
 pub(crate) struct WorkDir {
@@ -50,6 +50,8 @@ impl WorkDir {
         prefix.push(name);
         prefix.push(MARK);
         recover(target, &parent, &prefix);
+        remove_leftovers(&parent);
+        sweep_once(&parent);
         if is_there(target, force)? {
             foreign_in(target, target)?;
         }
@@ -173,69 +175,28 @@ pub(crate) fn check_inputs(target: &Path, inputs: &[PathBuf]) -> Result<(), Stor
     }
 }
 
-/// Removes a working directory: what a store has, scratch files, and nothing else.
-fn clear(dir: &Path) {
-    for (name, shape) in [("store", Some(StoreShape::any())), ("old", StoreShape::in_folder(&dir.join("old")))] {
-        let part = dir.join(name);
-        // A store that is removed in part has lost its manifest, perhaps.
-        let shape = shape.unwrap_or_else(StoreShape::any);
-        if part.is_dir() && !part.is_symlink() {
-            let _ = store_walk::remove(&part, &shape);
-        }
-    }
-    for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
-        if entry.file_type().is_ok_and(|kind| kind.is_file()) && entry.file_name() != "lock" {
-            let _ = fs::remove_file(entry.path());
-        }
-    }
-    // The lock stays with what could not be removed, so that the next writer looks at it again.
-    let only_lock = fs::read_dir(dir).is_ok_and(|entries| entries.flatten().all(|e| e.file_name() == "lock"));
-    if only_lock {
-        let _ = fs::remove_file(dir.join("lock"));
-        let _ = fs::remove_dir(dir);
-    }
-}
+/// A folder for files that live no longer than this, beside `target`; what a killed process left of one goes as a
+/// working directory does.
+#[derive(Debug)]
+pub struct ScratchFolder(WorkDir);
 
-/// Puts back and removes what killed writers for `target` left. Failures are left to the next writer.
-fn recover(target: &Path, parent: &Path, prefix: &OsString) {
-    let prefix = prefix.as_encoded_bytes();
-    for dir in entries(parent).filter(|name| name.as_encoded_bytes().starts_with(prefix)).map(|name| parent.join(name))
-    {
-        let Some(_lock) = dead(&dir) else { continue };
-        let old = dir.join("old");
-        if old.is_dir() && fs::symlink_metadata(target).is_err() && fs::rename(&old, target).is_err() {
-            continue;
-        }
-        clear(&dir);
+impl ScratchFolder {
+    /// # Errors
+    /// A folder that is missing or cannot be written.
+    pub fn beside(target: &Path) -> Result<Self, StoreError> {
+        WorkDir::create(target, true).map(Self)
     }
-}
 
-/// Removes what killed writers for any target in `folder` left, old stores that should be put back first apart.
-pub fn remove_leftovers(folder: &Path) {
-    let marked = |name: &OsString| name.to_str().is_some_and(|name| name.starts_with('.') && name.contains(MARK));
-    for dir in entries(folder).filter(marked).map(|name| folder.join(name)) {
-        if let Some(_lock) = dead(&dir)
-            && !dir.join("old").exists()
-        {
-            clear(&dir);
-        }
+    #[must_use]
+    pub fn path(&self) -> PathBuf {
+        self.0.scratch()
     }
-}
-
-fn entries(folder: &Path) -> impl Iterator<Item = OsString> {
-    fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.file_name())
-}
-
-/// The lock of a working directory whose writer is dead. Without a lock file its writer is just starting.
-fn dead(dir: &Path) -> Option<File> {
-    let lock = File::options().write(true).open(dir.join("lock")).ok()?;
-    lock.try_lock().ok().map(|()| lock)
 }
 
 /// Writes a file of a store and brings it to the disk.
 pub(crate) fn write_synced(path: &Path, content: &[u8]) -> Result<(), StoreError> {
     if let Some(dir) = path.parent() {
-        fs::create_dir_all(dir).map_err(StoreError::io("create", dir))?;
+        leftovers::create_dir_all(dir).map_err(StoreError::io("create", dir))?;
     }
     let written = File::create_new(path).and_then(|mut file| {
         file.write_all(content)?;
@@ -304,6 +265,15 @@ mod tests {
         assert!(matches!(WorkDir::create(&target, false), Err(StoreError::Exists { .. })));
         assert_eq!(names(dir.path()), ["s"]);
         assert_eq!(fs::read_to_string(target.join(MANIFEST_FILE)).unwrap(), OURS);
+    }
+
+    #[test]
+    fn a_scratch_folder_goes_with_all_that_is_in_it() {
+        let dir = tempfile::tempdir().unwrap();
+        let scratch = ScratchFolder::beside(&dir.path().join("x")).unwrap();
+        fs::write(scratch.path().join("phantom.nrrd"), b"voxels").unwrap();
+        drop(scratch);
+        assert!(names(dir.path()).is_empty());
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Shards are written append-only, those of one z of a tile at a time: inner chunks as their slab comes, the index when
 //! the last slab has come. Memory holds their ends (indices and checksums), never a shard.
 
-use std::fs::{self, File};
+use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
 
@@ -11,6 +11,7 @@ use xxhash_rust::xxh3::Xxh3Default;
 use super::grid::ShardGrid;
 use super::record::ShardRecord;
 use super::tail;
+use crate::leftovers;
 use crate::store::codec;
 use crate::store::error::StoreError;
 use crate::store::hash::ContentHash;
@@ -88,7 +89,7 @@ impl ShardWriter {
                 let shard = ShardIndex([x, y, z]);
                 let path = self.root.join(shard.path(self.array));
                 if let (true, Some(dir)) = (x == first_x, path.parent()) {
-                    fs::create_dir_all(dir).map_err(StoreError::io("create", dir))?;
+                    leftovers::create_dir_all(dir).map_err(StoreError::io("create", dir))?;
                 }
                 let (index, sums) = (vec![[ABSENT; 2]; CHUNKS_PER_SHARD], vec![0; CHUNKS_PER_SHARD]);
                 self.row.push(OpenShard { shard, path, bytes: 0, hash: Xxh3Default::new(), index, sums });

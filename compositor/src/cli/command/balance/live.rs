@@ -11,7 +11,7 @@ use serde::Serialize;
 use crate::balance::max_over_mean;
 use crate::cli::args::{BalanceArg, BalanceArgs, Unasked};
 use crate::cli::failure::Failure;
-use crate::cli::say::{print, say, tell};
+use crate::cli::say::{answer, print, say, tell};
 use crate::output::{MAX_FRAMES, write_json};
 use crate::session::{BalanceStats, Frame};
 use crate::words::bytes;
@@ -60,7 +60,8 @@ pub(super) async fn run(args: &BalanceArgs, path: &Path, quiet: bool) -> Result<
         return Err(Failure::usage(anyhow!("--orbit: must be a finite number of degrees")));
     }
     let nodes = args.nodes.plan()?;
-    let source = args.prepare.open(path, nodes.are_elsewhere())?;
+    let prepare = args.prepare.clone().with_regions_for(path, plan.shows_regions().as_deref(), quiet)?;
+    let source = prepare.open(path, nodes.are_elsewhere())?;
     let (mut session, _embedded) = nodes.open_session(path, &source, quiet).await?;
     let choice = plan.on(session.store())?;
     for note in &choice.notes {
@@ -83,7 +84,7 @@ pub(super) async fn run(args: &BalanceArgs, path: &Path, quiet: bool) -> Result<
         }
         lines.push(line);
     }
-    say(quiet, &summary(&lines))?;
+    answer(quiet, &summary(&lines))?;
     if let Some(file) = &args.json {
         write_json(file, &serde_json::json!({ "settings": settings, "frames": lines }))?;
     }

@@ -13,6 +13,7 @@ use serde_json::json;
 
 use crate::cli::args::{BenchArgs, Unasked};
 use crate::cli::failure::Failure;
+use crate::cli::progress::Bar;
 use crate::cli::say::tell;
 use crate::cli::source::Source;
 use crate::embedded::{Backend, EmbeddedNodes, parse_size};
@@ -54,11 +55,13 @@ struct Timed {
 
 /// # Errors
 /// As a render.
-pub(super) async fn run(args: &BenchArgs) -> Result<(), Failure> {
+pub(super) async fn run(args: &BenchArgs, quiet: bool) -> Result<(), Failure> {
     let budget = parse_size(&args.memory_budget).map_err(|e| Failure::usage(anyhow!(e)))?;
     let opened = Backend::open(args.backend.choice())?;
     let (backend, adapter, _) = opened.describe();
-    let Source::Store(store) = args.prepare.open(&args.path, false)? else {
+    let regions_for = args.scene.plan(Unasked::Plain)?.shows_regions();
+    let prepare = args.prepare.clone().with_regions_for(&args.path, regions_for.as_deref(), quiet)?;
+    let Source::Store(store) = prepare.open(&args.path, false)? else {
         return Err(anyhow!("{}: no such store", args.path.display()).into());
     };
     let rows = measure(args, &opened, &store, budget).await?;
@@ -113,9 +116,12 @@ async fn measure(args: &BenchArgs, opened: &Backend, store: &Store, budget: u64)
     let of_kind = |(_, integration, lighting): (&str, IntegrationKind, Lighting), step: f64| {
         scene(args, store, step, |style| (style.integration, style.lighting) = (Some(integration), lighting))
     };
+    let bar = Bar::counting("frames", "frames");
+    bar.at(0, 1 + (kinds.len() * STEPS.len()) as u64 * u64::from(args.repeat + 1));
     let converged = of_kind(kinds[1], REFERENCE_STEP)?;
     session.load(&converged).await?;
     let converged = session.render(&converged, Transport::F32, limit).await?.picture;
+    bar.step();
     let mut timed = Vec::new();
     for kind in kinds {
         for step in STEPS {
@@ -128,6 +134,7 @@ async fn measure(args: &BenchArgs, opened: &Backend, store: &Store, budget: u64)
             }
             let (samples, picture) = (frame.stats.samples, frame.picture);
             timed.push(Timed { kind: kind.0, scene, times: Vec::new(), samples, picture });
+            bar.step();
         }
     }
     // In turns, so that a machine that slows down slows all of them.
@@ -140,6 +147,7 @@ async fn measure(args: &BenchArgs, opened: &Backend, store: &Store, budget: u64)
                 return Err(anyhow!("bricks were loaded in a timed frame: raise --memory-budget").into());
             }
             one.times.push(frame.stats.frame_ms);
+            bar.step();
         }
     }
     let median = |one: &Timed| {

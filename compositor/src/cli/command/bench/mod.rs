@@ -11,6 +11,7 @@ use serde_json::json;
 
 use crate::cli::args::{BenchArgs, Unasked};
 use crate::cli::failure::Failure;
+use crate::cli::progress::Bar;
 use crate::cli::say::{say, tell};
 use crate::cli::scene::SceneChoice;
 use crate::cli::source::Source;
@@ -44,7 +45,8 @@ pub async fn run(args: BenchArgs, quiet: bool) -> Result<(), Failure> {
         return table::run(&args, which, quiet).await;
     }
     let budget = parse_size(&args.memory_budget).map_err(|e| Failure::usage(anyhow!(e)))?;
-    let Source::Store(store) = args.prepare.open(&args.path, false)? else {
+    let prepare = args.prepare.clone().with_regions_for(&args.path, plan.shows_regions().as_deref(), quiet)?;
+    let Source::Store(store) = prepare.open(&args.path, false)? else {
         return Err(anyhow!("{}: no such store", args.path.display()).into());
     };
     let choice = plan.on(&StoreFacts::of(&store))?;
@@ -63,8 +65,10 @@ pub async fn run(args: BenchArgs, quiet: bool) -> Result<(), Failure> {
         };
         let (name, adapter, _) = opened.describe();
         adapters.push(json!({ "backend": name, "adapter": adapter }));
+        let bar = Bar::counting(&format!("frames on {name}"), "frames");
+        bar.at(0, args.counts.len() as u64 * u64::from(args.repeat + 1));
         for &nodes in &args.counts {
-            rows.push(measure(&args, &opened, &store, &choice, (name, nodes), budget).await?);
+            rows.push(measure(&args, &opened, &store, &choice, (name, nodes), budget, &bar).await?);
         }
     }
     report(&args, &store, &rows, &adapters)
@@ -77,6 +81,7 @@ async fn measure(
     choice: &SceneChoice,
     (backend, count): (&'static str, usize),
     budget: u64,
+    bar: &Bar,
 ) -> Result<Row, Failure> {
     let nodes = EmbeddedNodes::start(opened, count, &store.path(), budget).await?;
     let mut session = Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash())).await?;
@@ -84,6 +89,7 @@ async fn measure(
     let limit = std::time::Duration::from_secs(3600);
     // The first frame pays for caches and lazy pages: it is not timed.
     session.render(&choice.scene, choice.transport, limit).await?;
+    bar.step();
     let mut times = Vec::new();
     let (mut samples, mut received) = (0, 0);
     let cpu = cpu_seconds();
@@ -93,6 +99,7 @@ async fn measure(
             return Err(anyhow!("a frame was not complete: {}", frame.problems.join("; ")).into());
         }
         times.push(frame.stats.frame_ms);
+        bar.step();
         (samples, received) = (frame.stats.samples, frame.stats.bytes_received);
     }
     let cpu_seconds = (cpu_seconds() - cpu) / f64::from(args.repeat);

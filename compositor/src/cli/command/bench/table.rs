@@ -11,6 +11,7 @@ use serde_json::json;
 
 use crate::cli::args::{AccelArg, BenchArgs, TableArg, Unasked};
 use crate::cli::failure::Failure;
+use crate::cli::progress::Bar;
 use crate::cli::say::{say, tell};
 use crate::cli::source::Source;
 use crate::embedded::{Backend, EmbeddedNodes, parse_size};
@@ -56,7 +57,7 @@ pub(super) async fn run(args: &BenchArgs, which: TableArg, quiet: bool) -> Resul
     let (modes, ranges) = match which {
         TableArg::Frey => (&FREY[..], args.ranges.clone()),
         TableArg::Krueger => (&KRUEGER[..], vec![0.0]),
-        TableArg::Lum => return super::lum::run(args).await,
+        TableArg::Lum => return super::lum::run(args, quiet).await,
     };
     // A store has the range that it was prepared with.
     let ranges = if args.path.is_file() { ranges } else { ranges[..1.min(ranges.len())].to_vec() };
@@ -129,6 +130,8 @@ async fn measure(
     let mut session = Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash())).await?;
     let limit = Duration::from_secs(3600);
     let mut timed = Vec::new();
+    let bar = Bar::counting("frames", "frames");
+    bar.at(0, modes.len() as u64 * u64::from(args.repeat + 1));
     let mut transport = brickcast_volume::scene::Transport::F16;
     for (_, accel) in modes {
         let mut scene_args = args.scene.clone();
@@ -150,6 +153,7 @@ async fn measure(
             counts: [s.samples, s.positions, s.leapt_positions],
             picture: Some(frame.picture),
         });
+        bar.step();
     }
     // In turns, so that a machine that slows down slows all of them.
     for _ in 0..args.repeat {
@@ -162,6 +166,7 @@ async fn measure(
                 return Err(anyhow!("bricks were loaded in a timed frame: raise --memory-budget").into());
             }
             one.times.push(frame.stats.frame_ms);
+            bar.step();
         }
     }
     let median = |times: &[f64]| {

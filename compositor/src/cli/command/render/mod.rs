@@ -2,6 +2,7 @@
 
 mod dry_run;
 mod frames;
+mod kept;
 mod manifest;
 mod nodes;
 mod output_paths;
@@ -24,7 +25,7 @@ pub(crate) use self::manifest::{Origin, manifest};
 /// that is not complete.
 pub async fn run(args: RenderArgs, quiet: bool) -> Result<(), Failure> {
     let plan = RenderPlan::of(args)?;
-    let source = plan.source.open(&plan.scenes)?;
+    let source = plan.source.open(&plan.scenes, quiet)?;
     if plan.dry_run {
         return dry_run::run(&plan, source).await;
     }
@@ -39,5 +40,5 @@ async fn render(plan: &RenderPlan, mut session: Session, quiet: bool) -> Result<
     let frames = Frames::on(&plan.scenes, session.store())?;
     frames.tell(&session.store().manifest, quiet)?;
     let all = sequence::draw(plan, &frames, &mut session, quiet).await?;
-    report(plan, &all, frames.outlook.as_ref(), quiet)
+    report(plan, &all, &frames, quiet)
 }

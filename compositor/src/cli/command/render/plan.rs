@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use brickcast_volume::StoreHash;
-use brickcast_volume::scene::Leap;
+use brickcast_volume::scene::{Leap, Look, RegionView};
 use brickcast_volume::style::{Mode, Style};
 
 use super::nodes::NodePlan;
@@ -120,6 +120,16 @@ impl RenderPlan {
     }
 }
 
+impl RenderPlan {
+    /// What is done, for people.
+    pub(super) fn words(&self) -> String {
+        match &self.output {
+            Some(output) => format!("rendering {}", output.path.display()),
+            None => "comparing".to_owned(),
+        }
+    }
+}
+
 /// The colour `--background R,G,B` names.
 fn background(rgb: Option<[f64; 3]>) -> Result<Option<[f32; 3]>, Failure> {
     match rgb {
@@ -181,6 +191,18 @@ impl ScenesPlan {
         match self {
             Self::Asked { .. } => None,
             Self::Drawn(redraw) => redraw.picture.as_ref().map(|file| file.path.as_path()),
+        }
+    }
+
+    /// What asks for a picture of regions.
+    fn shows_regions(&self) -> Option<String> {
+        match self {
+            Self::Asked { scene, .. } => scene.shows_regions(),
+            Self::Drawn(redraw) => {
+                let mut looks = redraw.manifests.iter().map(|manifest| &manifest.scene.look);
+                let asks = |look: &Look| look.region_view != RegionView::All || look.region_transfer_function.is_some();
+                looks.any(asks).then(|| "the picture of --scene".to_owned())
+            }
         }
     }
 
@@ -264,9 +286,12 @@ impl SourcePlan {
     ///
     /// # Errors
     /// As [`OnTheWayArgs::open`]; another store.
-    pub(super) fn open(&self, scenes: &ScenesPlan) -> Result<Source, Failure> {
+    pub(super) fn open(&self, scenes: &ScenesPlan, quiet: bool) -> Result<Source, Failure> {
         let source = match (&self.path, scenes.store()) {
-            (Some(path), _) => self.prepare.open(path, self.nodes_know)?,
+            (Some(path), _) => {
+                let prepare = self.prepare.clone().with_regions_for(path, scenes.shows_regions().as_deref(), quiet)?;
+                prepare.open(path, self.nodes_know)?
+            }
             (None, Some(hash)) => Source::Hash(hash),
             (None, None) => return Err(Failure::usage(anyhow!("PATH is missing"))),
         };

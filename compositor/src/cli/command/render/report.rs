@@ -2,22 +2,25 @@
 
 use std::path::Path;
 
+use brickcast_volume::PictureSize;
 use serde_json::json;
 
+use super::frames::Frames;
 use super::plan::{RenderPlan, ScenesPlan};
 use super::sequence::Sequence;
 use crate::cli::failure::Failure;
-use crate::cli::say::say;
-use crate::cli::scene::nothing_shows::{self, Outlook};
+use crate::cli::say::{answer, say};
+use crate::cli::scene::nothing_shows;
 use crate::output::write_json;
 use crate::session::stats;
-use crate::words::bytes;
+use crate::words::{bytes, time};
 
 /// Says what was written and writes the statistics.
 ///
 /// # Errors
 /// [`Failure::Incomplete`] where a frame is not complete; a picture that is not the one it was compared with.
-pub(super) fn report(plan: &RenderPlan, all: &Sequence, outlook: Option<&Outlook>, quiet: bool) -> Result<(), Failure> {
+pub(super) fn report(plan: &RenderPlan, all: &Sequence, frames: &Frames<'_>, quiet: bool) -> Result<(), Failure> {
+    let outlook = frames.outlook.as_ref();
     if let Some(text) = nothing_shows::afterwards(all.empty, all.frames.len(), outlook) {
         tracing::warn!("{text}");
     }
@@ -30,7 +33,7 @@ pub(super) fn report(plan: &RenderPlan, all: &Sequence, outlook: Option<&Outlook
         }
         write_json(path, &report)?;
     }
-    tell(all, quiet)?;
+    tell(all, frames.first().view.size, quiet)?;
     if !all.problems.is_empty() {
         let problems = all.problems.join("; ");
         return Err(Failure::Incomplete(match &plan.output {
@@ -39,12 +42,13 @@ pub(super) fn report(plan: &RenderPlan, all: &Sequence, outlook: Option<&Outlook
         }));
     }
     match &plan.scenes {
-        ScenesPlan::Drawn(redraw) if redraw.picture.is_some() => say(quiet, &redraw.verdict(&all.differences)?),
+        ScenesPlan::Drawn(redraw) if redraw.picture.is_some() => answer(quiet, &redraw.verdict(&all.differences)?),
         ScenesPlan::Drawn(_) | ScenesPlan::Asked { .. } => Ok(()),
     }
 }
 
-fn tell(all: &Sequence, quiet: bool) -> Result<(), Failure> {
+/// A line for what was written, and with -v another with more figures.
+fn tell(all: &Sequence, size: PictureSize, quiet: bool) -> Result<(), Failure> {
     let (Some(first), Some(last)) = (all.written.first(), all.written.last()) else { return Ok(()) };
     let names = if all.written.len() > 1 {
         format!("{} to {}", first.display(), file_name(last))
@@ -56,16 +60,19 @@ fn tell(all: &Sequence, quiet: bool) -> Result<(), Failure> {
     let samples = frames.iter().map(|f| f.samples).sum::<u64>();
     let received = frames.iter().map(|f| f.bytes_received).sum::<u64>();
     let nodes = frames.last().map_or(0, |f| f.nodes.len());
-    say(
-        quiet,
-        &format!(
-            "wrote {names}: {mean:.0} ms a frame on {nodes} node{}, {:.1} M samples, {} received, {:.0} ms loading",
-            if nodes == 1 { "" } else { "s" },
-            samples as f64 / 1e6,
-            bytes(received),
-            all.load.load_ms,
-        ),
-    )
+    let took = match frames.len() {
+        1 => time(all.first_frame_ms / 1e3),
+        n => format!("{n} frames, {} each", time(mean / 1e3)),
+    };
+    let (w, h, s) = (size.width(), size.height(), if nodes == 1 { "" } else { "s" });
+    say(quiet, &format!("{names} {w} x {h}, {took}, {nodes} node{s}"))?;
+    tracing::info!(
+        "{:.1} M samples, {} received, {} loading, {mean:.0} ms a frame",
+        samples as f64 / 1e6,
+        bytes(received),
+        time(all.load.load_ms / 1e3),
+    );
+    Ok(())
 }
 
 fn file_name(path: &Path) -> String {

@@ -3,15 +3,18 @@
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
+use brickcast_volume::leftovers::Farewell;
 use brickcast_volume::scene::{Scene, Transport};
 
 use super::frames::Frames;
+use super::kept::Unended;
 use super::manifest::{Origin, manifest};
 use super::plan::{RenderPlan, ScenesPlan};
 use crate::cli::failure::Failure;
-use crate::cli::say::say;
+use crate::cli::progress::Bar;
+use crate::cli::say::{answer, say};
 use crate::cli::scene::nothing_shows::{self, Outlook};
-use crate::output::{Difference, FrameOptions, FrameWriter, PictureManifest, hatched, write_manifest};
+use crate::output::{Difference, FrameOptions, FrameWriter, OutputFormat, animation_manifest, hatched, write_manifest};
 use crate::session::audit::{self, Audit};
 use crate::session::{Frame, FrameStats, LoadStats, Session};
 
@@ -34,15 +37,15 @@ pub(super) struct Sequence {
 /// The files of a sequence in the making.
 struct Files<'a> {
     plan: &'a RenderPlan,
-    writer: Option<FrameWriter>,
-    /// Of an animation, whose one manifest is written at its end.
-    manifests: Vec<PictureManifest>,
+    written: Option<(FrameWriter, Unended)>,
+    /// While there is a writer.
+    _farewell: Option<Farewell>,
 }
 
 /// Renders and writes every frame.
 ///
 /// # Errors
-/// As [`Session::load`] and [`Session::render`]; files that cannot be written.
+/// As [`Session::load`] and [`Session::render`]; files that cannot be written. The frames that were done stay.
 pub(super) async fn draw(
     plan: &RenderPlan,
     frames: &Frames<'_>,
@@ -58,6 +61,10 @@ pub(super) async fn draw(
             "a node's memory budget holds fewer bricks than it renders: frames load on the way and are slow"
         );
     }
+    if plan.audit && session.store().manifest.regions.is_none() {
+        let why = "the store has no regions, so no ray leaps, and both pictures are drawn in the same way";
+        say(quiet, &format!("--audit: {why}; stores that were prepared with --segmentation-range W have some"))?;
+    }
     let mut all = Sequence {
         load,
         frames: Vec::new(),
@@ -68,6 +75,28 @@ pub(super) async fn draw(
         empty: 0,
         written: Vec::new(),
     };
+    let drawn = each(plan, frames, session, (&mut files, &mut all), (started, quiet)).await;
+    if let Err(failure) = drawn {
+        if let Some(kept) = files.keep() {
+            say(quiet, &kept)?;
+        }
+        return Err(failure);
+    }
+    all.written = files.finish()?;
+    Ok(all)
+}
+
+async fn each(
+    plan: &RenderPlan,
+    frames: &Frames<'_>,
+    session: &mut Session,
+    (files, all): (&mut Files<'_>, &mut Sequence),
+    (started, quiet): (Instant, bool),
+) -> Result<(), Failure> {
+    let count = plan.scenes.count();
+    let bar = (count > 1).then(|| Bar::counting(&plan.words(), "frames"));
+    let far = |done: usize| bar.iter().for_each(|bar| bar.at(done as u64, count.into()));
+    far(0);
     for (i, (scene, transport)) in frames.each().enumerate() {
         let frame = session.render(&scene, transport, plan.nodes.deadline).await?;
         if i == 0 {
@@ -84,29 +113,32 @@ pub(super) async fn draw(
         if plan.audit {
             match audited(session, (&scene, transport), &frame, plan.nodes.deadline).await {
                 Ok(audit) => {
-                    say(quiet, &audit.in_words())?;
+                    answer(quiet, &audit.in_words())?;
                     all.audits.push(audit);
                 }
                 Err(why) => all.problems.push(format!("frame {i}: no audit: {why:#}")),
             }
         }
         all.frames.push(frame.stats);
+        far(i + 1);
     }
-    all.written = files.finish()?;
-    Ok(all)
+    Ok(())
 }
 
 impl<'a> Files<'a> {
     fn open(plan: &'a RenderPlan, frames: &Frames<'_>) -> Result<Self, Failure> {
-        let writer = match &plan.output {
+        let written = match &plan.output {
             Some(output) => {
                 let background = plan.background.filter(|_| output.format.uses_background());
                 let options = FrameOptions { frames: plan.scenes.count(), fps: output.fps, background };
-                Some(FrameWriter::open(output.format, &output.path, frames.first().view.size, options)?)
+                let writer = FrameWriter::open(output.format, &output.path, frames.first().view.size, options)?;
+                let unended = Unended::new(writer.keeper(), output.has_manifest);
+                Some((writer, unended))
             }
             None => None,
         };
-        Ok(Self { plan, writer, manifests: Vec::new() })
+        let farewell = written.as_ref().map(|(_, unended)| unended.farewell());
+        Ok(Self { plan, written, _farewell: farewell })
     }
 
     /// `empty_because` is there where nothing shows.
@@ -117,28 +149,38 @@ impl<'a> Files<'a> {
         frame: &Frame,
         empty_because: Option<Option<&Outlook>>,
     ) -> Result<(), Failure> {
-        let (Some(output), Some(writer)) = (&self.plan.output, &mut self.writer) else { return Ok(()) };
-        writer.push(&hatched(&frame.picture, &frame.missing_tiles))?;
+        let (Some(output), Some((writer, unended))) = (&self.plan.output, &mut self.written) else { return Ok(()) };
+        let picture = hatched(&frame.picture, &frame.missing_tiles);
         if !output.has_manifest {
-            return Ok(());
+            return Ok(writer.push(&picture)?);
         }
         let background = self.plan.background.filter(|_| output.format.uses_background());
         let origin = Origin { path: self.plan.source.given.as_deref(), background };
         let mut manifest = manifest(session, shown, frame, origin);
         manifest.about.empty = empty_because.is_some();
         manifest.about.empty_because = empty_because.flatten().map(|outlook| outlook.why().to_owned());
-        match writer.last_written() {
-            Some(path) => drop(write_manifest(path, &serde_json::json!(manifest))?),
-            None => self.manifests.push(manifest),
+        if output.format == OutputFormat::Apng {
+            unended.tell(manifest);
+            return Ok(writer.push(&picture)?);
         }
-        Ok(())
+        writer.push(&picture)?;
+        writer.last_written().map_or(Ok(()), |path| {
+            write_manifest(path, &serde_json::json!(manifest))?;
+            Ok(())
+        })
+    }
+
+    /// Keeps the frames that are done, and says what that is.
+    fn keep(&self) -> Option<String> {
+        self.written.as_ref()?.1.keep(false)
     }
 
     fn finish(self) -> Result<Vec<std::path::PathBuf>, Failure> {
-        let (Some(output), Some(writer)) = (&self.plan.output, self.writer) else { return Ok(Vec::new()) };
+        let (Some(output), Some((writer, unended))) = (&self.plan.output, self.written) else { return Ok(Vec::new()) };
         let written = writer.finish()?;
-        if !self.manifests.is_empty() {
-            write_manifest(&output.path, &serde_json::json!({ "frames": self.manifests }))?;
+        let count = self.plan.scenes.count();
+        if let Some(manifests) = unended.told(count).filter(|told| !told.is_empty()) {
+            write_manifest(&output.path, &animation_manifest(&manifests, count))?;
         }
         Ok(written)
     }

@@ -9,10 +9,10 @@ use rcgen::{
 };
 use time::{Duration, OffsetDateTime};
 
-use self::together::{NewFile, write_together};
+use self::together::{NewFile, recover, write_together};
 use crate::cli::args::{TlsArgs, TlsCommand, TlsInitArgs};
 use crate::cli::failure::Failure;
-use crate::cli::say::tell;
+use crate::cli::say::say;
 use crate::cluster::random_token;
 
 /// The authority's own key: whoever has it can make certificates.
@@ -22,10 +22,11 @@ const CLOCK_SKEW: Duration = Duration::hours(1);
 
 /// # Errors
 /// A folder that holds certificates already, files that cannot be written. Nothing has changed then.
-pub fn run(args: TlsArgs) -> Result<(), Failure> {
+pub fn run(args: TlsArgs, quiet: bool) -> Result<(), Failure> {
     let TlsCommand::Init(args) = args.command;
     let dir = &args.dir;
     let names = [CA_FILE, CA_KEY_FILE, NODE_FILES[0], NODE_FILES[1], CLIENT_FILES[0], CLIENT_FILES[1], TOKEN_FILE];
+    recover(dir, &names);
     if let Some(there) = names.iter().find(|name| dir.join(name).exists()).filter(|_| !args.force) {
         return Err(anyhow!(
             "{} is there already: with --force it is replaced, and certificates handed out before become worthless",
@@ -44,18 +45,21 @@ pub fn run(args: TlsArgs) -> Result<(), Failure> {
         NewFile { name, content, mode }
     });
     write_together(dir, &files.collect::<Vec<_>>())?;
-    tell(&format!(
-        "{}: authority, certificates for nodes and clients ({} days), token\n\
+    say(
+        quiet,
+        &format!(
+            "{}: authority, certificates for nodes and clients ({} days), token\n\
          on every node:    {CA_FILE} {} {} {TOKEN_FILE}   brickcast-node --tls DIR\n\
          on every client:  {CA_FILE} {} {} {TOKEN_FILE}   brickcast render --tls DIR\n\
-         nowhere else:     {CA_KEY_FILE} (makes more certificates; keep it off the cluster)\n",
-        dir.display(),
-        args.days,
-        NODE_FILES[0],
-        NODE_FILES[1],
-        CLIENT_FILES[0],
-        CLIENT_FILES[1],
-    ))?;
+         nowhere else:     {CA_KEY_FILE} (makes more certificates; keep it off the cluster)",
+            dir.display(),
+            args.days,
+            NODE_FILES[0],
+            NODE_FILES[1],
+            CLIENT_FILES[0],
+            CLIENT_FILES[1],
+        ),
+    )?;
     Ok(())
 }
 

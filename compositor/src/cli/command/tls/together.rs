@@ -6,6 +6,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, anyhow};
 use brickcast_volume::leftovers::Listed;
+use brickcast_volume::unfinished::is_settled;
+
+/// Before a writer's number in the name of the folder where files wait.
+const STAGE: &str = ".brickcast-new-";
+/// Held in it while its writer lives.
+const LOCK: &str = "lock";
+/// There from when the first file is about to take its place.
+const MOVING: &str = "moving";
 
 /// A file to be.
 #[derive(Debug)]
@@ -37,9 +45,11 @@ fn staged(dir: &Path, files: &[NewFile]) -> anyhow::Result<()> {
         return Err(anyhow!("{}: is a folder, where a file is to be; move it away", folder.display()));
     }
     // In the folder itself: it may be a mount of its own, and the one above it not writable.
-    let stage = dir.join(format!(".brickcast-new-{}", std::process::id()));
-    let making = Listed::making(&stage, || fs::create_dir(&stage));
-    let ((), listed) = making.with_context(|| format!("{}: cannot be made", stage.display()))?;
+    let stage = dir.join(format!("{STAGE}{}", std::process::id()));
+    let making = Listed::making(&stage, || fs::create_dir(&stage).and_then(|()| File::create_new(stage.join(LOCK))));
+    let (lock, listed) = making.with_context(|| format!("{}: cannot be made", stage.display()))?;
+    // File systems without locks: the folder is then never taken for a dead one's either.
+    let _ = lock.try_lock();
     let written = files.iter().try_for_each(|file| write(&stage, file));
     // A signal in the middle of this would leave some of each.
     let moved = listed.settle(|| {
@@ -72,7 +82,39 @@ fn aside(stage: &Path, name: &str) -> PathBuf {
     stage.join(format!("{name}.old"))
 }
 
+/// Finishes what a killed process left in `dir`, or takes it back: the files called `names` are all of one time then,
+/// or were never there. What cannot be put right stays as it is.
+pub(crate) fn recover(dir: &Path, names: &[&str]) {
+    for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
+        let name = entry.file_name();
+        let Some(process) = name.to_str().and_then(|name| name.strip_prefix(STAGE)?.parse::<u32>().ok()) else {
+            continue;
+        };
+        let stage = entry.path();
+        let lock = File::options().write(true).open(stage.join(LOCK));
+        // The lock of one that lives is held, by whichever machine. One that has just begun may not have it yet.
+        if !is_settled(&stage, process) || !lock.is_ok_and(|lock| lock.try_lock().is_ok()) {
+            continue;
+        }
+        if stage.join(MOVING).exists() && names.iter().any(|name| stage.join(name).exists()) {
+            names.iter().for_each(|name| take_back(dir, &stage, name));
+        }
+        let _ = fs::remove_dir_all(&stage);
+    }
+}
+
+/// Gives one of some files that were about to change places its old content, or none.
+fn take_back(dir: &Path, stage: &Path, name: &str) {
+    let (path, old) = (dir.join(name), aside(stage, name));
+    let is_moved = !stage.join(name).exists();
+    if fs::rename(&old, &path).is_err_and(|error| error.kind() == io::ErrorKind::NotFound) && is_moved {
+        let _ = fs::remove_file(&path);
+    }
+}
+
 fn change_places(dir: &Path, stage: &Path, files: &[NewFile]) -> anyhow::Result<()> {
+    File::create_new(stage.join(MOVING)).with_context(|| format!("{}: cannot be written", stage.display()))?;
+    sync(stage);
     for (done, file) in files.iter().enumerate() {
         let (path, old) = (dir.join(file.name), aside(stage, file.name));
         let kept = match fs::rename(&path, &old) {
@@ -80,13 +122,8 @@ fn change_places(dir: &Path, stage: &Path, files: &[NewFile]) -> anyhow::Result<
             _ => Ok(()),
         };
         if let Err(error) = kept.and_then(|()| fs::rename(stage.join(file.name), &path)) {
-            for file in &files[..=done] {
-                let (path, old) = (dir.join(file.name), aside(stage, file.name));
-                // Of the one that failed, perhaps neither was moved.
-                if fs::rename(&old, &path).is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
-                    let _ = if stage.join(file.name).exists() { Ok(()) } else { fs::remove_file(&path) };
-                }
-            }
+            // Of the one that failed, perhaps neither was moved.
+            files[..=done].iter().for_each(|file| take_back(dir, stage, file.name));
             return Err(error).with_context(|| format!("{}: cannot be replaced", path.display()));
         }
     }
@@ -152,6 +189,63 @@ mod tests {
         let fresh = folder.path().join("fresh");
         assert!(write_together(&fresh, &broken).is_err());
         assert!(!fresh.exists());
+    }
+
+    #[cfg(unix)]
+    fn killed(dir: &Path, moving: bool) -> PathBuf {
+        let mut gone = std::process::Command::new("true").spawn().unwrap();
+        gone.wait().unwrap();
+        let stage = dir.join(format!("{STAGE}{}", gone.id()));
+        fs::create_dir(&stage).unwrap();
+        fs::write(stage.join(LOCK), "").unwrap();
+        if moving {
+            fs::write(stage.join(MOVING), "").unwrap();
+        }
+        stage
+    }
+
+    /// Killed while the files were written, while they changed places (over old ones, and over none), and after that.
+    #[cfg(unix)]
+    #[test]
+    fn what_a_killed_one_left_is_taken_back_or_was_finished() {
+        let names = ["a", "b", "c"];
+        let folder = tempfile::tempdir().unwrap();
+        let dir = folder.path();
+        write_together(dir, &files("one")).unwrap();
+        let fill = |stage: &Path, names: &[&str], content: &str| {
+            names.iter().for_each(|name| fs::write(stage.join(name), content).unwrap());
+        };
+        fill(&killed(dir, false), &["a"], "two");
+        recover(dir, &names);
+        assert_eq!(there(dir), all("one"));
+
+        let stage = killed(dir, true);
+        fill(&stage, &["a.old", "b.old"], "one");
+        fill(&stage, &["b", "c"], "two");
+        fs::write(dir.join("a"), "two").unwrap();
+        fs::remove_file(dir.join("b")).unwrap();
+        recover(dir, &names);
+        assert_eq!(there(dir), all("one"));
+
+        let stage = killed(dir, true);
+        fill(&stage, &["a.old", "b.old", "c.old"], "zero");
+        recover(dir, &names);
+        assert_eq!(there(dir), all("one"), "all had changed places");
+
+        let fresh = dir.join("fresh");
+        fs::create_dir(&fresh).unwrap();
+        let stage = killed(&fresh, true);
+        fill(&fresh, &["a"], "two");
+        fill(&stage, &["b", "c"], "two");
+        recover(&fresh, &names);
+        assert!(there(&fresh).is_empty(), "{:?}", there(&fresh));
+
+        // One that lives elsewhere holds its lock.
+        let stage = killed(&fresh, false);
+        let lock = File::options().write(true).open(stage.join(LOCK)).unwrap();
+        lock.try_lock().unwrap();
+        recover(&fresh, &names);
+        assert!(stage.is_dir());
     }
 
     /// The last rename fails, after the others were done.
