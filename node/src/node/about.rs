@@ -32,7 +32,7 @@ impl Node {
                 facts: open.store.brick_facts().map(|facts| BrickFactsTable(facts.to_vec())),
             })
         };
-        self.aside(&caller, description).await
+        self.aside(&caller, description).await.inspect_err(|error| self.life.failed(error))
     }
 
     /// Who this node is and what it holds.
@@ -58,6 +58,7 @@ impl Node {
             threads: info.threads,
             max_resident_set: peak_resident_set(),
             throttle: self.config.throttle,
+            life: self.life.told(self.config.certificate_ends),
         })
     }
 }
