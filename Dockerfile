@@ -5,6 +5,9 @@ RUN apt-get update \
     && rm -rf /var/lib/apt/lists/*
 WORKDIR /src
 COPY . .
+# For `--version`; without them, git tells of the repository that came along.
+ARG BRICKCAST_COMMIT=
+ARG SOURCE_DATE_EPOCH=
 RUN cargo build --release --locked --bins -p brickcast -p brickcast-node
 
 FROM debian:bookworm-slim

@@ -11,6 +11,7 @@ use brickcast_node::gpu::GpuError;
 pub use brickcast_node::gpu::drivers::need_no_desktop;
 use brickcast_node::kernel::{Raycaster, Recipe};
 use brickcast_node::serve::admission::Admission;
+pub use brickcast_node::version::text as version;
 use brickcast_node::{DataRoot, Node, NodeConfig, NodeError, serve_admitted};
 use brickcast_proto::credentials::{Doorkeeper, Token};
 use brickcast_volume::regions::Drawn;

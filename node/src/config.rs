@@ -25,12 +25,14 @@ pub struct NodeConfig {
     pub node_id: String,
     /// Renders at one such part of its speed, for tests and measurements of clusters whose nodes differ.
     pub throttle: Throttle,
+    /// When its certificate ends, seconds since 1970; it is only told.
+    pub certificate_ends: Option<i64>,
 }
 
 impl NodeConfig {
     #[must_use]
     pub fn new(data: DataRoot, memory_budget: u64) -> Self {
-        Self { data, memory_budget, node_id: unique_node_id(), throttle: Throttle::NONE }
+        Self { data, memory_budget, node_id: unique_node_id(), throttle: Throttle::NONE, certificate_ends: None }
     }
 }
 

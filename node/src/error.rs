@@ -108,6 +108,7 @@ impl NodeError {
     /// For the count of refusals in the log; nothing for what is no refusal.
     pub(crate) fn refusal(&self) -> Option<&'static str> {
         Some(match self {
+            Self::Busy(_) => "more orders than may wait",
             Self::TooManyFrames(_) => "more frames than one client may have open",
             Self::TooManyLoads(_) => "more loading calls than one client may have",
             Self::TooManyQuestions(_) => "more questions than one client may have",

@@ -14,6 +14,7 @@ pub mod serve;
 pub mod stores;
 #[cfg(test)]
 mod testing;
+pub mod version;
 
 pub use config::{DataRoot, NodeConfig};
 pub use error::NodeError;

@@ -1,8 +1,9 @@
 //! `brickcast-node`: a render node as a process.
 
 mod cli;
+mod log;
 
-use std::io::{self, IsTerminal as _, Write as _};
+use std::io::{self, Write as _};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Duration;
@@ -11,15 +12,14 @@ use anyhow::Context as _;
 use brickcast_node::config::{self, format_bytes};
 use brickcast_node::serve::admission::{Admission, AdmissionError};
 use brickcast_node::serve::probe::probe;
-use brickcast_node::{DataRoot, Node, NodeConfig, backend, serve_admitted};
+use brickcast_node::{DataRoot, Node, NodeConfig, backend, serve_admitted, version};
 use brickcast_proto::Throttle;
 use brickcast_proto::credentials::{Badge, tokens};
 use brickcast_volume::memory;
-use brickcast_volume::shown::{ShownLog, causes, shown};
-use clap::Parser as _;
+use brickcast_volume::shown::causes;
 use tokio::net::TcpListener;
 
-use crate::cli::Cli;
+use crate::cli::{Cli, NotInvoked};
 
 /// Exit code of wrong usage, as clap has it.
 const USAGE: u8 = 2;
@@ -33,33 +33,25 @@ fn main() -> ExitCode {
     // Before anything of rustls: two providers in the tree would leave it without a choice. Fails only where one is
     // chosen.
     let _ = rustls::crypto::ring::default_provider().install_default();
-    let cli = Cli::parse();
-    start_log(&cli);
+    let cli = match Cli::invoked(std::env::args_os()) {
+        Ok(cli) => cli,
+        Err(NotInvoked::Clap(error)) => error.exit(),
+        Err(NotInvoked::File(error)) => {
+            log::last_words(false, &causes(&error));
+            return ExitCode::from(USAGE);
+        }
+    };
+    let is_json = log::start(&cli);
     match run(&cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            // The log may be filtered; the reason for the exit never is.
-            let _ = writeln!(io::stderr(), "brickcast-node: {}", shown(&causes(error.as_ref())));
+            log::last_words(is_json, &causes(error.as_ref()));
             match error.downcast_ref::<AdmissionError>() {
                 Some(AdmissionError::Open(_) | AdmissionError::TokenInClear(_)) => ExitCode::from(USAGE),
                 _ => ExitCode::FAILURE,
             }
         }
     }
-}
-
-fn start_log(cli: &Cli) {
-    // Other crates speak of what is normal here (a peer that goes away) as if it were not.
-    let ours = format!("error,brickcast_node={}", cli.level());
-    let filter = tracing_subscriber::EnvFilter::try_from_default_env()
-        .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(ours));
-    let colours = io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
-    // Fails only where a log exists already.
-    let _ = tracing_subscriber::fmt()
-        .with_writer(move || ShownLog::new(io::stderr(), colours))
-        .with_ansi(colours)
-        .with_env_filter(filter)
-        .try_init();
 }
 
 fn run(cli: &Cli) -> anyhow::Result<()> {
@@ -87,6 +79,7 @@ async fn run_node(cli: &Cli) -> anyhow::Result<()> {
         .with_context(|| format!("cannot listen on {}; choose another --listen host:port", cli.listen))?;
     let address = listener.local_addr().context("cannot tell the port that was taken")?;
     admission.may_listen(address, &options)?;
+    tokio::spawn(admission.clone().tell_daily(|note| tracing::warn!("{note}")));
     if !address.ip().is_loopback() && admission.tls.is_none() {
         tracing::warn!("--insecure: whoever reaches {address} can use this node and read what it sends");
     }
@@ -95,6 +88,7 @@ async fn run_node(cli: &Cli) -> anyhow::Result<()> {
         .await
         .context("opening the backend failed")?
         .context("cannot open the backend")?;
+    tracing::info!("version {}", version::text());
     let info = raycaster.info();
     tracing::info!("rendering on {} ({}), {} for bricks", info.adapter, info.backend, format_bytes(cli.memory_budget));
     for note in &info.notes {
@@ -107,7 +101,11 @@ async fn run_node(cli: &Cli) -> anyhow::Result<()> {
         tracing::warn!("{note}");
     }
     let data = DataRoot::Folder(cli.data.clone().unwrap_or_default());
-    let config = NodeConfig { throttle: cli.throttle, ..NodeConfig::new(data, cli.memory_budget) };
+    let config = NodeConfig {
+        throttle: cli.throttle,
+        certificate_ends: admission.certificate_ends(),
+        ..NodeConfig::new(data, cli.memory_budget)
+    };
     let node = Arc::new(Node::new(config, raycaster)?);
     announce(&format!("listening on {address}")).context("cannot write to stdout")?;
     serve_admitted(node, listener, admission, async {

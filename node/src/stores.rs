@@ -1,6 +1,7 @@
 //! The stores below the data root, by hash and by name. The root is a jail: nothing outside of it is ever opened.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::path::{Component, Path};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -160,9 +161,13 @@ impl Stores {
     fn open(&self, name: String, folder: &StoreFolder) -> Result<Arc<OpenStore>, NodeError> {
         let store = Store::open_in(folder).map_err(|error| NodeError::of_store(&name, error))?;
         let store = Arc::new(OpenStore { name, store: Arc::new(store) });
-        let mut index = self.lock();
-        let kept = index.open.entry(store.store.hash()).or_insert(Kept { store, used: Instant::now() });
-        Ok(kept.store.clone())
+        let hash = store.store.hash();
+        let opened = match self.lock().open.entry(hash) {
+            Entry::Occupied(kept) => return Ok(kept.get().store.clone()),
+            Entry::Vacant(place) => place.insert(Kept { store, used: Instant::now() }).store.clone(),
+        };
+        tracing::info!(store = opened.name, %hash, "store opened");
+        Ok(opened)
     }
 
     /// The folder of a store that a scan found.

@@ -104,6 +104,29 @@ pub struct NodeDescription {
     /// Peak resident set of the process, bytes; 0 where the system does not tell.
     pub max_resident_set: u64,
     pub throttle: Throttle,
+    pub life: NodeLife,
+}
+
+/// What became of a node since its process started; `None` is not known, or there is none.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct NodeLife {
+    /// Seconds.
+    pub uptime: Option<f64>,
+    /// Rendered to the end.
+    pub frames: Option<u64>,
+    pub last_error: Option<LastError>,
+    /// When the node's certificate or its authority's ends, whichever is first; seconds since 1970, UTC.
+    pub certificate_ends: Option<i64>,
+    /// Of the software's sources, with its date; empty where it is not known.
+    pub commit: String,
+}
+
+/// What last went wrong on a node through no fault of a client.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LastError {
+    pub message: String,
+    /// Seconds since then, where they are known.
+    pub age: Option<f64>,
 }
 
 /// Which store a client asks for.

@@ -12,8 +12,10 @@ use std::time::Duration;
 use brickcast_volume::small_file::{FileError, read};
 use tonic::metadata::{Ascii, MetadataMap, MetadataValue};
 use tonic::service::Interceptor;
-use tonic::transport::{Certificate, ClientTlsConfig, Identity, ServerTlsConfig};
+use tonic::transport::{Certificate, ClientTlsConfig, Identity};
 use tonic::{Request, Status};
+
+use crate::certificate::{Validity, of_authority, of_chain};
 
 /// The name in every node's certificate.
 pub const SERVER_NAME: &str = "brickcast-node";
@@ -46,8 +48,11 @@ pub enum CredentialError {
 #[derive(Clone)]
 pub struct Tls {
     folder: PathBuf,
-    authority: Certificate,
-    identity: Identity,
+    /// PEM, as are the others.
+    pub(crate) authority: Vec<u8>,
+    pub(crate) chain: Vec<u8>,
+    pub(crate) key: Vec<u8>,
+    validities: Vec<Validity>,
 }
 
 impl fmt::Debug for Tls {
@@ -75,9 +80,17 @@ impl Tls {
 
     fn read(folder: &Path, [certificate, key]: [&str; 2]) -> Result<Self, CredentialError> {
         let read = |what, file: &str| read(what, &folder.join(file), MAX_FILE_BYTES);
-        let authority = Certificate::from_pem(read("certificate authority", CA_FILE)?);
-        let identity = Identity::from_pem(read("certificate", certificate)?, read("private key", key)?);
-        Ok(Self { folder: folder.to_path_buf(), authority, identity })
+        let (authority, chain) = (read("certificate authority", CA_FILE)?, read("certificate", certificate)?);
+        let key = read("private key", key)?;
+        let own = of_chain(&folder.join(certificate), &chain);
+        let validities = own.into_iter().chain(of_authority(&folder.join(CA_FILE), &authority)).collect();
+        Ok(Self { folder: folder.to_path_buf(), authority, chain, key, validities })
+    }
+
+    /// How long its own certificate and the authority's hold, as they were read.
+    #[must_use]
+    pub fn validities(&self) -> &[Validity] {
+        &self.validities
     }
 
     #[must_use]
@@ -85,22 +98,13 @@ impl Tls {
         &self.folder
     }
 
-    /// A server that lets in only those with a client's certificate of the same authority.
-    #[must_use]
-    pub fn server(&self) -> ServerTlsConfig {
-        ServerTlsConfig::new()
-            .identity(self.identity.clone())
-            .client_ca_root(self.authority.clone())
-            .timeout(HANDSHAKE_TIMEOUT)
-    }
-
     /// A client that talks only to nodes of the same authority.
     #[must_use]
     pub fn client(&self) -> ClientTlsConfig {
         ClientTlsConfig::new()
             .domain_name(SERVER_NAME)
-            .ca_certificate(self.authority.clone())
-            .identity(self.identity.clone())
+            .ca_certificate(Certificate::from_pem(&self.authority))
+            .identity(Identity::from_pem(&self.chain, &self.key))
             .timeout(HANDSHAKE_TIMEOUT)
     }
 }

@@ -3,6 +3,7 @@
 //! A wire message becomes a domain type by `TryFrom`, which rejects everything that breaks an invariant, so that both
 //! sides hold only valid values inside; a domain type becomes a wire message by `From`, which cannot fail.
 
+pub mod certificate;
 pub mod cluster;
 pub mod convert;
 pub mod credentials;
@@ -14,7 +15,8 @@ pub mod tile_rect;
 pub mod transport;
 
 pub use cluster::{
-    LoadReceipt, LoadRequest, NodeDescription, NodeState, StoreDescription, StoreName, StoreQuery, Throttle,
+    LastError, LoadReceipt, LoadRequest, NodeDescription, NodeLife, NodeState, StoreDescription, StoreName, StoreQuery,
+    Throttle,
 };
 pub use convert::WireError;
 pub use order::{LayerOrder, RenderOrder};

@@ -56,6 +56,17 @@ pub const RESET_MEMORY: Duration = Duration::from_secs(5);
 /// broken.
 pub const MAX_LATE_FRAMES: usize = 1 << 16;
 
+/// What clients call themselves, for the log of a node. The part behind the space is for [`protocol_of`].
+pub const AGENT: &str = concat!("brickcast/", env!("CARGO_PKG_VERSION"), " brickcast.v1/7");
+/// Before the number of the protocol in what a client calls itself.
+const AGENT_PROTOCOL: &str = "brickcast.v1/";
+
+/// The protocol that a client speaks, where it tells.
+#[must_use]
+pub fn protocol_of(agent: &str) -> Option<u32> {
+    agent.split(' ').find_map(|word| word.strip_prefix(AGENT_PROTOCOL)?.parse().ok())
+}
+
 #[derive(Debug, thiserror::Error)]
 pub enum AddressError {
     #[error("`{0}` is not a node's address: write host:port, for example 127.0.0.1:7000 or [::1]:7000")]
@@ -91,6 +102,9 @@ pub fn endpoint(address: &str, tls: Option<&Tls>) -> Result<Endpoint, AddressErr
             reason: crate::status::innermost(&e),
         })?;
     }
+    let endpoint = endpoint
+        .user_agent(AGENT)
+        .map_err(|source| AddressError::Uri { address: crate::convert::clip(address, 256), source })?;
     Ok(endpoint
         .connect_timeout(CONNECT_TIMEOUT)
         .tcp_nodelay(true)
@@ -172,6 +186,15 @@ mod tests {
         }
         for good in ["127.0.0.1:7000", "[::1]:7000", "node-3.cluster.local:65535"] {
             endpoint(good, None).unwrap();
+        }
+    }
+
+    #[test]
+    fn clients_tell_their_protocol() {
+        assert_eq!(protocol_of(AGENT), Some(crate::PROTOCOL_VERSION));
+        assert_eq!(protocol_of(&format!("{AGENT} tonic/0.14.9")), Some(crate::PROTOCOL_VERSION));
+        for other in ["", "grpc-go/1.2", "brickcast.v1/x"] {
+            assert_eq!(protocol_of(other), None, "{other}");
         }
     }
 }

@@ -117,6 +117,17 @@ impl NodeProcess {
         Self::listening(command, data, "127.0.0.1:0", extra)
     }
 
+    /// As [`NodeProcess::start`]; what it says on stderr goes into a file.
+    ///
+    /// # Panics
+    /// As [`NodeProcess::start`], and where the file cannot be written.
+    #[must_use]
+    pub fn start_logging(data: &Path, extra: &[&str], log: &Path) -> Self {
+        let mut command = Command::new(binaries().join("brickcast-node"));
+        command.env_remove("RUST_LOG").stderr(std::fs::File::create(log).expect("a file for the log"));
+        Self::listening(command, data, "127.0.0.1:0", extra)
+    }
+
     /// As [`NodeProcess::start`], on a port that the test chose, e.g. of a node that died.
     ///
     /// # Panics

@@ -33,6 +33,22 @@ fn escaped(text: &str, keep: impl Fn(char) -> bool) -> Cow<'_, str> {
     out.into()
 }
 
+/// As [`shown`], within JSON that has escaped what it must: of the rest, what [`is_unsafe`] names.
+fn shown_json(text: &str) -> Cow<'_, str> {
+    if !text.contains(is_unsafe) {
+        return text.into();
+    }
+    let mut out = String::with_capacity(text.len() + 16);
+    for c in text.chars() {
+        if is_unsafe(c) {
+            c.encode_utf16(&mut [0; 2]).iter().for_each(|unit| out.push_str(&format!("\\u{unit:04x}")));
+        } else {
+            out.push(c);
+        }
+    }
+    out.into()
+}
+
 /// On one line.
 #[must_use]
 pub fn shown(text: &str) -> Cow<'_, str> {
@@ -43,6 +59,41 @@ pub fn shown(text: &str) -> Cow<'_, str> {
 #[must_use]
 pub fn shown_lines(text: &str) -> Cow<'_, str> {
     escaped(text, |c| c == '\n')
+}
+
+/// Without the links that libraries put into their words, and what leads to them: they are for whoever writes programs
+/// with the library, and lead whoever runs one to the wrong door. JSON stays JSON.
+#[must_use]
+pub fn without_links(text: &str) -> Cow<'_, str> {
+    let link = |text: &str| text.find("https://").into_iter().chain(text.find("http://")).min();
+    if link(text).is_none() {
+        return text.into();
+    }
+    let (mut out, mut rest) = (String::with_capacity(text.len()), text);
+    while let Some(at) = link(rest) {
+        out.push_str(&rest[..at]);
+        let link = &rest[at..];
+        let end = link.find(|c: char| c.is_whitespace() || "\"'`()<>[]{}\\,;".contains(c)).unwrap_or(link.len());
+        rest = &link[link[..end].trim_end_matches(['.', ':']).len()..];
+        out.truncate(without_leading(&out).len());
+        if let (Some(before), Some(behind)) = (out.strip_suffix('('), rest.strip_prefix(')')) {
+            out.truncate(before.trim_end().len());
+            rest = behind;
+        } else if !rest.starts_with(' ') {
+            out.truncate(out.trim_end_matches([' ', ',', ';', ':']).len());
+        }
+    }
+    out.push_str(rest);
+    out.into()
+}
+
+/// Without the words that stand before a link and say nothing without it.
+fn without_leading(text: &str) -> &str {
+    const LEADING: [&str; 6] = ["see", "at", "to", "visit", "also", "here"];
+    let kept = text.trim_end();
+    let start = kept.rfind([' ', '(']).map_or(0, |at| at + 1);
+    let word = kept[start..].trim_end_matches(':').to_lowercase();
+    if LEADING.contains(&word.as_str()) { without_leading(&kept[..start]) } else { kept }
 }
 
 /// An error with its causes, each told once: some tell their causes themselves.
@@ -64,13 +115,27 @@ pub fn causes(error: &dyn Error) -> String {
 #[derive(Debug)]
 pub struct ShownLog<W> {
     inner: W,
-    /// The log layer colours its entries: it escapes what could be taken for that in the texts themselves.
-    colours: bool,
+    form: Form,
+}
+
+#[derive(Debug)]
+enum Form {
+    /// With `colours`, the log layer colours its entries: it escapes what could be taken for that in the texts
+    /// themselves.
+    Text {
+        colours: bool,
+    },
+    Json,
 }
 
 impl<W: Write> ShownLog<W> {
     pub fn new(inner: W, colours: bool) -> Self {
-        Self { inner, colours }
+        Self { inner, form: Form::Text { colours } }
+    }
+
+    /// Of entries that are JSON, and stay JSON.
+    pub fn json(inner: W) -> Self {
+        Self { inner, form: Form::Json }
     }
 }
 
@@ -81,7 +146,11 @@ impl<W: Write> Write for ShownLog<W> {
             Some(line) => (line, "\n"),
             None => (&*text, ""),
         };
-        let line = escaped(line, |c| c == '\x1b' && self.colours);
+        let line = &*without_links(line);
+        let line = match self.form {
+            Form::Text { colours } => escaped(line, |c| c == '\x1b' && colours),
+            Form::Json => shown_json(line),
+        };
         self.inner.write_all(line.as_bytes())?;
         self.inner.write_all(end.as_bytes())?;
         Ok(entry.len())
@@ -120,6 +189,33 @@ mod tests {
         };
         assert_eq!(logged(false, "WARN a\nb\x1b[31m\u{202e}\n"), "WARN a\\nb\\u{1b}[31m\\u{202e}\n");
         assert_eq!(logged(true, "\x1b[33m WARN\x1b[0m a\u{202e}\x07\n"), "\x1b[33m WARN\x1b[0m a\\u{202e}\\u{7}\n");
+    }
+
+    #[test]
+    fn links_of_libraries_are_left_out() {
+        for (text, want) in [
+            ("nothing to leave out", "nothing to leave out"),
+            ("Please report it to https://github.com/gfx-rs/wgpu", "Please report it"),
+            ("no driver (see https://example.org/x), so none", "no driver, so none"),
+            ("it failed; see http://a.b/c. It ends", "it failed. It ends"),
+            ("see also: https://a.b/c and http://d.e, both", " and, both"),
+            ("{\"m\":\"broken, see https://a.b/c\",\"n\":1}", "{\"m\":\"broken\",\"n\":1}"),
+        ] {
+            assert_eq!(without_links(text), want);
+        }
+        let mut out = Vec::new();
+        ShownLog::new(&mut out, false).write_all(b"ERROR wgpu: broken, see https://a.b/c\n").unwrap();
+        assert_eq!(String::from_utf8(out).unwrap(), "ERROR wgpu: broken\n");
+    }
+
+    #[test]
+    fn an_entry_in_json_stays_json_that_says_the_same() {
+        let said = "a\nb\u{202e}c\u{e0041}\u{1b}[2J";
+        let mut out = Vec::new();
+        ShownLog::json(&mut out).write_all(format!("{}\n", serde_json::json!({ "m": said })).as_bytes()).unwrap();
+        let line = String::from_utf8(out).unwrap();
+        assert!(line.ends_with("}\n") && !line.trim_end().contains(is_unsafe), "{line}");
+        assert_eq!(serde_json::from_str::<serde_json::Value>(&line).unwrap()["m"], said);
     }
 
     #[derive(Debug, thiserror::Error)]

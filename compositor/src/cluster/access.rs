@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
+use brickcast_proto::certificate::{Moment, notes};
 use brickcast_proto::credentials::{Badge, CLIENT_FILES, CredentialError, Tls, Token, exposed, token_file, tokens};
 
 /// Certificate and token of a client; the default has neither.
@@ -15,7 +16,8 @@ pub struct Access {
 }
 
 impl Access {
-    /// From the folder of a client's certificate and key and from a file of tokens, whichever are named.
+    /// From the folder of a client's certificate and key and from a file of tokens, whichever are named. Warns of
+    /// certificates that end soon or do not hold: nodes will say the rest.
     ///
     /// # Errors
     /// Files that are missing or hold something else.
@@ -29,6 +31,8 @@ impl Access {
         let key = folder.map(|folder| folder.join(CLIENT_FILES[1]));
         let secrets = key.into_iter().chain(token_file(tokens_in, folder));
         secrets.filter_map(|path| exposed(&path)).for_each(|note| tracing::warn!("{note}"));
+        let validities = tls.as_ref().map_or(&[][..], Tls::validities);
+        notes(validities, Moment::now()).into_iter().for_each(|note| tracing::warn!("{note}"));
         Ok(Self { tls, badge: Badge::of_first(&tokens), patience })
     }
 

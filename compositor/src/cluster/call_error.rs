@@ -2,6 +2,8 @@
 
 use brickcast_proto::transport;
 
+use super::tls_words::{PERHAPS_TLS, handshake_in_brief};
+
 /// Something that a node, or the way to it, did not do. Always names the node.
 #[derive(Debug, thiserror::Error)]
 pub enum CallError {
@@ -37,7 +39,43 @@ pub enum CallError {
     Protocol { address: String, theirs: u32, version: String, ours: u32 },
 }
 
+/// As the system has it, without its number.
+fn plain(reason: &str) -> String {
+    let words = reason.split(" (os error").next().unwrap_or(reason);
+    let mut letters = words.chars();
+    // Words all of capitals are names.
+    match letters.next() {
+        Some(first) if !letters.clone().next().is_some_and(char::is_uppercase) => {
+            first.to_lowercase().chain(letters).collect()
+        }
+        _ => words.to_owned(),
+    }
+}
+
 impl CallError {
+    /// In a few words, for a table; the error itself says all.
+    #[must_use]
+    pub fn in_brief(&self) -> String {
+        use tonic::Code::{ResourceExhausted, Unauthenticated, Unimplemented};
+        match self {
+            Self::Address(transport::AddressError::Certificates { .. }) => "no certificates".to_owned(),
+            Self::Address(_) => "no address".to_owned(),
+            Self::Unreachable { reason, .. } => format!("unreachable: {}", plain(reason)),
+            Self::Handshake { reason, .. } => handshake_in_brief(reason).to_owned(),
+            Self::NoAnswer { .. } => "no answer".to_owned(),
+            Self::Lost { reason, .. } if reason.ends_with(PERHAPS_TLS) => "foreign protocol, or TLS".to_owned(),
+            Self::Lost { reason, .. } | Self::Calmed { reason, .. } => format!("connection lost: {}", plain(reason)),
+            Self::Refused { code: Unauthenticated, .. } => "refused: token".to_owned(),
+            Self::Refused { code: ResourceExhausted, .. } => "refused: limits".to_owned(),
+            Self::Refused { code: Unimplemented, .. } => "foreign protocol: no such call".to_owned(),
+            Self::Refused { code, .. } => format!("refused: {code:?}"),
+            Self::Draining { .. } => "draining".to_owned(),
+            Self::Hanging { .. } => "hangs".to_owned(),
+            Self::Invalid { .. } => "foreign protocol: not valid".to_owned(),
+            Self::Protocol { theirs, .. } => format!("foreign protocol: {theirs}"),
+        }
+    }
+
     /// True where bytes that were damaged on their way may have looked like that: the same call again may do.
     #[must_use]
     pub(crate) fn may_be_damage(&self) -> bool {
@@ -70,5 +108,29 @@ impl CallError {
             Self::Refused { code, .. } => *code == tonic::Code::Aborted,
             _ => false,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_has_the_reason_in_a_few_words() {
+        let address = || "a:1".to_owned();
+        let refused = |code| CallError::Refused { address: address(), call: "Describe", code, message: "x".to_owned() };
+        let unreachable = "Connection refused (os error 111)".to_owned();
+        let version = "0.0.1".to_owned();
+        for (error, want) in [
+            (CallError::Unreachable { address: address(), reason: unreachable }, "unreachable: connection refused"),
+            (refused(tonic::Code::Unauthenticated), "refused: token"),
+            (refused(tonic::Code::ResourceExhausted), "refused: limits"),
+            (refused(tonic::Code::Unimplemented), "foreign protocol: no such call"),
+            (CallError::Protocol { address: address(), theirs: 6, version, ours: 7 }, "foreign protocol: 6"),
+            (CallError::Draining { address: address() }, "draining"),
+        ] {
+            assert_eq!(error.in_brief(), want);
+        }
+        assert_eq!(plain("DNS error"), "DNS error");
     }
 }

@@ -12,6 +12,12 @@ pub(crate) fn is_handshake(reason: &str) -> bool {
     way_out(reason).is_some()
 }
 
+/// In a few words, for a table.
+pub(crate) fn handshake_in_brief(reason: &str) -> &'static str {
+    let is_foreign = reason.contains("InvalidContentType") || reason.contains("corrupt message");
+    if is_foreign { "foreign protocol: no TLS" } else { "refused: certificate" }
+}
+
 /// `reason` as TLS or the system gave it, and the way out where it is known.
 pub(crate) fn explained(reason: &str) -> String {
     match way_out(reason) {
@@ -63,6 +69,8 @@ mod tests {
             ("received corrupt message of type InvalidContentType", "leave out --tls"),
         ] {
             assert!(is_handshake(reason) && explained(reason).contains(want), "{}", explained(reason));
+            let brief = handshake_in_brief(&explained(reason));
+            assert_eq!(brief == "refused: certificate", !reason.contains("corrupt"), "{reason}: {brief}");
         }
         assert_eq!(explained("connection refused"), "connection refused");
     }

@@ -46,6 +46,11 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 impl Share {
+    /// Whose it is.
+    pub(crate) fn client(&self) -> Client {
+        self.client
+    }
+
     /// Takes `more` bytes that have come. Nobody waits for room: two that wait for each other's would wait for ever.
     pub(crate) fn grow(&self, more: usize) -> Result<(), NodeError> {
         if more == 0 {

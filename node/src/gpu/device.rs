@@ -5,6 +5,7 @@ use std::sync::mpsc::{self, TryRecvError};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use brickcast_volume::shown::without_links;
 use wgpu::{Adapter, Backend, Backends, DeviceType};
 
 use super::options::{GpuError, GpuOptions};
@@ -60,8 +61,10 @@ impl Gpu {
             required_limits: adapter.limits(),
             ..Default::default()
         };
-        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
-            .map_err(|e| GpuError::Open { adapter: name.clone(), reason: e.to_string() })?;
+        let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(|e| GpuError::Open {
+            adapter: name.clone(),
+            reason: without_links(&e.to_string()).into_owned(),
+        })?;
         let fault = Arc::new(Mutex::new(None));
         let keep_first = |fault: &Mutex<Option<RaycastError>>, error: RaycastError| {
             fault.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
@@ -70,7 +73,8 @@ impl Gpu {
         device.on_uncaptured_error(Arc::new(move |e| keep_first(&uncaptured, from_wgpu("a command", 0, &e))));
         let lost = fault.clone();
         device.set_device_lost_callback(move |reason, message| {
-            keep_first(&lost, RaycastError::DeviceLost { reason: format!("{reason:?}: {message}") });
+            let reason = format!("{reason:?}: {}", without_links(&message));
+            keep_first(&lost, RaycastError::DeviceLost { reason });
         });
         Ok(Self {
             limits: device.limits(),
@@ -185,7 +189,7 @@ impl Gpu {
 fn from_wgpu(what: &'static str, bytes: u64, error: &wgpu::Error) -> RaycastError {
     match error {
         wgpu::Error::OutOfMemory { .. } => RaycastError::OutOfMemory { what, bytes },
-        other => RaycastError::Gpu { what, reason: other.to_string() },
+        other => RaycastError::Gpu { what, reason: without_links(&other.to_string()).into_owned() },
     }
 }
 

@@ -33,7 +33,7 @@ impl Node {
                 cells: open.store.cell_ranges().cloned(),
             })
         };
-        self.aside(&caller, description).await
+        self.aside(&caller, description).await.inspect_err(|error| self.life.failed(error))
     }
 
     /// Who this node is and what it holds.
@@ -59,6 +59,7 @@ impl Node {
             threads: info.threads,
             max_resident_set: peak_resident_set(),
             throttle: self.config.throttle,
+            life: self.life.told(self.config.certificate_ends),
         })
     }
 }

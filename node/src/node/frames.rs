@@ -38,7 +38,8 @@ impl Node {
         let started = Instant::now();
         self.accepting()?;
         let place = self.places.clone().try_acquire_owned().map_err(|_| NodeError::Busy(MAX_WAITING))?;
-        let store = self.open(&caller, StoreQuery::Hash(order.store)).await?;
+        let store = self.open(&caller, StoreQuery::Hash(order.store)).await;
+        let store = store.inspect_err(|error| self.life.failed(error))?;
         let (tx, rx) = mpsc::channel(PARTS_IN_FLIGHT);
         let client = caller.client;
         let turn = self.turns.turn(client);
@@ -57,11 +58,16 @@ impl Node {
             let work = move || node.render_now(&ordered, &store, started, &worker, (client, turn));
             let done = flatten(self.while_telling(&tx, &order, tokio::task::spawn_blocking(work)).await);
             let last = match done {
-                Ok(receipt) => Ok(part_of(&order, Part::Receipt(receipt))),
+                Ok(receipt) => {
+                    self.life.rendered();
+                    tell(client, &order, &receipt);
+                    Ok(part_of(&order, Part::Receipt(receipt)))
+                }
                 Err(error) => {
+                    self.life.failed(&error);
                     match &error {
-                        NodeError::Cancelled => tracing::debug!("{error}"),
-                        _ => tracing::warn!("frame failed: {error}"),
+                        NodeError::Cancelled => tracing::debug!(%client, "{error}"),
+                        _ => tracing::warn!(%client, "frame failed: {error}"),
                     }
                     Err(error)
                 }
@@ -114,6 +120,15 @@ impl Node {
             }
         }
     }
+}
+
+/// A line of the log, for whoever wants to know more.
+fn tell(client: Client, order: &RenderOrder, receipt: &Receipt) {
+    let (size, Receipt { bricks, samples, .. }) = (order.scene.view.size, receipt);
+    let view = format!("{}x{}", size.width(), size.height());
+    // A tenth of a millisecond is told.
+    let ms = (receipt.render_ms * 10.0).round() / 10.0;
+    tracing::debug!(%client, frame = order.frame.0, view, bricks, ms, samples, "frame");
 }
 
 fn part_of(order: &RenderOrder, part: Part) -> FramePart {

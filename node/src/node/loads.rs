@@ -42,6 +42,16 @@ impl Node {
     /// # Errors
     /// An unknown store or brick, a broken store, a failing adapter, draining.
     pub async fn load(self: &Arc<Self>, caller: Caller, request: LoadRequest) -> Result<LoadReceipt, NodeError> {
+        let client = caller.client;
+        self.load_bricks(caller, request).await.inspect_err(|error| {
+            self.life.failed(error);
+            if !matches!(error, NodeError::Cancelled | NodeError::Draining) {
+                tracing::warn!(%client, "loading failed: {error}");
+            }
+        })
+    }
+
+    async fn load_bricks(self: &Arc<Self>, caller: Caller, request: LoadRequest) -> Result<LoadReceipt, NodeError> {
         self.accepting()?;
         let request = Arc::new(request);
         let (session, background, filter) = (request.session, request.background, request.scene.quality.filter);

@@ -7,6 +7,7 @@
 
 mod about;
 mod frames;
+mod life;
 mod loads;
 
 use std::sync::Arc;
@@ -30,6 +31,8 @@ use crate::stores::{OpenStore, Stores};
 
 pub use frames::Parts;
 
+use self::life::Life;
+
 /// Decoded chunks of the store kept for neighbours, bytes, on top of the budget for bricks: a quarter of it within
 /// these. The smaller a budget, the oftener bricks are read again, so the cache does not vanish with it.
 const CACHE_BYTES: std::ops::RangeInclusive<u64> = 32 << 20..=256 << 20;
@@ -44,6 +47,7 @@ pub struct Node {
     tables: TableCache,
     pace: Pace,
     pulse: Pulse,
+    life: Life,
     /// One slice of a frame, or one batch of loading ahead, at a time.
     turns: Arc<TurnQueue>,
     /// The one that renders and those that wait.
@@ -85,6 +89,7 @@ impl Node {
             tables: TableCache::default(),
             pace,
             pulse: Pulse::default(),
+            life: Life::new(),
             turns: Arc::default(),
             places: Arc::new(Semaphore::new(MAX_WAITING + 1)),
             draining: AtomicBool::new(false),

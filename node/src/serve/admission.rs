@@ -2,13 +2,20 @@
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
+use std::time::Duration;
 
+use brickcast_proto::certificate::{Moment, Validity, ValidityError, notes};
 use brickcast_proto::credentials::{CredentialError, Doorkeeper, NODE_FILES, Tls, exposed, token_file, tokens};
+
+/// Between one word of certificates and the next.
+const ONE_DAY: Duration = Duration::from_secs(86_400);
 
 #[derive(Debug, thiserror::Error)]
 pub enum AdmissionError {
     #[error(transparent)]
     Credential(#[from] CredentialError),
+    #[error(transparent)]
+    Validity(#[from] ValidityError),
     #[error(
         "{0} can be reached by others, and nothing would keep them out: give the node --tls DIR (`brickcast tls init \
          DIR` makes it), listen on 127.0.0.1, or say --insecure on a network that you trust altogether"
@@ -40,14 +47,32 @@ pub struct AdmissionOptions {
 
 impl Admission {
     /// # Errors
-    /// Files that are missing or hold something else.
+    /// Files that are missing or hold something else; certificates that have ended, or do not hold yet.
     pub fn read(options: &AdmissionOptions) -> Result<Self, AdmissionError> {
         let tls = options.tls.as_deref().map(Tls::of_node).transpose()?;
         let tokens = tokens(options.token_file.as_deref(), options.tls.as_deref())?;
         let key = options.tls.as_ref().map(|folder| folder.join(NODE_FILES[1]));
         let secrets = key.into_iter().chain(token_file(options.token_file.as_deref(), options.tls.as_deref()));
         secrets.filter_map(|path| exposed(&path)).for_each(|note| tracing::warn!("{note}"));
-        Ok(Self { tls, tokens: Doorkeeper::new(tokens) })
+        let admission = Self { tls, tokens: Doorkeeper::new(tokens) };
+        let now = Moment::now();
+        admission.validities().iter().try_for_each(|one| one.check(now).map(drop))?;
+        Ok(admission)
+    }
+
+    fn validities(&self) -> &[Validity] {
+        self.tls.as_ref().map_or(&[], |tls| tls.validities())
+    }
+
+    /// When the first of its certificates ends, seconds since 1970.
+    #[must_use]
+    pub fn certificate_ends(&self) -> Option<i64> {
+        self.validities().iter().map(|one| one.until.0).min()
+    }
+
+    /// Tells now and every day of certificates that end soon, or have ended meanwhile; never ends.
+    pub async fn tell_daily(self, tell: impl Fn(String)) {
+        daily(|| notes(self.validities(), Moment::now()).into_iter().for_each(&tell)).await;
     }
 
     /// # Errors
@@ -64,9 +89,23 @@ impl Admission {
     }
 }
 
+async fn daily(mut work: impl FnMut()) {
+    loop {
+        work();
+        tokio::time::sleep(ONE_DAY).await;
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[tokio::test(start_paused = true)]
+    async fn certificates_are_looked_at_at_once_and_every_day() {
+        let mut times = 0;
+        assert!(tokio::time::timeout(ONE_DAY * 5 / 2, daily(|| times += 1)).await.is_err());
+        assert_eq!(times, 3);
+    }
 
     #[test]
     fn beyond_loopback_only_with_tls_or_when_told() {

@@ -57,9 +57,11 @@ impl Arrival {
     }
 }
 
-fn failed<T>(error: NodeError) -> Poll<Option<Result<T, Status>>> {
-    error.refusal().into_iter().for_each(refused);
-    Poll::Ready(Some(Err(Failure::from(error).into())))
+impl Arrival {
+    fn failed<T>(&self, error: NodeError) -> Poll<Option<Result<T, Status>>> {
+        error.refusal().into_iter().for_each(|why| refused(why, self.share.client(), ""));
+        Poll::Ready(Some(Err(Failure::from(error).into())))
+    }
 }
 
 impl http_body::Body for Arrival {
@@ -73,10 +75,10 @@ impl http_body::Body for Arrival {
         match Pin::new(&mut self.body).poll_frame(context) {
             Poll::Ready(Some(Ok(frame))) => match self.came(frame.data_ref().map_or(0, Bytes::len)) {
                 Ok(()) => Poll::Ready(Some(Ok(frame))),
-                Err(error) => failed(error),
+                Err(error) => self.failed(error),
             },
             Poll::Ready(other) => Poll::Ready(other),
-            Poll::Pending if self.wake.as_mut().poll(context).is_ready() => failed(if Instant::now() < self.end {
+            Poll::Pending if self.wake.as_mut().poll(context).is_ready() => self.failed(if Instant::now() < self.end {
                 NodeError::Silent(SILENCE.as_secs())
             } else {
                 NodeError::Unfinished(ARRIVAL.as_secs())

@@ -3,6 +3,7 @@
 
 use std::future::Future as _;
 use std::io;
+use std::net::SocketAddr;
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll, ready};
@@ -56,44 +57,46 @@ impl Stream for Connections {
                 Some(Err(error)) => return Poll::Ready(Some(Err(error))),
                 None => return Poll::Ready(None),
             };
-            let client = Client::from(stream.connect_info().remote_addr().map(|address| address.ip()));
+            let address = stream.connect_info().remote_addr();
+            let client = Client::from(address.map(|address| address.ip()));
             // A stream that is dropped is closed: the client sees a connection that ends at once.
             let Some(own) = self.each.take(client) else {
-                refused("more connections than one client may have open");
-                tracing::debug!("{client:?} has {MAX_CONNECTIONS_EACH} connections open: closed another");
+                refused("more connections than one client may have open", client, "");
                 continue;
             };
             match self.places.clone().try_acquire_owned() {
-                Ok(place) => return Poll::Ready(Some(Ok(Connection::new(stream, client, (own, place))))),
-                Err(_) => {
-                    refused("more connections than all may have open");
-                    tracing::debug!("{MAX_CONNECTIONS} connections are open: closed another");
-                }
+                Ok(place) => return Poll::Ready(Some(Ok(Connection::new(stream, (client, address), (own, place))))),
+                Err(_) => refused("more connections than all may have open", client, ""),
             }
         }
     }
 }
 
-/// A connection; its places are free again when it is dropped. What its calls know of it is whose it is.
+/// A connection; its places are free again when it is dropped.
 pub(crate) struct Connection {
     stream: Box<dyn Pipe>,
     client: Client,
+    address: Option<SocketAddr>,
     /// Bytes that must still come, and until when.
     hello: Option<(usize, Pin<Box<Sleep>>)>,
     _places: (Place, OwnedSemaphorePermit),
 }
 
 impl Connection {
-    fn new(stream: Box<dyn Pipe>, client: Client, places: (Place, OwnedSemaphorePermit)) -> Self {
-        Self { stream, client, hello: Some((HELLO_BYTES, Box::pin(sleep(HELLO_TIMEOUT)))), _places: places }
+    fn new(
+        stream: Box<dyn Pipe>,
+        (client, address): (Client, Option<SocketAddr>),
+        places: (Place, OwnedSemaphorePermit),
+    ) -> Self {
+        Self { stream, client, address, hello: Some((HELLO_BYTES, Box::pin(sleep(HELLO_TIMEOUT)))), _places: places }
     }
-}
 
-impl Connected for Connection {
-    type ConnectInfo = Client;
-
-    fn connect_info(&self) -> Client {
+    pub(crate) fn client(&self) -> Client {
         self.client
+    }
+
+    pub(crate) fn address(&self) -> Option<SocketAddr> {
+        self.address
     }
 }
 
@@ -108,6 +111,7 @@ impl AsyncRead for Connection {
         if *missing == 0 {
             self.hello = None;
         } else if polled.is_pending() && until.as_mut().poll(context).is_ready() {
+            refused("a connection that said nothing", self.client, "");
             return Poll::Ready(Err(io::Error::new(io::ErrorKind::TimedOut, "the peer said nothing")));
         }
         polled

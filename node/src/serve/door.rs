@@ -6,6 +6,7 @@ use std::sync::{Arc, Mutex};
 use std::task::{Context, Poll, ready};
 
 use brickcast_proto::Failure;
+use brickcast_proto::convert::clip;
 use brickcast_proto::transport::{MAX_CLUSTER_BYTES, MAX_ORDER_BYTES};
 use bytes::Bytes;
 use http::{Request, Response};
@@ -13,17 +14,19 @@ use http_body::{Frame, SizeHint};
 use tonic::Status;
 use tonic::body::Body;
 use tonic::codegen::BoxFuture;
-use tonic::transport::server::TlsConnectInfo;
 use tower::{Layer, Service};
 
 use super::arrival::Arrival;
+use super::peer::Peer;
 use super::refusals::refused;
 use crate::clients::limits::{MAX_FRAMES, MAX_LOADS, MAX_QUESTION_BYTES, MAX_QUESTIONS};
-use crate::clients::{Caller, Client, Held, Quota};
+use crate::clients::{Caller, Held, Quota};
 use crate::error::NodeError;
 
 /// What goes before each message in a body.
 const PREFIX_BYTES: usize = 5;
+/// Of the calls that a node has beside those with a quota.
+const KNOWN: [&str; 3] = ["/brickcast.v1.", "/grpc.health.", "/grpc.reflection."];
 
 /// The quotas of one node, as a layer around its services.
 #[derive(Debug, Clone)]
@@ -43,18 +46,27 @@ impl Door {
     /// The caller with its place, and the bytes that the message may have. Health and reflection need no place: what
     /// they hold is bounded by the streams of a connection.
     fn admit<B>(&self, request: &Request<B>) -> Result<(Caller, usize), NodeError> {
-        let known = request.extensions();
-        let client = known.get::<Client>().or_else(|| Some(known.get::<TlsConnectInfo<Client>>()?.get_ref()));
-        let client = client.copied().unwrap_or_default();
+        let peer = request.extensions().get::<Peer>().cloned().unwrap_or_default();
+        let client = peer.client;
+        peer.called(request.uri().path(), request.headers());
         let (quota, bytes, full): (_, _, fn(usize) -> NodeError) = match request.uri().path() {
             "/brickcast.v1.Render/RenderFrame" => (&self.frames, MAX_ORDER_BYTES, NodeError::TooManyFrames),
             "/brickcast.v1.Cluster/Prepare" => (&self.loads, MAX_CLUSTER_BYTES, NodeError::TooManyLoads),
             path if path.starts_with("/brickcast.v1.Cluster/") => {
                 (&self.questions, MAX_QUESTION_BYTES, NodeError::TooManyQuestions)
             }
-            _ => return Ok((Caller::new(client, None), MAX_QUESTION_BYTES)),
+            path => {
+                if !KNOWN.iter().any(|known| path.starts_with(known)) {
+                    refused("foreign protocol", client, format!("there is no call {}", clip(path, 64)));
+                }
+                return Ok((Caller::new(client, None), MAX_QUESTION_BYTES));
+            }
         };
-        let place = quota.take(client).ok_or_else(|| full(quota.limit()))?;
+        let place = quota.take(client).ok_or_else(|| {
+            let error = full(quota.limit());
+            error.refusal().into_iter().for_each(|why| refused(why, client, ""));
+            error
+        })?;
         Ok((Caller::new(client, Some(place)), bytes + PREFIX_BYTES))
     }
 }
@@ -91,7 +103,6 @@ where
         let (caller, most) = match self.door.admit(&request) {
             Ok(admitted) => admitted,
             Err(error) => {
-                error.refusal().into_iter().for_each(refused);
                 let status = Status::from(Failure::from(error));
                 return Box::pin(async { Ok(status.into_http()) });
             }

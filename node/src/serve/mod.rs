@@ -4,6 +4,8 @@ pub mod admission;
 pub mod arrival;
 pub mod connections;
 mod door;
+mod handshakes;
+mod peer;
 pub mod probe;
 mod refusals;
 mod server;

@@ -17,6 +17,8 @@ use tonic_health::ServingStatus;
 use super::admission::Admission;
 use super::connections::{Connections, Pipe};
 use super::door::Door;
+use super::handshakes::lines;
+use super::peer::Gate;
 use super::service::Service;
 use crate::node::Node;
 
@@ -94,21 +96,20 @@ async fn serve_all(
         .build_v1()?;
     let service = Service(node.clone());
     let (stop, stopped) = tokio::sync::oneshot::channel::<()>();
-    let mut server = transport::server();
-    if let Some(tls) = &admission.tls {
-        server = server.tls_config(tls.server()).map_err(|e| ServeError::Certificates {
+    let tls = admission.tls.as_ref().map(|tls| {
+        tls.server().map(Arc::new).map_err(|error| ServeError::Certificates {
             folder: tls.folder().display().to_string(),
-            reason: innermost(&e),
-        })?;
-    }
-    let server = server
-        .layer(InterceptorLayer::new(admission.tokens))
+            reason: innermost(&*error),
+        })
+    });
+    let server = transport::server()
+        .layer(InterceptorLayer::new(Gate(admission.tokens)))
         .layer(Door::new())
         .add_service(health_service)
         .add_service(reflection)
         .add_service(transport::render_server(service.clone()))
         .add_service(transport::cluster_server(service))
-        .serve_with_incoming_shutdown(Connections::new(incoming), async {
+        .serve_with_incoming_shutdown(lines(Connections::new(incoming), tls.transpose()?), async {
             // A dropped sender means the same.
             let _ = stopped.await;
         });

@@ -9,6 +9,7 @@ use futures_util::{Stream, StreamExt as _};
 use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Request, Response, Status};
 
+use super::refusals::refused;
 use crate::clients::Caller;
 use crate::error::NodeError;
 use crate::node::Node;
@@ -40,7 +41,11 @@ impl wire::render_server::Render for Service {
     ) -> Result<Response<Self::RenderFrameStream>, Status> {
         let caller = caller(&request);
         let order = RenderOrder::try_from(request.into_inner()).map_err(refuse)?;
-        let parts = self.0.clone().render(caller, order).await.map_err(fail)?;
+        let client = caller.client;
+        let parts = self.0.clone().render(caller, order).await.map_err(|error| {
+            error.refusal().into_iter().for_each(|why| refused(why, client, ""));
+            fail(error)
+        })?;
         Ok(Response::new(Box::pin(ReceiverStream::new(parts).map(|part| part.map(Into::into).map_err(fail)))))
     }
 }

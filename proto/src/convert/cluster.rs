@@ -7,8 +7,8 @@ use bytes::Bytes;
 
 use super::{WireError, at_most, duration, text};
 use crate::cluster::{
-    LoadReceipt, LoadRequest, MAX_NOTES, MAX_STORES, MAX_TEXT, NodeDescription, NodeState, StoreDescription, StoreName,
-    StoreQuery, Throttle,
+    LastError, LoadReceipt, LoadRequest, MAX_NOTES, MAX_STORES, MAX_TEXT, NodeDescription, NodeLife, NodeState,
+    StoreDescription, StoreName, StoreQuery, Throttle,
 };
 use crate::wire;
 
@@ -30,7 +30,38 @@ impl From<NodeDescription> for wire::NodeDescription {
             threads: node.threads,
             max_resident_set: node.max_resident_set,
             throttle: node.throttle.get(),
+            life: Some(node.life.into()),
         }
+    }
+}
+
+impl From<NodeLife> for wire::NodeLife {
+    fn from(life: NodeLife) -> Self {
+        Self {
+            uptime_s: life.uptime,
+            frames: life.frames,
+            last_error_s: life.last_error.as_ref().and_then(|error| error.age),
+            last_error: life.last_error.map(|error| super::clip(&error.message, MAX_TEXT / 4)),
+            certificate_ends: life.certificate_ends,
+            commit: life.commit,
+        }
+    }
+}
+
+impl TryFrom<wire::NodeLife> for NodeLife {
+    type Error = WireError;
+
+    fn try_from(life: wire::NodeLife) -> Result<Self, WireError> {
+        let seconds = |what, value: Option<f64>| value.map(|value| duration(what, value)).transpose();
+        let age = seconds("last_error_s", life.last_error_s)?;
+        let error = |message| text("last_error", message, MAX_TEXT).map(|message| LastError { message, age });
+        Ok(Self {
+            uptime: seconds("uptime_s", life.uptime_s)?,
+            frames: life.frames,
+            last_error: life.last_error.map(error).transpose()?,
+            certificate_ends: life.certificate_ends,
+            commit: text("commit", life.commit, MAX_TEXT)?,
+        })
     }
 }
 
@@ -63,6 +94,7 @@ impl TryFrom<wire::NodeDescription> for NodeDescription {
             max_resident_set: node.max_resident_set,
             // Left out: the whole speed.
             throttle: if node.throttle == 0.0 { Throttle::NONE } else { Throttle::new(node.throttle)? },
+            life: node.life.map_or_else(|| Ok(NodeLife::default()), TryInto::try_into)?,
         })
     }
 }

@@ -6,9 +6,9 @@
 mod refusals;
 
 use brickcast_proto::{
-    ChunkCost, FramePart, LayerOrder, LoadReceipt, LoadRequest, NodeDescription, NodeState, Part, Receipt, RenderOrder,
-    StoreDescription, StoreName, StoreQuery, Throttle, TileError, TilePart, TileRect, WireError, decode_tile,
-    encode_tile, wire,
+    ChunkCost, FramePart, LastError, LayerOrder, LoadReceipt, LoadRequest, NodeDescription, NodeLife, NodeState, Part,
+    Receipt, RenderOrder, StoreDescription, StoreName, StoreQuery, Throttle, TileError, TilePart, TileRect, WireError,
+    decode_tile, encode_tile, wire,
 };
 use brickcast_volume::scene::{
     Acceleration, Filter, Leap, Look, MacrocellEdge, Quality, RegionView, Scene, Transport, ViewSpec,
@@ -192,6 +192,13 @@ fn node() -> NodeDescription {
         threads: 8,
         max_resident_set: 9,
         throttle: Throttle::new(2.5).unwrap(),
+        life: NodeLife {
+            uptime: Some(7.5),
+            frames: Some(3),
+            last_error: Some(LastError { message: "a disk".to_owned(), age: Some(1.5) }),
+            certificate_ends: Some(1_800_000_000),
+            commit: "0123456 of 2026-11-30".to_owned(),
+        },
     }
 }
 

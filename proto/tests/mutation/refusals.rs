@@ -176,6 +176,24 @@ fn descriptions_with_wrong_hashes_or_texts_are_refused() {
     assert!(NodeDescription::try_from(odd).unwrap_err().to_string().contains("asleep"));
 }
 
+/// Nodes of older builds of this protocol tell nothing of it.
+#[test]
+fn what_a_node_does_not_tell_of_its_life_is_not_known() {
+    let with = |life| NodeDescription::try_from(wire::NodeDescription { life, ..node().into() });
+    assert_eq!(with(None).unwrap().life, NodeLife::default());
+    assert_eq!(with(Some(wire::NodeLife::default())).unwrap().life, NodeLife::default());
+    let told = wire::NodeLife::from(node().life);
+    assert_eq!(with(Some(told.clone())).unwrap().life, node().life);
+    for bad in [-1.0, f64::NAN, f64::INFINITY] {
+        let uptime = with(Some(wire::NodeLife { uptime_s: Some(bad), ..told.clone() }));
+        assert!(uptime.unwrap_err().to_string().contains("uptime_s"));
+        let age = with(Some(wire::NodeLife { last_error_s: Some(bad), ..told.clone() }));
+        assert!(age.unwrap_err().to_string().contains("last_error_s"));
+    }
+    let long = with(Some(wire::NodeLife { last_error: Some("x".repeat(5000)), ..told }));
+    assert!(matches!(long, Err(WireError::Text { what: "last_error", .. })));
+}
+
 /// Nothing else but the projection, which much does not go with.
 fn projected(scene: &mut wire::Scene) {
     scene.style = Some(wire::Style { mode: wire::Mode::Average.into(), ..Default::default() });

@@ -15,3 +15,5 @@ mod inputs;
 mod security;
 #[cfg(unix)]
 mod site;
+#[cfg(unix)]
+mod telling;

@@ -93,7 +93,6 @@ fn only_the_right_certificate_and_token_are_let_in() {
     let plain = site.node(&[]);
     let with_token = site.node(&["--token-file", "tls/token"]);
     let impostor = site.node(&["--tls", "client-as-node"]);
-    let outdated = site.node(&["--tls", "expired"]);
     let ask = |node: &NodeProcess, extra: &[&str], words: &[&str]| {
         let mut args = vec!["nodes", "--nodes", &node.address];
         args.extend(extra);
@@ -111,7 +110,6 @@ fn only_the_right_certificate_and_token_are_let_in() {
     ask(&with_token, &[], &["--token-file"]);
     ask(&with_token, &["--token-file", "other/token"], &["token"]);
     ask(&impostor, &["--tls", "tls"], &["not made for"]);
-    ask(&outdated, &["--tls", "expired"], &["expired"]);
     // What they may do: with a token alone on loopback, and with nothing where nothing is wanted.
     site.render(&with_token, &["--token-file", "tls/token"]);
     site.render(&plain, &[]);

@@ -65,8 +65,7 @@ pub struct Cli {
 
 /// Version of the software and of the protocol that it speaks with nodes.
 fn version_text() -> &'static str {
-    static TEXT: std::sync::OnceLock<String> = std::sync::OnceLock::new();
-    TEXT.get_or_init(|| format!("{} (protocol {})", env!("CARGO_PKG_VERSION"), brickcast_proto::PROTOCOL_VERSION))
+    crate::embedded::version()
 }
 
 #[derive(Debug, Subcommand)]
