@@ -17,3 +17,4 @@ mod scene_file;
 mod store_care;
 mod store_interop;
 mod transfer_function;
+mod values;

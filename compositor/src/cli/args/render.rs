@@ -6,13 +6,13 @@ use clap::Args;
 
 use super::balance_choice::BalanceChoice;
 use super::camera_path::CameraPath;
+use super::color::{Background, background};
 use super::nodes::NodeArgs;
 use super::on_the_way::OnTheWayArgs;
 use super::scene::SceneArgs;
-use super::values::triple;
 
 /// What the manifest of `--scene` says: camera, look and quality.
-const SAID_BY_A_MANIFEST: [&str; 47] = [
+const SAID_BY_A_MANIFEST: [&str; 50] = [
     "size",
     "look",
     "transfer_function",
@@ -23,6 +23,8 @@ const SAID_BY_A_MANIFEST: [&str; 47] = [
     "colormap",
     "opacity_unit",
     "camera",
+    "up",
+    "from",
     "azimuth",
     "elevation",
     "zoom",
@@ -50,6 +52,7 @@ const SAID_BY_A_MANIFEST: [&str; 47] = [
     "mode",
     "clip",
     "clip_plane",
+    "cut",
     "accel",
     "leap_tolerance",
     "macro_range",
@@ -83,9 +86,11 @@ pub struct RenderArgs {
     pub check: bool,
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// Opaque background (0..1 each); without it the picture keeps its alpha
-    #[arg(long, value_name = "R,G,B", value_parser = triple::<f64>, help_heading = "Output")]
-    pub background: Option<[f64; 3]>,
+    /// What lies behind: white, #RRGGBB, R,G,B, neutral (a grey) or none [default: none]
+    ///
+    /// With none the picture keeps its alpha. Colours are CSS names, #RRGGBB, or R,G,B of 0 to 1; neutral is #e0e0e0.
+    #[arg(long, value_name = "COLOUR", value_parser = background, help_heading = "Output")]
+    pub background: Option<Background>,
     /// Render a sequence: OUT_0000.png, ... or one .apng
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Output")]
     pub frames: u32,

@@ -3,7 +3,6 @@
 use brickcast_volume::camera::Camera;
 use brickcast_volume::scene::{Acceleration, Filter, Leap, Look, Quality, RegionView, Scene, ViewSpec};
 use brickcast_volume::store::Manifest;
-use brickcast_volume::style::Style;
 use brickcast_volume::transfer_function::{TransferFunction, default_opacities};
 use glam::DVec3;
 
@@ -11,7 +10,7 @@ use super::default_look::{self, Chosen};
 use super::fit;
 use super::plan::{AccelerationPlan, CameraPlan, FunctionPlan, LeapPlan, PresetPlan};
 use super::preset_file::Wanted;
-use super::{SceneChoice, ScenePlan, camera_file, light_from, preset_file};
+use super::{SceneChoice, ScenePlan, awaited, camera_file, light_from, preset_file};
 use crate::cli::failure::Failure;
 use crate::plan::StoreFacts;
 
@@ -25,8 +24,9 @@ impl ScenePlan {
     /// Usage for a degenerate camera given by flags; failure for files that cannot be read or parsed.
     pub(crate) fn on(&self, facts: &StoreFacts) -> Result<SceneChoice, Failure> {
         let (store, mut notes) = (&facts.manifest, Vec::new());
-        let style = self.style.clone().above_noise(store.noise);
+        let style = awaited::added(&self.awaited, self.style.clone(), store).above_noise(store.noise);
         let Chosen { function: transfer_function, opacity_unit } = self.function_on(store, &mut notes)?;
+        notes.extend(awaited::told(&self.awaited, store));
         notes.extend(self.missing_regions(store));
         notes.extend(light_from::told(&self.style, &style, store));
         let region_transfer_function = match &self.region_function {
@@ -94,7 +94,7 @@ impl ScenePlan {
     fn function_on(&self, store: &Manifest, notes: &mut Vec<String>) -> Result<Chosen, Failure> {
         let function = match &self.function {
             FunctionPlan::File(preset) => self.preset_on(preset, store, notes),
-            FunctionPlan::Default if shows_surfaces(&self.style) => Ok(TransferFunction::nothing()),
+            FunctionPlan::Default if self.shows_surfaces() => Ok(TransferFunction::nothing()),
             FunctionPlan::Default => {
                 let chosen = default_look::chosen(self.look, self.style.mode, store);
                 notes.push(chosen.note(self.opacity_unit));
@@ -109,6 +109,10 @@ impl ScenePlan {
         Ok(Chosen { function: function?, opacity_unit: None })
     }
 
+    fn shows_surfaces(&self) -> bool {
+        !self.style.surfaces.is_empty() || self.awaited.otsu.is_some()
+    }
+
     /// What to tell where something was asked of regions and the store has none.
     fn missing_regions(&self, store: &Manifest) -> Option<String> {
         let asks =
@@ -116,10 +120,6 @@ impl ScenePlan {
         (asks && store.regions.is_none())
             .then(|| "the store has no regions: prepare it with --segmentation-range (e.g. 0.03) to leap".to_owned())
     }
-}
-
-fn shows_surfaces(style: &Style) -> bool {
-    !style.surfaces.is_empty()
 }
 
 impl AccelerationPlan {
