@@ -142,7 +142,7 @@ mod tests {
             ("1,1,1,1:1", "twice"),
             ("red,1.5", "from 0 to 1"),
             ("red:", "from 0 to 1"),
-            ("nan,0,0", "`nan`"),
+            ("nan,0,0", "from 0 to 1"),
             ("rgb(1,2,3)", "from 0 to 1"),
         ] {
             let error = color(text).unwrap_err();

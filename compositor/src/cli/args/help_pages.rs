@@ -9,7 +9,7 @@ use super::Cli;
 struct Pages {
     command: &'static str,
     /// The flags of the first page; all others are on the second alone.
-    first: [&'static str; 15],
+    first: &'static [&'static str],
     /// For each group of flags by its heading, a line that can be pasted.
     examples: &'static [(&'static str, &'static str)],
 }
@@ -17,7 +17,7 @@ struct Pages {
 const PAGES: [Pages; 3] = [
     Pages {
         command: "render",
-        first: [
+        first: &[
             "output",
             "size",
             "from",
@@ -35,7 +35,7 @@ const PAGES: [Pages; 3] = [
             "nodes",
         ],
         examples: &[
-            ("Options", "brickcast render part.nrrd -o part.png --size 1920x1080"),
+            ("Options", "brickcast render --scene part.png.json -o again.png"),
             ("Transfer function", "brickcast render part.nrrd -o part.png --window 12000,40000 --colormap viridis"),
             ("Camera", "brickcast render part.nrrd -o part.png --up z --from iso --zoom 1.3"),
             ("Quality", "brickcast render part.nrrd -o part.png --exact --step 0.25"),
@@ -52,25 +52,23 @@ const PAGES: [Pages; 3] = [
     },
     Pages {
         command: "bench",
-        first: [
+        first: &[
             "json",
             "repeat",
             "table",
             "counts",
-            "ranges",
             "backend",
             "size",
             "from",
-            "up",
             "window",
             "isosurface",
-            "shading",
             "mode",
             "accel",
             "step",
         ],
         examples: &[
             ("Options", "brickcast bench part --counts 1,2,4 --repeat 9 --json bench.json"),
+            ("Output", "brickcast bench part --size hd"),
             ("Transfer function", "brickcast bench part --window 12000,40000"),
             ("Camera", "brickcast bench part --up z --from front"),
             ("Quality", "brickcast bench part --step 0.25 --filter exact"),
@@ -84,15 +82,12 @@ const PAGES: [Pages; 3] = [
     },
     Pages {
         command: "balance",
-        first: [
+        first: &[
             "simulate",
             "frames",
             "camera_path",
             "orbit",
-            "json",
             "balance",
-            "load_by",
-            "replicas",
             "nodes",
             "local",
             "size",
@@ -105,6 +100,7 @@ const PAGES: [Pages; 3] = [
             ("Options", "brickcast balance --simulate nodes=16,chunks=512,throttle=3@0"),
             ("Balance", "brickcast balance part --local 4 --balance dynamic --replicas 1"),
             ("Nodes", "brickcast balance part --nodes dns:node:7000 --frames 100"),
+            ("Output", "brickcast balance part --local 4 --size 256"),
             ("Transfer function", "brickcast balance part --local 4 --window 12000,40000"),
             ("Camera", "brickcast balance part --local 4 --up z --from iso"),
             ("Quality", "brickcast balance part --local 4 --step 1"),
@@ -162,14 +158,15 @@ mod tests {
     }
 
     #[test]
-    fn the_first_page_has_fifteen_flags_and_fits_on_a_screen() {
+    fn the_first_page_has_at_most_fifteen_flags_and_fits_on_a_screen() {
         for pages in &PAGES {
+            assert!(pages.first.len() <= 15 && (pages.command != "render" || pages.first.len() == 15));
             for width in [80, 120] {
                 let page = built(pages.command).term_width(width).render_help().to_string();
                 assert!(page.lines().count() <= 50, "{} lines at {width}:\n{page}", page.lines().count());
                 assert!(page.lines().all(|line| line.chars().count() <= width), "{width}:\n{page}");
                 // And -h itself.
-                assert_eq!(flags(&page), 15 + 1, "{page}");
+                assert_eq!(flags(&page), pages.first.len() + 1, "{page}");
             }
         }
     }

@@ -70,7 +70,9 @@ pub struct RenderArgs {
     /// A store, an input volume, or the name of a store that the nodes know
     #[arg(required_unless_present = "scene")]
     pub path: Option<PathBuf>,
-    /// The picture: .png, .apng (animates --frames) or .exr (premultiplied float)
+    /// The picture: .png, .apng (animates --frames) or .exr
+    ///
+    /// An .exr holds premultiplied floats.
     #[arg(short, long, required_unless_present_any = ["dry_run", "check"])]
     pub output: Option<PathBuf>,
     /// Draw a picture again, from its manifest: camera, look and quality are those in it, and PATH may be left out
@@ -86,9 +88,9 @@ pub struct RenderArgs {
     pub check: bool,
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// What lies behind: white, #RRGGBB, R,G,B, neutral (a grey) or none [default: none]
+    /// white, #RRGGBB, R,G,B or neutral [default: none]
     ///
-    /// With none the picture keeps its alpha. Colours are CSS names, #RRGGBB, or R,G,B of 0 to 1; neutral is #e0e0e0.
+    /// What lies behind the picture; with none it keeps its alpha. Colours are CSS names, #RRGGBB, or R,G,B of 0 to 1; neutral is #e0e0e0.
     #[arg(long, value_name = "COLOUR", value_parser = background, help_heading = "Output")]
     pub background: Option<Background>,
     /// Render a sequence: OUT_0000.png, ... or one .apng

@@ -16,7 +16,7 @@ use super::values::{pair, picture_size, triple, word};
 #[derive(Debug, Clone, Args)]
 pub struct SceneArgs {
     /// Picture size: WxH, N for NxN, or hd, full-hd, 4k, square
-    #[arg(long, value_name = "SIZE", value_parser = picture_size, default_value = "512x512")]
+    #[arg(long, value_name = "SIZE", value_parser = picture_size, default_value = "512x512", help_heading = "Output")]
     pub size: (u32, u32),
     #[command(flatten)]
     pub look: LookArgs,

@@ -49,12 +49,12 @@ pub struct StyleArgs {
     /// noise [default: three times the noise that the store tells]
     #[arg(long, value_name = "LENGTH", allow_hyphen_values = true)]
     pub light_from: Option<f64>,
-    /// An isosurface at a data value or `otsu`, with its colour: 20000:steelblue
+    /// An isosurface at a value or `otsu`, in colour C: 20000:steelblue
     ///
-    /// otsu is the threshold that the store tells. A colour is a CSS name, #RRGGBB, or R,G,B of 0 to 1; an opacity may
-    /// follow it: steelblue,0.5. Several surfaces are possible. Without any flag of the transfer function nothing else
+    /// otsu is the threshold that the store tells. C is a CSS name, #RRGGBB, or R,G,B of 0 to 1; an opacity may follow
+    /// it: steelblue,0.5. Several surfaces are possible. Without any flag of the transfer function nothing else
     /// shows.
-    #[arg(long, value_name = "VALUE[:COLOUR[,A]]", allow_hyphen_values = true)]
+    #[arg(long, value_name = "VALUE[:C]", allow_hyphen_values = true)]
     pub isosurface: Vec<String>,
     /// What a pixel shows of its ray [default: composite]
     #[arg(long, value_parser = word::<Mode>())]
