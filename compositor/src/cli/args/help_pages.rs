@@ -28,7 +28,7 @@ const PAGES: [Pages; 3] = [
             "window",
             "colormap",
             "isosurface",
-            "mode",
+            "look",
             "cut",
             "background",
             "frames",
@@ -36,6 +36,7 @@ const PAGES: [Pages; 3] = [
         ],
         examples: &[
             ("Options", "brickcast render --scene part.png.json -o again.png"),
+            ("Look", "brickcast render part.nrrd -o part.png --look scan"),
             ("Transfer function", "brickcast render part.nrrd -o part.png --window 12000,40000 --colormap viridis"),
             ("Camera", "brickcast render part.nrrd -o part.png --up z --from iso --zoom 1.3"),
             ("Quality", "brickcast render part.nrrd -o part.png --exact --step 0.25"),
@@ -69,6 +70,7 @@ const PAGES: [Pages; 3] = [
         examples: &[
             ("Options", "brickcast bench part --counts 1,2,4 --repeat 9 --json bench.json"),
             ("Output", "brickcast bench part --size hd"),
+            ("Look", "brickcast bench part --look part"),
             ("Transfer function", "brickcast bench part --window 12000,40000"),
             ("Camera", "brickcast bench part --up z --from front"),
             ("Quality", "brickcast bench part --step 0.25 --filter exact"),
@@ -101,6 +103,7 @@ const PAGES: [Pages; 3] = [
             ("Balance", "brickcast balance part --local 4 --balance dynamic --replicas 1"),
             ("Nodes", "brickcast balance part --nodes dns:node:7000 --frames 100"),
             ("Output", "brickcast balance part --local 4 --size 256"),
+            ("Look", "brickcast balance part --local 4 --look mip"),
             ("Transfer function", "brickcast balance part --local 4 --window 12000,40000"),
             ("Camera", "brickcast balance part --local 4 --up z --from iso"),
             ("Quality", "brickcast balance part --local 4 --step 1"),

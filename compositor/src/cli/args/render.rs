@@ -90,7 +90,8 @@ pub struct RenderArgs {
     pub scene: SceneArgs,
     /// white, #RRGGBB, R,G,B or neutral [default: none]
     ///
-    /// What lies behind the picture; with none it keeps its alpha. Colours are CSS names, #RRGGBB, or R,G,B of 0 to 1; neutral is #e0e0e0.
+    /// What lies behind the picture; with none it keeps its alpha. Colours are CSS names, #RRGGBB, or R,G,B of 0 to 1;
+    /// neutral is #e0e0e0.
     #[arg(long, value_name = "COLOUR", value_parser = background, help_heading = "Output")]
     pub background: Option<Background>,
     /// Render a sequence: OUT_0000.png, ... or one .apng

@@ -31,7 +31,9 @@ pub struct SceneArgs {
     #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true, requires = "transfer_function")]
     #[arg(help_heading = "Transfer function")]
     pub transfer_function_range: Option<[f64; 2]>,
-    /// Data values at which the opacity ramp starts and ends [default: Otsu's threshold, 99.9 % quantile]
+    /// Data values at which the opacity ramp starts and ends
+    ///
+    /// By default Otsu's threshold and the 99.9 % quantile.
     #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true)]
     #[arg(help_heading = "Transfer function")]
     pub window: Option<[f64; 2]>,

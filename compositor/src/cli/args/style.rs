@@ -10,8 +10,8 @@ use glam::DVec3;
 
 use super::awaited::Awaited;
 use super::cut::{Cut, cut};
-use super::surface::{SurfaceArg, surface};
 use super::look::LookArg;
+use super::surface::{SurfaceArg, surface};
 use super::values::{numbers, word};
 use crate::cli::failure::Failure;
 
@@ -67,8 +67,8 @@ pub struct StyleArgs {
     pub clip_plane: Vec<String>,
     /// Keeps what lies below a place on a world axis ('z>50%': above)
     ///
-    /// With %, a part of the volume's box, else a coordinate in world units. z=50% and 'z<50%' are the same. Several are
-    /// possible.
+    /// With %, a part of the volume's box, else a coordinate in world units. z=50% and 'z<50%' are the same. Several
+    /// are possible.
     #[arg(long, value_name = "AXIS=PLACE", value_parser = cut)]
     pub cut: Vec<Cut>,
 }
