@@ -138,7 +138,7 @@ fn cpu_seconds() -> Option<f64> {
 fn measure(raycaster: &dyn Raycaster, filter: Filter, casting: &Casting, frames: u32) -> Result<()> {
     debug_assert_eq!(GUARD.map(u32::from), Some(guard_width(STEP, 0)));
     let geometry = Geometry::new([EDGE as u32; 3], [1.0; 3], [0.0; 3])?;
-    let camera = Camera::orbit(&geometry, Orbit { azimuth: 30.0, elevation: 20.0, zoom: 1.18, view_angle: 30.0 })?;
+    let camera = Camera::orbit(&geometry, Orbit { azimuth: 30.0, elevation: 20.0, zoom: 1.18, ..Orbit::default() })?;
     let view = View::new(&geometry, &camera, PictureSize::new(512, 512)?, STEP)?;
     let grid = BrickGrid::new(UVec3::splat(EDGE as u32), BRICK)?;
     let mut order: Vec<_> = grid.bricks().collect();

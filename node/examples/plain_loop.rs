@@ -44,7 +44,7 @@ fn cpu_seconds() -> Option<f64> {
 
 fn measure(raycaster: &dyn Raycaster, filter: Filter, brick_size: u32, frames: u32) -> Result<()> {
     let geometry = Geometry::new([EDGE; 3], [1.0; 3], [0.0; 3])?;
-    let camera = Camera::orbit(&geometry, Orbit { azimuth: 30.0, elevation: 20.0, zoom: 1.18, view_angle: 30.0 })?;
+    let camera = Camera::orbit(&geometry, Orbit { azimuth: 30.0, elevation: 20.0, zoom: 1.18, ..Orbit::default() })?;
     let view = View::new(&geometry, &camera, PictureSize::new(512, 512)?, 1.0)?;
     let colors = vec![ColorPoint { x: 0.0, rgb: [0.1, 0.2, 0.9] }, ColorPoint { x: 1.0, rgb: [1.0, 0.8, 0.1] }];
     let opacities = vec![OpacityPoint { x: 0.0, opacity: 0.001 }, OpacityPoint { x: 1.0, opacity: 0.02 }];

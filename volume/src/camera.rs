@@ -4,6 +4,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::space::Geometry;
+use crate::up::Up;
 
 /// How rays leave the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,18 +46,20 @@ pub enum CameraError {
     State { file: String, problem: String },
 }
 
-/// An eye on a sphere around the volume's centre. Degrees; defaults 0, 0, 1 and 30.
+/// An eye on a sphere around the volume's centre. Degrees; defaults 0, 0, 1, 30 and y.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Orbit {
     pub azimuth: f64,
     pub elevation: f64,
     pub zoom: f64,
     pub view_angle: f64,
+    /// Around what the other angles are counted.
+    pub up: Up,
 }
 
 impl Default for Orbit {
     fn default() -> Self {
-        Self { azimuth: 0.0, elevation: 0.0, zoom: 1.0, view_angle: 30.0 }
+        Self { azimuth: 0.0, elevation: 0.0, zoom: 1.0, view_angle: 30.0, up: Up::Y }
     }
 }
 
@@ -168,7 +171,7 @@ impl Camera {
 
     /// The orbit shorthand: the direction from the box's centre to the eye is `(sin a cos e, sin e, cos a cos e)`, the
     /// distance `R / sin(viewAngle / 2) / zoom` with R half the box's diagonal; viewUp is y, at elevation +-90
-    /// `(0, 0, -sign e)`.
+    /// `(0, 0, -sign e)`. With another up, direction and viewUp are [turned](Up::turn).
     ///
     /// # Errors
     /// Angles that are not finite, a zoom that is not positive, a view angle outside (0, 180).
@@ -185,6 +188,7 @@ impl Camera {
             return Err(CameraError::ViewAngle(orbit.view_angle));
         }
         let (direction, up) = seen_from(orbit.azimuth, orbit.elevation);
+        let (direction, up) = (orbit.up.turn(direction), orbit.up.turn(up));
         let distance = geometry.radius_world() / (orbit.view_angle.to_radians() * 0.5).sin() / orbit.zoom;
         let center = geometry.center_world();
         Self::new(center + direction * distance, center, up, Projection::Perspective { view_angle: orbit.view_angle })

@@ -31,6 +31,7 @@ pub mod store;
 pub mod style;
 pub mod transfer_function;
 pub mod unfinished;
+mod up;
 pub mod visibility;
 mod words;
 
@@ -42,4 +43,6 @@ pub use per_chunk::PerChunk;
 pub use pixel::{PixelKind, Pixels, RawPixel};
 pub use premul::{Premul, over};
 pub use space::Geometry;
+pub use up::Up;
 pub use visibility::{PictureSize, PixelRect, View};
+pub use words::nearest;

@@ -35,6 +35,16 @@ pub trait Words: Copy + PartialEq + Send + Sync + 'static {
     }
 }
 
+/// The candidate that somebody most likely meant by `text`; none where none is near. Case does not count.
+#[must_use]
+pub fn nearest<'a>(text: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    /// Jaro's similarity, from which on clap suggests a word, too.
+    const NEAR: f64 = 0.7;
+    let text = text.chars().take(LONGEST_SHOWN).collect::<String>().to_ascii_lowercase();
+    let rated = candidates.into_iter().map(|word| (strsim::jaro(&text, word), word));
+    rated.filter(|(near, _)| *near > NEAR).max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, word)| word)
+}
+
 /// Of a text that is no word, how many characters an error repeats.
 const LONGEST_SHOWN: usize = 40;
 
@@ -99,6 +109,7 @@ mod tests {
     use crate::pixel::PixelKind;
     use crate::scene::{Filter, LeapKind, RegionView, Transport};
     use crate::style::{IntegrationKind, Lighting, Mode, ShadingKind};
+    use crate::up::Up;
 
     fn go_both_ways<T>(values: &[T])
     where
@@ -119,6 +130,15 @@ mod tests {
     }
 
     #[test]
+    fn what_was_meant_is_the_nearest_word_or_none() {
+        let words = ["viridis", "plasma", "magma"];
+        assert_eq!(nearest("Viridi", words), Some("viridis"));
+        assert_eq!(nearest("magna", words), Some("magma"));
+        assert_eq!(nearest("#4", words), None);
+        assert_eq!(nearest("", words), None);
+    }
+
+    #[test]
     fn every_value_has_a_word_and_every_word_its_value() {
         go_both_ways(&[Filter::Hardware, Filter::Exact, Filter::Nearest]);
         go_both_ways(&[Transport::F16, Transport::F32, Transport::U8]);
@@ -128,6 +148,7 @@ mod tests {
         go_both_ways(&[ShadingKind::None, ShadingKind::Phong]);
         go_both_ways(&[Lighting::Interpolated, Lighting::Center, Lighting::Centroid]);
         go_both_ways(&[Mode::Composite, Mode::Maximum, Mode::Minimum, Mode::Average]);
+        go_both_ways(&[Up::X, Up::Y, Up::Z, Up::NegativeX, Up::NegativeY, Up::NegativeZ]);
         go_both_ways(&[PixelKind::Over, PixelKind::Largest, PixelKind::Smallest, PixelKind::Mean]);
     }
 }

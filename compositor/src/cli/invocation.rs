@@ -9,11 +9,12 @@ use std::path::PathBuf;
 
 use anyhow::anyhow;
 use clap::parser::ValueSource;
-use clap::{Arg, ArgMatches, Command as ClapCommand, CommandFactory as _, FromArgMatches as _};
+use clap::{Arg, ArgMatches, Command as ClapCommand, FromArgMatches as _};
 
-use super::args::{Cli, Command, NodeArgs};
+use super::args::{self, Cli, Command, NodeArgs};
 use super::config_file::{ConfigFile, ConfigFileError};
 use super::failure::Failure;
+use super::meant::render_was_meant;
 
 /// Where a value came from.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -77,12 +78,16 @@ impl Invocation {
     /// Help that was asked for; a command line or a configuration file that is wrong.
     pub fn parse(words: impl IntoIterator<Item = OsString>) -> Result<Self, NotInvoked> {
         let words: Vec<OsString> = words.into_iter().collect();
-        let first = prepared(Cli::command(), None).try_get_matches_from(&words)?;
+        let first = prepared(args::command(), None).try_get_matches_from(&words);
+        let first = first.map_err(|error| match render_was_meant(&error, &words) {
+            Some(text) => NotInvoked::Usage(Failure::usage(anyhow!(text))),
+            None => NotInvoked::Clap(error),
+        })?;
         let file = match first.get_one::<PathBuf>("config").cloned().or_else(users_file) {
             Some(path) => Some(ConfigFile::read(&path)?),
             None => None,
         };
-        let command = prepared(Cli::command(), file.as_ref());
+        let command = prepared(args::command(), file.as_ref());
         let matches = command.clone().try_get_matches_from(&words)?;
         let mut cli = Cli::from_arg_matches(&matches)?;
         let origins = Origins::of(&command, &matches, file.as_ref());
@@ -204,7 +209,7 @@ mod tests {
     /// A key of the file that is no flag would be accepted and do nothing.
     #[test]
     fn every_key_of_the_file_is_a_flag_of_config_and_of_a_command_that_uses_it() {
-        let command = Cli::command();
+        let command = args::command();
         let has = |name: &str, key: &str| {
             command.find_subcommand(name).is_some_and(|c| c.get_arguments().any(|a| a.get_id() == key))
         };

@@ -7,6 +7,7 @@ pub mod config_file;
 pub mod failure;
 pub mod interrupts;
 pub mod invocation;
+mod meant;
 pub mod progress;
 pub(crate) mod say;
 pub mod scene;

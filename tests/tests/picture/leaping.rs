@@ -17,7 +17,7 @@ const ALL: Acceleration =
 fn views() -> Vec<Orbit> {
     [(0.0, 0.0, 1.0), (37.0, 21.0, 1.0), (140.0, -35.0, 1.1), (250.0, 10.0, 2.0), (300.0, 75.0, 1.0)]
         .into_iter()
-        .map(|(azimuth, elevation, zoom)| Orbit { azimuth, elevation, zoom, view_angle: 30.0 })
+        .map(|(azimuth, elevation, zoom)| Orbit { azimuth, elevation, zoom, ..Orbit::default() })
         .collect()
 }
 

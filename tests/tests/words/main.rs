@@ -20,3 +20,4 @@ mod store_care;
 mod store_interop;
 mod talk;
 mod transfer_function;
+mod values;

@@ -3,6 +3,7 @@
 use super::color_space::{self, ColorSpace};
 use super::colormap_tables as tables;
 use super::function::ColorPoint;
+use crate::words::nearest;
 
 /// A colour map that users know by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -21,9 +22,22 @@ pub enum Colormap {
 }
 
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("no colour map is called {name:?}; there are {}", Colormap::ALL.map(Colormap::name).join(", "))]
+#[error("no colour map is called {name:?}{}; there are {}", meant(name), Colormap::ALL.map(Colormap::name).join(", "))]
 pub struct UnknownColormap {
     pub name: String,
+}
+
+/// Other names of maps.
+const ALIASES: [(&str, Colormap); 4] = [
+    ("gray", Colormap::Grayscale),
+    ("grey", Colormap::Grayscale),
+    ("greyscale", Colormap::Grayscale),
+    ("coolwarm", Colormap::CoolToWarm),
+];
+
+fn meant(name: &str) -> String {
+    let near = nearest(name, Colormap::ALL.map(Colormap::name));
+    near.map(|near| format!(" (did you mean {near}?)")).unwrap_or_default()
 }
 
 /// The ends of the cool-to-warm map (Moreland 2009, table 1).
@@ -60,9 +74,11 @@ impl Colormap {
     }
 
     /// # Errors
-    /// A name that is none of [`Colormap::ALL`]; the error lists them.
+    /// A name that is none of [`Colormap::ALL`] nor another name of one; the error lists them, and names the nearest.
     pub fn from_name(name: &str) -> Result<Self, UnknownColormap> {
-        Self::ALL.into_iter().find(|m| m.name() == name).ok_or_else(|| UnknownColormap { name: name.to_owned() })
+        let by_name = Self::ALL.into_iter().find(|m| m.name() == name);
+        let by_alias = || ALIASES.into_iter().find(|(alias, _)| *alias == name).map(|(_, map)| map);
+        by_name.or_else(by_alias).ok_or_else(|| UnknownColormap { name: name.to_owned() })
     }
 
     /// The map's points over 0..=1, first at 0 and last at 1: piecewise linear, within 0.005 of the published map in
@@ -191,7 +207,10 @@ mod tests {
             assert!(points.windows(2).all(|w| w[0].x < w[1].x));
             assert_eq!(Colormap::from_name(map.name()), Ok(map));
         }
+        assert_eq!(["gray", "grey", "greyscale"].map(Colormap::from_name), [(); 3].map(|()| Ok(Colormap::Grayscale)));
+        assert_eq!(Colormap::from_name("coolwarm"), Ok(Colormap::CoolToWarm));
         let error = Colormap::from_name("virids").unwrap_err().to_string();
+        assert!(error.contains("did you mean viridis?"), "{error}");
         assert!(error.contains("\"virids\"") && error.contains("viridis, plasma") && error.contains("cool-to-warm"));
     }
 }

@@ -15,11 +15,13 @@ pub struct BalanceArgs {
     /// A store, an input volume, or the name of a store that the nodes know
     #[arg(required_unless_present = "simulate")]
     pub path: Option<PathBuf>,
-    /// No PATH and no nodes: divide the views of a modelled cluster, as
+    /// Model a cluster; no PATH and no nodes
+    ///
+    /// Divides the views of a modelled cluster, as
     /// nodes=64,chunks=512,views=60,throttle=3@0,kill=30@1,join=40,
     /// seed=1,path=dive|random,memory=3,size=1024,replicas=2; what is left out has a default, throttle, kill and join
     /// may be given several times
-    #[arg(long, value_name = "KEY=VALUE,...", conflicts_with_all = ["path", "nodes", "local"])]
+    #[arg(long, value_name = "K=V,...", conflicts_with_all = ["path", "nodes", "local"])]
     pub simulate: Option<String>,
     /// Frames of the sequence
     #[arg(long, value_name = "N", default_value_t = 60)]

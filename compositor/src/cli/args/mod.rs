@@ -3,11 +3,16 @@
 
 mod accel;
 mod access;
+mod awaited;
 mod balance;
 mod balance_choice;
 mod bench;
 mod cache;
 mod camera_path;
+mod camera_words;
+mod color;
+mod cut;
+mod help_pages;
 mod look;
 mod nodes;
 mod on_the_way;
@@ -16,6 +21,7 @@ mod region;
 mod render;
 mod scene;
 mod style;
+mod surface;
 mod tls;
 mod transfer_function;
 pub(crate) mod values;
@@ -29,11 +35,16 @@ use super::failure::EXIT_CODES;
 
 pub use self::accel::{AccelArg, AccelArgs};
 pub use self::access::AccessArgs;
+pub(crate) use self::awaited::Awaited;
 pub use self::balance::BalanceArgs;
 pub use self::balance_choice::{BalanceArg, BalanceChoice, LoadByArg};
 pub use self::bench::{BenchArgs, TableArg};
 pub use self::cache::CacheArgs;
 pub use self::camera_path::CameraPath;
+pub use self::camera_words::Side;
+pub use self::color::Background;
+pub use self::cut::Cut;
+pub use self::help_pages::command;
 pub use self::look::{LookArg, LookArgs, Unasked};
 pub use self::nodes::{BackendArg, NodeArgs};
 pub use self::on_the_way::OnTheWayArgs;
@@ -109,8 +120,8 @@ pub struct DemoArgs {
     /// Size of the phantom
     #[arg(long, value_name = "X,Y,Z", value_parser = triple::<u32>, default_value = "256,256,256")]
     pub dims: [u32; 3],
-    /// Picture size
-    #[arg(long, value_name = "WxH", value_parser = picture_size, default_value = "768x768")]
+    /// Picture size: WxH, N for NxN, or hd, full-hd, 4k, square
+    #[arg(long, value_name = "SIZE", value_parser = picture_size, default_value = "768x768")]
     pub size: (u32, u32),
     #[command(flatten)]
     pub cache: CacheArgs,
@@ -202,10 +213,9 @@ pub struct ConfigArgs {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory;
 
     #[test]
     fn the_command_line_is_consistent() {
-        Cli::command().debug_assert();
+        command().debug_assert();
     }
 }

@@ -34,8 +34,10 @@ impl BackendArg {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Nodes")]
 pub struct NodeArgs {
-    /// Nodes to render on: host:port, dns:NAME:PORT (all that the name resolves to), file:PATH (one a line); they are
-    /// followed [default: nodes inside this process]. Not with --local, --backend, --memory-budget
+    /// Nodes: host:port, dns:NAME:PORT, file:PATH [default: inside this process]
+    ///
+    /// dns: all that the name resolves to; file: one a line. They are followed. Not with --local, --backend,
+    /// --memory-budget.
     #[arg(long, value_name = "HOST:PORT,...", env = "BRICKCAST_NODES", value_delimiter = ',')]
     pub nodes: Vec<String>,
     #[command(flatten)]

@@ -6,13 +6,13 @@ use clap::Args;
 
 use super::balance_choice::BalanceChoice;
 use super::camera_path::CameraPath;
+use super::color::{Background, background};
 use super::nodes::NodeArgs;
 use super::on_the_way::OnTheWayArgs;
 use super::scene::SceneArgs;
-use super::values::triple;
 
 /// What the manifest of `--scene` says: camera, look and quality.
-const SAID_BY_A_MANIFEST: [&str; 47] = [
+const SAID_BY_A_MANIFEST: [&str; 50] = [
     "size",
     "look",
     "transfer_function",
@@ -23,6 +23,8 @@ const SAID_BY_A_MANIFEST: [&str; 47] = [
     "colormap",
     "opacity_unit",
     "camera",
+    "up",
+    "from",
     "azimuth",
     "elevation",
     "zoom",
@@ -50,6 +52,7 @@ const SAID_BY_A_MANIFEST: [&str; 47] = [
     "mode",
     "clip",
     "clip_plane",
+    "cut",
     "accel",
     "leap_tolerance",
     "macro_range",
@@ -67,7 +70,9 @@ pub struct RenderArgs {
     /// A store, an input volume, or the name of a store that the nodes know
     #[arg(required_unless_present = "scene")]
     pub path: Option<PathBuf>,
-    /// The picture: .png, .apng (animates --frames) or .exr (premultiplied float)
+    /// The picture: .png, .apng (animates --frames) or .exr
+    ///
+    /// An .exr holds premultiplied floats.
     #[arg(short, long, required_unless_present_any = ["dry_run", "check"])]
     pub output: Option<PathBuf>,
     /// Draw a picture again, from its manifest: camera, look and quality are those in it, and PATH may be left out
@@ -83,9 +88,12 @@ pub struct RenderArgs {
     pub check: bool,
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// Opaque background (0..1 each); without it the picture keeps its alpha
-    #[arg(long, value_name = "R,G,B", value_parser = triple::<f64>, help_heading = "Output")]
-    pub background: Option<[f64; 3]>,
+    /// white, #RRGGBB, R,G,B or neutral [default: none]
+    ///
+    /// What lies behind the picture; with none it keeps its alpha. Colours are CSS names, #RRGGBB, or R,G,B of 0 to 1;
+    /// neutral is #e0e0e0.
+    #[arg(long, value_name = "COLOUR", value_parser = background, help_heading = "Output")]
+    pub background: Option<Background>,
     /// Render a sequence: OUT_0000.png, ... or one .apng
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Output")]
     pub frames: u32,

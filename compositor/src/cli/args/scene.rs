@@ -2,10 +2,12 @@
 
 use std::path::PathBuf;
 
+use brickcast_volume::Up;
 use brickcast_volume::scene::{Filter, Transport};
 use clap::Args;
 
 use super::accel::AccelArgs;
+use super::camera_words::Side;
 use super::look::{LookArg, LookArgs, Unasked};
 use super::style::StyleArgs;
 use super::values::{pair, picture_size, triple, word};
@@ -13,8 +15,8 @@ use super::values::{pair, picture_size, triple, word};
 /// Camera, transfer function and quality.
 #[derive(Debug, Clone, Args)]
 pub struct SceneArgs {
-    /// Picture size in pixels
-    #[arg(long, value_name = "WxH", value_parser = picture_size, default_value = "512x512")]
+    /// Picture size: WxH, N for NxN, or hd, full-hd, 4k, square
+    #[arg(long, value_name = "SIZE", value_parser = picture_size, default_value = "512x512", help_heading = "Output")]
     pub size: (u32, u32),
     #[command(flatten)]
     pub look: LookArgs,
@@ -29,7 +31,9 @@ pub struct SceneArgs {
     #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true, requires = "transfer_function")]
     #[arg(help_heading = "Transfer function")]
     pub transfer_function_range: Option<[f64; 2]>,
-    /// Data values at which the opacity ramp starts and ends [default: Otsu's threshold, 99.9 % quantile]
+    /// Data values at which the opacity ramp starts and ends
+    ///
+    /// By default Otsu's threshold and the 99.9 % quantile.
     #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true)]
     #[arg(help_heading = "Transfer function")]
     pub window: Option<[f64; 2]>,
@@ -37,6 +41,8 @@ pub struct SceneArgs {
     #[arg(long, value_name = "X", help_heading = "Transfer function")]
     pub opacity: Option<f64>,
     /// viridis, plasma, inferno, magma, cividis, turbo, grayscale or cool-to-warm [default: grayscale]
+    ///
+    /// Also gray and grey for grayscale, coolwarm for cool-to-warm.
     #[arg(long, value_name = "NAME", help_heading = "Transfer function")]
     pub colormap: Option<String>,
     /// World length to which opacities refer [default: the smallest spacing]
@@ -46,8 +52,16 @@ pub struct SceneArgs {
     /// parallelScale)
     #[arg(long, value_name = "FILE", help_heading = "Camera")]
     #[arg(conflicts_with_all = ["azimuth", "elevation", "zoom", "position", "focal_point"])]
-    #[arg(conflicts_with_all = ["view_up", "view_angle", "parallel_scale"])]
+    #[arg(conflicts_with_all = ["view_up", "view_angle", "parallel_scale", "up", "from"])]
     pub camera: Option<PathBuf>,
+    /// The axis of the world that points up [default: y]
+    #[arg(long, value_name = "AXIS", value_parser = word::<Up>(), allow_hyphen_values = true)]
+    #[arg(conflicts_with = "view_up", help_heading = "Camera")]
+    pub up: Option<Up>,
+    /// The side from which the volume is seen
+    #[arg(long, value_enum, value_name = "SIDE", help_heading = "Camera")]
+    #[arg(conflicts_with_all = ["azimuth", "elevation", "position", "focal_point"])]
+    pub from: Option<Side>,
     /// Degrees around the volume [default: 0]
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, conflicts_with_all = ["position", "focal_point"])]
     #[arg(help_heading = "Camera")]

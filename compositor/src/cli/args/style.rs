@@ -3,12 +3,15 @@
 use anyhow::anyhow;
 use brickcast_volume::scene::Filter;
 use brickcast_volume::style::{
-    Clip, ClipPlane, Integration, IntegrationKind, Isosurface, Lighting, Mode, Phong, ShadingKind, Style, TableSize,
+    Clip, ClipPlane, Integration, IntegrationKind, Lighting, Mode, Phong, ShadingKind, Style, TableSize,
 };
 use clap::Args;
 use glam::DVec3;
 
+use super::awaited::Awaited;
+use super::cut::{Cut, cut};
 use super::look::LookArg;
+use super::surface::{SurfaceArg, surface};
 use super::values::{numbers, word};
 use crate::cli::failure::Failure;
 
@@ -46,9 +49,12 @@ pub struct StyleArgs {
     /// noise [default: three times the noise that the store tells]
     #[arg(long, value_name = "LENGTH", allow_hyphen_values = true)]
     pub light_from: Option<f64>,
-    /// An isosurface, with its colour and opacity (0..1 each); several are possible. Without any flag of the transfer
-    /// function nothing else shows
-    #[arg(long, value_name = "VALUE[:R,G,B[,A]]", allow_hyphen_values = true)]
+    /// An isosurface at a value or `otsu`, in colour C: 20000:steelblue
+    ///
+    /// otsu is the threshold that the store tells. C is a CSS name, #RRGGBB, or R,G,B of 0 to 1; an opacity may follow
+    /// it: steelblue,0.5. Several surfaces are possible. Without any flag of the transfer function nothing else
+    /// shows.
+    #[arg(long, value_name = "VALUE[:C]", allow_hyphen_values = true)]
     pub isosurface: Vec<String>,
     /// What a pixel shows of its ray [default: composite]
     #[arg(long, value_parser = word::<Mode>())]
@@ -59,23 +65,46 @@ pub struct StyleArgs {
     /// Only what lies where nx x + ny y + nz z >= d, world units; several are possible
     #[arg(long, value_name = "NX,NY,NZ,D", allow_hyphen_values = true)]
     pub clip_plane: Vec<String>,
+    /// Keeps what lies below a place on a world axis ('z>50%': above)
+    ///
+    /// With %, a part of the volume's box, else a coordinate in world units. z=50% and 'z<50%' are the same. Several
+    /// are possible.
+    #[arg(long, value_name = "AXIS=PLACE", value_parser = cut)]
+    pub cut: Vec<Cut>,
 }
-
-/// The colour of an isosurface that none was given for.
-const SURFACE: [f64; 4] = [0.86, 0.84, 0.80, 1.0];
 
 impl StyleArgs {
     /// # Errors
     /// Usage: text that is no number, values out of range, combinations that contradict themselves.
     pub fn style(&self, filter: Filter, look: Option<LookArg>) -> Result<Style, Failure> {
         let style = self.parse(filter, look).map_err(|text| Failure::usage(anyhow!(text)))?;
-        style.validate().map_err(Failure::usage)?;
-        style.validate_with(filter).map_err(Failure::usage)?;
+        // What waits for a store is checked with it, at a value that nobody gives.
+        let whole = self.awaited()?.added(style.clone(), f64::MAX, (DVec3::ZERO, DVec3::ONE));
+        whole.validate().map_err(Failure::usage)?;
+        whole.validate_with(filter).map_err(Failure::usage)?;
         Ok(style)
     }
 
+    /// What of the style waits for a store.
+    ///
+    /// # Errors
+    /// Usage: as [`StyleArgs::style`].
+    pub(crate) fn awaited(&self) -> Result<Awaited, Failure> {
+        let surfaces = self.surfaces().map_err(|text| Failure::usage(anyhow!(text)))?;
+        let mut at_otsu = surfaces.into_iter().filter(SurfaceArg::is_at_otsu);
+        let otsu = at_otsu.next();
+        if at_otsu.next().is_some() {
+            return Err(Failure::usage(anyhow!("--isosurface otsu is given twice: give it once, with one colour")));
+        }
+        Ok(Awaited { otsu, cuts: self.cut.clone() })
+    }
+
+    fn surfaces(&self) -> Result<Vec<SurfaceArg>, String> {
+        self.isosurface.iter().map(|text| surface(text)).collect()
+    }
+
     fn parse(&self, filter: Filter, look: Option<LookArg>) -> Result<Style, String> {
-        let surfaces = self.isosurface.iter().map(|text| surface(text)).collect::<Result<Vec<_>, _>>()?;
+        let surfaces = self.surfaces()?;
         let lit = match self.shading {
             Some(shading) => shading == ShadingKind::Phong,
             None => !surfaces.is_empty() || look.is_some_and(|look| look.is_lit(filter)),
@@ -104,7 +133,7 @@ impl StyleArgs {
                 (Some(IntegrationKind::Preintegrated), _) | (None, _) => Integration::Preintegrated(size),
             },
             shading: lit.then_some(phong),
-            surfaces,
+            surfaces: surfaces.iter().filter_map(SurfaceArg::known).collect(),
             mode: self.mode.or(look.map(LookArg::mode)).unwrap_or_default(),
             clip: self.clip_of()?,
         })
@@ -124,21 +153,6 @@ impl StyleArgs {
         };
         Ok(Clip { bounds, planes: self.clip_plane.iter().map(plane).collect::<Result<_, _>>()? })
     }
-}
-
-/// `VALUE`, `VALUE:R,G,B` or `VALUE:R,G,B,A`.
-fn surface(text: &str) -> Result<Isosurface, String> {
-    let (value, color) = text.split_once(':').map_or((text, None), |(value, color)| (value, Some(color)));
-    let value = value.trim().parse().map_err(|_| format!("--isosurface {text}: `{value}` is not a number"))?;
-    let [r, g, b, a] = match color {
-        None => SURFACE,
-        Some(color) if color.split(',').count() == 3 => {
-            let [r, g, b] = numbers::<3>("--isosurface", color)?;
-            [r, g, b, 1.0]
-        }
-        Some(color) => numbers::<4>("--isosurface", color)?,
-    };
-    Ok(Isosurface { value, color: [r as f32, g as f32, b as f32], opacity: a as f32 })
 }
 
 #[cfg(test)]
@@ -192,15 +206,26 @@ mod tests {
         assert_eq!(asked.shading.unwrap().light_from, Some(1.0));
     }
 
+    /// Before anything opens, and as if they were known.
     #[test]
-    fn isosurfaces_have_a_value_and_perhaps_a_colour() {
-        let plain = surface("-12.5").unwrap();
-        assert_eq!((plain.value, plain.opacity), (-12.5, 1.0));
-        let red = surface("1e3:1,0,0").unwrap();
-        assert_eq!((red.value, red.color, red.opacity), (1000.0, [1.0, 0.0, 0.0], 1.0));
-        assert_eq!(surface("7:0,0,1,0.25").unwrap().opacity, 0.25);
-        for bad in ["", "x", "1:", "1:1,2", "1:1,2,3,4,5", "1:a,b,c"] {
-            assert!(surface(bad).is_err(), "{bad}");
+    fn what_waits_for_a_store_is_checked_with_the_rest() {
+        for (words, why) in [
+            ("--isosurface otsu --isosurface otsu:red", "otsu is given twice"),
+            ("--isosurface 1:reddish", "no colour"),
+            ("--mode mip --isosurface otsu --shading none", "projection"),
+            ("--cut x=1 --cut y=1 --cut z=1 --cut x=1 --cut y=1 --cut z=1 --clip-plane 1,0,0,0", "7 clip planes"),
+        ] {
+            let error = style(words, Filter::Exact).unwrap_err();
+            assert!(error.contains(why), "{words}: {error}");
         }
+        let error = style("--isosurface otsu --shading none", Filter::Nearest).unwrap_err();
+        assert!(error.contains("no isosurfaces"), "{error}");
+        let lit = style("--isosurface otsu --isosurface 7 --cut z=50%", Filter::Exact).unwrap();
+        assert!(lit.shading.is_some());
+        assert_eq!((lit.surfaces.len(), lit.clip.planes.len()), (1, 0));
+        let words = Words::try_parse_from(["x", "--isosurface", "otsu", "--cut", "z=50%"]).unwrap();
+        let whole = words.style.awaited().unwrap().added(lit, 99.0, (DVec3::ZERO, DVec3::splat(4.0)));
+        assert_eq!(whole.surfaces.iter().map(|s| s.value).collect::<Vec<_>>(), [7.0, 99.0]);
+        assert_eq!(whole.clip.planes, [ClipPlane { normal: DVec3::NEG_Z, offset: -2.0 }]);
     }
 }

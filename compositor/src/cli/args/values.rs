@@ -50,13 +50,29 @@ impl<T: Words> TypedValueParser for WordParser<T> {
     }
 }
 
-/// `WxH`.
+/// Sizes of pictures that have a name.
+const SIZES: [(&str, (u32, u32)); 6] = [
+    ("hd", (1280, 720)),
+    ("full-hd", (1920, 1080)),
+    ("fhd", (1920, 1080)),
+    ("1080p", (1920, 1080)),
+    ("4k", (3840, 2160)),
+    ("square", (1024, 1024)),
+];
+
+/// `WxH`, `N` for a square, or a name.
 pub(crate) fn picture_size(text: &str) -> Result<(u32, u32), String> {
+    if let Some((_, size)) = SIZES.iter().find(|(name, _)| text.trim().eq_ignore_ascii_case(name)) {
+        return Ok(*size);
+    }
     let parse = || {
-        let (w, h) = text.split_once(['x', 'X'])?;
+        let (w, h) = text.split_once(['x', 'X']).unwrap_or((text, text));
         Some((w.trim().parse().ok()?, h.trim().parse().ok()?))
     };
-    parse().ok_or_else(|| format!("`{text}` is not WIDTHxHEIGHT, e.g. 512x512"))
+    parse().ok_or_else(|| {
+        let names = SIZES.map(|(name, _)| name).join(", ");
+        format!("`{text}` is not WIDTHxHEIGHT (512x512), a number of pixels for both, or one of {names}")
+    })
 }
 
 /// Bytes with a unit, as they were written.
@@ -115,8 +131,19 @@ mod tests {
     use super::*;
 
     #[test]
+    fn sizes_have_names() {
+        let of = |text: &str| picture_size(text).unwrap();
+        assert_eq!([of("1920x1080"), of("full-hd"), of("FHD"), of("1080p")], [(1920, 1080); 4]);
+        assert_eq!(
+            [of("hd"), of("4k"), of("square"), of("300")],
+            [(1280, 720), (3840, 2160), (1024, 1024), (300, 300)]
+        );
+        assert!(picture_size("8k").unwrap_err().contains("full-hd"));
+    }
+
+    #[test]
     fn malformed_numbers_are_usage_errors() {
-        for bad in ["512", "x", "512x", "-1x5", "5x5x5"] {
+        for bad in ["", "x", "512x", "-1x5", "5x5x5", "-5", "1.5", "8k"] {
             assert!(picture_size(bad).is_err(), "{bad}");
         }
         for bad in ["1,2", "1,2,x", "1,2,3,4", "", "-1,2,3"] {

@@ -124,7 +124,7 @@ fn scene(store: &Store, size: PictureSize) -> Result<Scene, Failure> {
         colors.iter().map(|&(t, rgb)| ColorPoint { x: at(t), rgb }).collect(),
         opacities.iter().map(|&(t, opacity)| OpacityPoint { x: at(t), opacity }).collect(),
     )?;
-    let orbit = Orbit { azimuth: 35.0, elevation: 28.0, zoom: 1.25, view_angle: 30.0 };
+    let orbit = Orbit { azimuth: 35.0, elevation: 28.0, zoom: 1.25, ..Orbit::default() };
     let style = Style {
         integration: Integration::Preintegrated(TableSize::default()),
         shading: Some(Phong::default()),

@@ -3,6 +3,7 @@
 use brickcast_volume::regions::code::MAX_DENSITY;
 use brickcast_volume::shown::shown;
 use brickcast_volume::store::{Manifest, QUANTILES, Store};
+use brickcast_volume::transfer_function::default_opacities;
 use brickcast_volume::{Geometry, MergeTree};
 use serde_json::{Value, json};
 
@@ -36,6 +37,8 @@ fn describe(m: &Manifest, store: Option<&Store>) -> Value {
         "directions": g.directions().to_cols_array_2d(),
         "mirrored": g.is_mirrored(),
         "bounds": bounds(g),
+        "center": g.center_world().to_array(),
+        "suggested": { "window": window(m), "isosurface": m.otsu },
         "unit": m.space_unit,
         "type": m.source.voxel_type.name(),
         "voxels": g.voxel_count(),
@@ -89,6 +92,12 @@ fn describe(m: &Manifest, store: Option<&Store>) -> Value {
     out
 }
 
+/// Where the default transfer function rises.
+fn window(m: &Manifest) -> [f64; 2] {
+    let ramp = default_opacities(m.otsu, m.quantile_999);
+    [ramp[0].x, ramp[1].x]
+}
+
 /// The box along x, y, z around the volume, in the order of `--clip`.
 fn bounds(g: &Geometry) -> [f64; 6] {
     let (lo, hi) = g.bounds_world();
@@ -116,9 +125,9 @@ fn text(path: &str, m: &Manifest, value: &Value) -> String {
     if !g.is_straight() {
         let axes = g.directions().to_cols_array_2d().map(|[x, y, z]| format!("({x},{y},{z})"));
         lines.push(format!("  directions {}{}", axes.join(" "), if g.is_mirrored() { ", mirrored" } else { "" }));
-        let [x0, x1, y0, y1, z0, z1] = bounds(g);
-        lines.push(format!("  bounds     {x0} to {x1}, {y0} to {y1}, {z0} to {z1}"));
     }
+    let ([x0, x1, y0, y1, z0, z1], c) = (bounds(g), g.center_world());
+    lines.push(format!("  box        {x0},{y0},{z0} to {x1},{y1},{z1} {unit}, centre {},{},{}", c.x, c.y, c.z));
     lines.extend([
         format!("  values     {} to {}, mean {:.6}", m.min, m.max, m.mean),
         format!(
@@ -150,6 +159,11 @@ fn text(path: &str, m: &Manifest, value: &Value) -> String {
     if let Some(regions) = &m.regions {
         lines.push(format!("  regions    {}", region_words(regions, g.voxel_count()).replacen(" regions", "", 1)));
     }
+    let [lo, hi] = window(m);
+    lines.extend([
+        format!("  try        --window {lo},{hi}, or --isosurface otsu (at {})", m.otsu),
+        "             --up z where z points up, as in a patient (the default is y)".to_owned(),
+    ]);
     for note in value["notes"].as_array().into_iter().flatten().filter_map(Value::as_str) {
         lines.push(format!("  note       {}", shown(note)));
     }

@@ -14,9 +14,8 @@ pub mod transfer_function;
 pub mod verify;
 
 use anyhow::Context as _;
-use clap::CommandFactory as _;
 
-use crate::cli::args::{Cli, Command};
+use crate::cli::args::{self, Command};
 use crate::cli::failure::Failure;
 use crate::cli::invocation::Invocation;
 use crate::cli::say::print;
@@ -43,7 +42,7 @@ pub fn run(invocation: Invocation) -> Result<(), Failure> {
         Command::Tls(args) => tls::run(args, quiet),
         Command::Completions { shell } => {
             let mut script = Vec::new();
-            clap_complete::generate(shell, &mut Cli::command(), "brickcast", &mut script);
+            clap_complete::generate(shell, &mut args::command(), "brickcast", &mut script);
             print(&String::from_utf8_lossy(&script))
         }
     }

@@ -1,5 +1,6 @@
 //! What the scene's words mean: arguments become a [`ScenePlan`], and on a store a [`Scene`].
 
+mod awaited;
 mod camera_file;
 mod default_look;
 mod fit;

@@ -4,7 +4,6 @@ use anyhow::anyhow;
 use brickcast_volume::camera::Camera;
 use brickcast_volume::scene::{Acceleration, Filter, Leap, Look, Quality, Scene, ViewSpec};
 use brickcast_volume::store::Manifest;
-use brickcast_volume::style::Style;
 use brickcast_volume::transfer_function::{TransferFunction, default_opacities};
 use glam::DVec3;
 
@@ -12,7 +11,7 @@ use super::default_look::{self, Chosen};
 use super::fit;
 use super::plan::{AccelerationPlan, CameraPlan, FunctionPlan, LeapPlan, PresetPlan};
 use super::preset_file::Wanted;
-use super::{SceneChoice, ScenePlan, camera_file, light_from, preset_file};
+use super::{SceneChoice, ScenePlan, awaited, camera_file, light_from, preset_file};
 use crate::cli::args::DEFAULT_SEGMENTATION_RANGE;
 use crate::cli::failure::Failure;
 use crate::plan::StoreFacts;
@@ -27,8 +26,9 @@ impl ScenePlan {
     /// Usage for a degenerate camera given by flags; failure for files that cannot be read or parsed.
     pub(crate) fn on(&self, facts: &StoreFacts) -> Result<SceneChoice, Failure> {
         let (store, mut notes) = (&facts.manifest, Vec::new());
-        let style = self.style.clone().above_noise(store.noise);
+        let style = awaited::added(&self.awaited, self.style.clone(), store).above_noise(store.noise);
         let Chosen { function: transfer_function, opacity_unit } = self.function_on(store, &mut notes)?;
+        notes.extend(awaited::told(&self.awaited, store));
         notes.extend(self.missing_regions(store)?);
         notes.extend(light_from::told(&self.style, &style, store));
         let region_transfer_function = match &self.region_function {
@@ -96,7 +96,7 @@ impl ScenePlan {
     fn function_on(&self, store: &Manifest, notes: &mut Vec<String>) -> Result<Chosen, Failure> {
         let function = match &self.function {
             FunctionPlan::File(preset) => self.preset_on(preset, store, notes),
-            FunctionPlan::Default if shows_surfaces(&self.style) => Ok(TransferFunction::nothing()),
+            FunctionPlan::Default if self.shows_surfaces() => Ok(TransferFunction::nothing()),
             FunctionPlan::Default => {
                 let chosen = default_look::chosen(self.look, self.style.mode, store);
                 notes.push(chosen.note(self.opacity_unit));
@@ -109,6 +109,10 @@ impl ScenePlan {
             }
         };
         Ok(Chosen { function: function?, opacity_unit: None })
+    }
+
+    fn shows_surfaces(&self) -> bool {
+        !self.style.surfaces.is_empty() || self.awaited.otsu.is_some()
     }
 
     /// What to tell where something was asked of regions and the store has none. A picture without them is no defect
@@ -130,10 +134,6 @@ impl ScenePlan {
                     --segmentation-range W have some";
         Ok(self.is_leap_named.then(|| note.to_owned()))
     }
-}
-
-fn shows_surfaces(style: &Style) -> bool {
-    !style.surfaces.is_empty()
 }
 
 impl AccelerationPlan {

@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 
 use anyhow::anyhow;
-use brickcast_volume::PictureSize;
 use brickcast_volume::camera::{Orbit, Projection};
 use brickcast_volume::scene::{Filter, Leap, MacrocellEdge, RegionView, Transport};
 use brickcast_volume::style::Style;
 use brickcast_volume::transfer_function::Colormap;
+use brickcast_volume::{PictureSize, Up};
 use glam::DVec3;
 
-use crate::cli::args::{AccelArgs, LookArg, SceneArgs, Unasked};
+use crate::cli::args::{AccelArgs, Awaited, LookArg, SceneArgs, Side, Unasked};
 use crate::cli::failure::Failure;
 
 /// What was asked of a scene; [`ScenePlan::on`] a store it becomes one. No flag is seen from here on.
@@ -27,6 +27,7 @@ pub(crate) struct ScenePlan {
     pub(super) region_view: RegionView,
     /// As asked: light does not yet know of the store's noise.
     pub(super) style: Style,
+    pub(super) awaited: Awaited,
     pub(super) step: f64,
     pub(super) early_termination: f32,
     pub(super) filter: Filter,
@@ -129,6 +130,7 @@ impl SceneArgs {
             opacity_unit: self.opacity_unit,
             region_view: self.accel.view,
             style,
+            awaited: self.style.awaited()?,
             step: self.step,
             early_termination: self.accel.early_termination(self.early_termination),
             filter: self.filter,
@@ -166,7 +168,8 @@ impl SceneArgs {
     fn has_camera(&self) -> bool {
         let angles = [self.azimuth, self.elevation, self.zoom, self.view_angle, self.parallel_scale];
         let points = [self.position, self.focal_point, self.view_up];
-        self.camera.is_some() || angles.iter().any(Option::is_some) || points.iter().any(Option::is_some)
+        let words = self.up.is_some() || self.from.is_some();
+        self.camera.is_some() || words || angles.iter().any(Option::is_some) || points.iter().any(Option::is_some)
     }
 
     fn camera_plan(&self) -> CameraPlan {
@@ -181,7 +184,7 @@ impl SceneArgs {
             Some(parallel_scale) => Projection::Parallel { parallel_scale },
             None => Projection::Perspective { view_angle },
         };
-        let up = self.view_up.map(DVec3::from);
+        let up = self.view_up.map(DVec3::from).or(self.position.and(self.up).map(Up::axis));
         match self.position {
             Some(position) => CameraPlan::Eye {
                 position: position.into(),
@@ -189,17 +192,14 @@ impl SceneArgs {
                 up,
                 projection,
             },
-            None => CameraPlan::Orbit {
-                orbit: Orbit {
-                    azimuth: self.azimuth.unwrap_or(0.0),
-                    elevation: self.elevation.unwrap_or(0.0),
-                    zoom: self.zoom.unwrap_or(1.0),
-                    view_angle,
-                },
-                projection,
-                up,
-            },
+            None => CameraPlan::Orbit { orbit: self.orbit(view_angle), projection, up },
         }
+    }
+
+    fn orbit(&self, view_angle: f64) -> Orbit {
+        let degrees = (self.azimuth.unwrap_or(0.0), self.elevation.unwrap_or(0.0));
+        let (azimuth, elevation) = self.from.map_or(degrees, Side::angles);
+        Orbit { azimuth, elevation, zoom: self.zoom.unwrap_or(1.0), view_angle, up: self.up.unwrap_or_default() }
     }
 
     fn function(&self) -> Result<FunctionPlan, Failure> {

@@ -11,7 +11,7 @@ use super::nodes::NodePlan;
 use super::output_paths::{RenderPaths, real};
 use super::redraw::Redraw;
 use crate::balance::Settings;
-use crate::cli::args::{BalanceArg, CameraPath, OnTheWayArgs, RenderArgs, Unasked};
+use crate::cli::args::{Background, BalanceArg, CameraPath, OnTheWayArgs, RenderArgs, Unasked};
 use crate::cli::failure::Failure;
 use crate::cli::scene::ScenePlan;
 use crate::cli::source::Source;
@@ -70,7 +70,6 @@ impl RenderPlan {
             Some(manifest) => ScenesPlan::Drawn(Redraw::read(manifest, args.check)?),
             None => ScenesPlan::asked(&args)?,
         };
-        let asked = background(args.background)?;
         if !(1..=MAX_FRAMES).contains(&args.frames) {
             return Err(Failure::usage(anyhow!("--frames {}: must lie between 1 and {MAX_FRAMES}", args.frames)));
         }
@@ -93,13 +92,18 @@ impl RenderPlan {
             }),
             None => None,
         };
-        if output.as_ref().is_some_and(|o| o.format == OutputFormat::Exr) && asked.is_some() {
+        let has_color = matches!(args.background, Some(Background::Color(_)));
+        if output.as_ref().is_some_and(|o| o.format == OutputFormat::Exr) && has_color {
             return Err(Failure::usage(anyhow!(
                 "--background: an .exr keeps its alpha; write a .png for a background"
             )));
         }
         check_paths(&args, &scenes, output.as_ref())?;
-        let background = asked.or_else(|| scenes.background());
+        let background = match args.background {
+            Some(Background::Color(color)) => Some(color),
+            Some(Background::None) => None,
+            None => scenes.background(),
+        };
         if let ScenesPlan::Drawn(redraw) = &scenes {
             redraw.check_background(background)?;
         }
@@ -127,16 +131,6 @@ impl RenderPlan {
             Some(output) => format!("rendering {}", output.path.display()),
             None => "comparing".to_owned(),
         }
-    }
-}
-
-/// The colour `--background R,G,B` names.
-fn background(rgb: Option<[f64; 3]>) -> Result<Option<[f32; 3]>, Failure> {
-    match rgb {
-        Some([r, g, b]) if [r, g, b].iter().any(|v| !(0.0..=1.0).contains(v)) => {
-            Err(Failure::usage(anyhow!("--background {r},{g},{b}: channels must lie between 0 and 1")))
-        }
-        other => Ok(other.map(|c| c.map(|v| v as f32))),
     }
 }
 
