@@ -87,7 +87,12 @@ impl Invocation {
         let mut cli = Cli::from_arg_matches(&matches)?;
         let origins = Origins::of(&command, &matches, file.as_ref());
         match &mut cli.command {
-            Command::Render(args) => settle(&mut args.nodes, &origins)?,
+            Command::Render(args) => {
+                settle(&mut args.nodes, &origins)?;
+                args.scene.settle_quality(Some(&mut args.nodes.deadline), &origins);
+            }
+            Command::Bench(args) => args.scene.settle_quality(None, &origins),
+            Command::Balance(args) => args.scene.settle_quality(Some(&mut args.nodes.deadline), &origins),
             Command::Config(args) => settle(&mut args.nodes, &origins)?,
             _ => {}
         }

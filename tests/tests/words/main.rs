@@ -13,6 +13,7 @@ mod field;
 mod interrupts;
 #[cfg(unix)]
 mod project;
+mod quality;
 mod scene_file;
 mod store_care;
 mod store_interop;

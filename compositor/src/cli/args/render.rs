@@ -12,7 +12,7 @@ use super::scene::SceneArgs;
 use super::values::triple;
 
 /// What the manifest of `--scene` says: camera, look and quality.
-const SAID_BY_A_MANIFEST: [&str; 47] = [
+const SAID_BY_A_MANIFEST: [&str; 49] = [
     "size",
     "look",
     "transfer_function",
@@ -31,6 +31,8 @@ const SAID_BY_A_MANIFEST: [&str; 47] = [
     "focal_point",
     "view_up",
     "parallel_scale",
+    "quality",
+    "samples",
     "step",
     "early_termination",
     "exact",

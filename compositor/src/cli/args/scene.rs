@@ -7,6 +7,7 @@ use clap::Args;
 
 use super::accel::AccelArgs;
 use super::look::LookArgs;
+use super::quality::QualityArgs;
 use super::style::StyleArgs;
 use super::values::{pair, picture_size, triple, word};
 
@@ -99,6 +100,8 @@ pub struct SceneArgs {
     /// How pixels travel [default: f16; f32 with --exact]
     #[arg(long, value_parser = word::<Transport>(), help_heading = "Quality")]
     pub transport: Option<Transport>,
+    #[command(flatten)]
+    pub quality: QualityArgs,
     #[command(flatten)]
     pub style: StyleArgs,
     #[command(flatten)]

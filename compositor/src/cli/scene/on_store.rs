@@ -24,7 +24,8 @@ impl ScenePlan {
     /// # Errors
     /// Usage for a degenerate camera given by flags; failure for files that cannot be read or parsed.
     pub(crate) fn on(&self, facts: &StoreFacts) -> Result<SceneChoice, Failure> {
-        let (store, mut notes) = (&facts.manifest, Vec::new());
+        let store = &facts.manifest;
+        let mut notes: Vec<String> = self.quality_note.iter().cloned().collect();
         let style = self.style.clone().above_noise(store.noise);
         let Chosen { function: transfer_function, opacity_unit } = self.function_on(store, &mut notes)?;
         notes.extend(self.missing_regions(store));
@@ -47,6 +48,7 @@ impl ScenePlan {
             filter: self.filter,
             exact: self.exact,
             acceleration: self.acceleration.on(store),
+            samples: self.samples,
         };
         let view = ViewSpec { camera, size: self.size };
         let scene = Scene::new(look, view, quality).map_err(Failure::usage)?;
