@@ -148,7 +148,8 @@ fn prepared(command: ClapCommand, file: Option<&ConfigFile>) -> ClapCommand {
             None => arg,
         }
     };
-    command.mut_args(with_default).mut_subcommands(|inner| inner.mut_args(with_default))
+    let inner = command.mut_args(with_default).mut_subcommands(|inner| inner.mut_args(with_default));
+    inner.mut_subcommand("cache", |cache| cache.mut_subcommands(|inner| inner.mut_args(with_default)))
 }
 
 /// Nodes elsewhere or inside this process: what the command line says of the ones rules out the others, wherever they

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
 mod cache;
+mod cache_command;
 mod cli;
 #[cfg(unix)]
 mod compose;

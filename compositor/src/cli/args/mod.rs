@@ -7,6 +7,7 @@ mod balance;
 mod balance_choice;
 mod bench;
 mod cache;
+mod cache_command;
 mod camera_path;
 mod look;
 mod nodes;
@@ -34,6 +35,7 @@ pub use self::balance::BalanceArgs;
 pub use self::balance_choice::{BalanceArg, BalanceChoice, LoadByArg};
 pub use self::bench::{BenchArgs, TableArg};
 pub use self::cache::CacheArgs;
+pub use self::cache_command::{CacheClearArgs, CacheCommand, CacheCommandArgs, CacheListArgs};
 pub use self::camera_path::CameraPath;
 pub use self::look::{LookArg, LookArgs, Unasked};
 pub use self::nodes::{BackendArg, NodeArgs};
@@ -94,6 +96,8 @@ pub enum Command {
     TransferFunction(TransferFunctionArgs),
     /// Show the settings that hold, and where each came from: flag, environment, configuration file, default
     Config(Box<ConfigArgs>),
+    /// Show and remove inputs that were prepared on the way
+    Cache(CacheCommandArgs),
     /// Make certificates and a token for a cluster
     Tls(TlsArgs),
     /// Print a completion script for a shell
