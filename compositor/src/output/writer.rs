@@ -7,7 +7,9 @@ use brickcast_volume::PictureSize;
 use super::animation::{ApngWriter, check_size, numbered};
 use super::atomic::check_target;
 use super::error::OutputError;
+use super::film::{Container, FilmWriter};
 use super::format::OutputFormat;
+use super::gif::GifWriter;
 use super::limits::MAX_FRAMES;
 use super::{exr, png};
 use crate::picture::Picture;
@@ -18,13 +20,57 @@ pub struct FrameOptions {
     pub frames: u32,
     /// Of an animation; 0.1..=240.
     pub fps: f64,
-    /// Display-referred RGB in 0..=1 that makes PNGs opaque; EXR keeps its alpha.
+    /// Display-referred RGB in 0..=1 behind the frames ([`OutputFormat::background`]).
     pub background: Option<[f32; 3]>,
 }
 
 impl Default for FrameOptions {
     fn default() -> Self {
         Self { frames: 1, fps: 24.0, background: None }
+    }
+}
+
+/// All frames in one file.
+#[derive(Debug)]
+enum Animation {
+    Apng(ApngWriter),
+    Gif(GifWriter),
+    Film(FilmWriter),
+}
+
+impl Animation {
+    /// None where frames are files of their own.
+    fn open(
+        format: OutputFormat,
+        path: &Path,
+        size: PictureSize,
+        o: FrameOptions,
+    ) -> Result<Option<Self>, OutputError> {
+        let opaque = format.background(o.background).unwrap_or_default();
+        let film = |container| Ok(Some(Self::Film(FilmWriter::create(path, container, size, o.fps, opaque)?)));
+        match format {
+            OutputFormat::Png | OutputFormat::Exr => Ok(None),
+            OutputFormat::Apng => Ok(Some(Self::Apng(ApngWriter::create(path, size, o.frames, o.fps, o.background)?))),
+            OutputFormat::Gif => Ok(Some(Self::Gif(GifWriter::create(path, size, o.fps, opaque)?))),
+            OutputFormat::Mp4 => film(Container::Mp4),
+            OutputFormat::Webm => film(Container::Webm),
+        }
+    }
+
+    fn push(&mut self, picture: &Picture) -> Result<(), OutputError> {
+        match self {
+            Self::Apng(writer) => writer.push(picture),
+            Self::Gif(writer) => writer.push(picture),
+            Self::Film(writer) => writer.push(picture),
+        }
+    }
+
+    fn finish(self) -> Result<PathBuf, OutputError> {
+        match self {
+            Self::Apng(writer) => writer.finish(),
+            Self::Gif(writer) => writer.finish(),
+            Self::Film(writer) => writer.finish(),
+        }
     }
 }
 
@@ -37,7 +83,7 @@ pub struct FrameWriter {
     path: PathBuf,
     size: PictureSize,
     options: FrameOptions,
-    animation: Option<ApngWriter>,
+    animation: Option<Animation>,
     pushed: u32,
     written: Vec<PathBuf>,
 }
@@ -57,12 +103,7 @@ impl FrameWriter {
             return Err(OutputError::Frames(options.frames));
         }
         check_target(path)?;
-        let animation = match format {
-            OutputFormat::Apng => {
-                Some(ApngWriter::create(path, size, options.frames, options.fps, options.background)?)
-            }
-            OutputFormat::Png | OutputFormat::Exr => None,
-        };
+        let animation = Animation::open(format, path, size, options)?;
         Ok(Self { format, path: path.to_owned(), size, options, animation, pushed: 0, written: Vec::new() })
     }
 
@@ -80,7 +121,7 @@ impl FrameWriter {
             let path = if want == 1 { self.path.clone() } else { numbered(&self.path, self.pushed, want) };
             self.written.push(match self.format {
                 OutputFormat::Exr => exr::write(&path, picture)?,
-                OutputFormat::Png | OutputFormat::Apng => png::write(&path, picture, self.options.background)?,
+                _ => png::write(&path, picture, self.options.background)?,
             });
         }
         self.pushed += 1;
@@ -127,6 +168,7 @@ mod tests {
             ("a.png", 1, vec!["a.png"]),
             ("a.exr", 1, vec!["a.exr"]),
             ("a.apng", 2, vec!["a.apng"]),
+            ("a.gif", 3, vec!["a.gif"]),
             ("b.png", 2, vec!["b_0000.png", "b_0001.png"]),
             ("b.exr", 3, vec!["b_0000.exr", "b_0001.exr", "b_0002.exr"]),
         ] {

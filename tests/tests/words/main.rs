@@ -10,6 +10,7 @@ mod compose;
 mod config;
 mod default_look;
 mod field;
+mod films;
 #[cfg(target_os = "linux")]
 mod interrupts;
 #[cfg(unix)]

@@ -69,7 +69,7 @@ pub struct RenderArgs {
     /// A store, an input volume, or the name of a store that the nodes know
     #[arg(required_unless_present = "scene")]
     pub path: Option<PathBuf>,
-    /// The picture: .png, .apng (animates --frames) or .exr (premultiplied float)
+    /// The picture: .png or .exr (premultiplied float); or --frames in one file: .apng, .gif, .mp4, .webm (by ffmpeg)
     #[arg(short, long, required_unless_present_any = ["dry_run", "check"])]
     pub output: Option<PathBuf>,
     /// Draw a picture again, from its manifest: camera, look and quality are those in it, and PATH may be left out
@@ -88,7 +88,7 @@ pub struct RenderArgs {
     /// Opaque background (0..1 each); without it the picture keeps its alpha
     #[arg(long, value_name = "R,G,B", value_parser = triple::<f64>, help_heading = "Output")]
     pub background: Option<[f64; 3]>,
-    /// Render a sequence: OUT_0000.png, ... or one .apng
+    /// Render a sequence: OUT_0000.png, ... or one animation
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Output")]
     pub frames: u32,
     /// How the camera moves over the sequence
@@ -97,7 +97,7 @@ pub struct RenderArgs {
     /// Degrees that the sequence turns around the focal point [default: 360]
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, help_heading = "Output")]
     pub orbit: Option<f64>,
-    /// Frames per second of an .apng
+    /// Frames per second of an animation
     #[arg(long, value_name = "N", default_value_t = 25, help_heading = "Output")]
     pub fps: u16,
     /// Times, samples, tiles and bytes as JSON

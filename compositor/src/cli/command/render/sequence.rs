@@ -100,7 +100,7 @@ impl<'a> Files<'a> {
     fn open(plan: &'a RenderPlan, frames: &Frames<'_>) -> Result<Self, Failure> {
         let writer = match &plan.output {
             Some(output) => {
-                let background = plan.background.filter(|_| output.format.uses_background());
+                let background = output.format.background(plan.background);
                 let options = FrameOptions { frames: plan.scenes.count(), fps: output.fps, background };
                 Some(FrameWriter::open(output.format, &output.path, frames.first().view.size, options)?)
             }
@@ -122,7 +122,7 @@ impl<'a> Files<'a> {
         if !output.has_manifest {
             return Ok(());
         }
-        let background = self.plan.background.filter(|_| output.format.uses_background());
+        let background = output.format.background(self.plan.background);
         let origin = Origin { path: self.plan.source.given.as_deref(), background };
         let mut manifest = manifest(session, shown, frame, origin);
         manifest.about.empty = empty_because.is_some();
