@@ -86,12 +86,13 @@ impl Invocation {
         let matches = command.clone().try_get_matches_from(&words)?;
         let mut cli = Cli::from_arg_matches(&matches)?;
         let origins = Origins::of(&command, &matches, file.as_ref());
+        let is_open = |key: &str| origins.get(key) == Origin::Default;
         match &mut cli.command {
             Command::Render(args) => {
                 settle(&mut args.nodes, &origins)?;
-                args.scene.settle_quality(Some(&mut args.nodes.deadline), &origins);
+                args.scene.settle_quality(Some(&mut args.nodes.deadline), &is_open);
             }
-            Command::Bench(args) => args.scene.settle_quality(None, &origins),
+            Command::Bench(args) => args.scene.settle_quality(None, &is_open),
             Command::Balance(args) => args.scene.settle_quality(Some(&mut args.nodes.deadline), &origins),
             Command::Config(args) => settle(&mut args.nodes, &origins)?,
             _ => {}

@@ -8,6 +8,7 @@ pub mod failure;
 pub mod interrupts;
 pub mod invocation;
 pub mod progress;
+mod quality;
 pub(crate) mod say;
 pub mod scene;
 pub mod source;

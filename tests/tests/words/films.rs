@@ -89,7 +89,7 @@ fn frames_go_to_ffmpeg_as_they_are_and_what_it_says_is_told() {
     assert!(said.contains("-video_size 48x36 -framerate 10 ") && said.contains("-f webm"), "{said}");
     // Odd sides are one longer: the last column and row twice.
     let film = std::fs::read(at.join("a.webm")).unwrap();
-    let mut want = Vec::new();
+    let mut want: Vec<u8> = Vec::new();
     for frame in ["f_0000.png", "f_0001.png", "f_0002.png"] {
         let picture = brickcast::output::png::read(&at.join(frame)).unwrap();
         let at = |x: usize, y: usize| picture.frames[0][y.min(34) * 47 + x.min(46)];

@@ -101,7 +101,8 @@ fn missing(what: &[String], cache: &CacheArgs) -> Result<(), Failure> {
     match what.first() {
         None => Ok(()),
         Some(first) => Err(anyhow!(
-            "{first}: nothing in the cache {} has that name or was made of it; brickcast cache list shows what is there",
+            "{first}: nothing in the cache {} has that name or was made of it; brickcast cache list shows what \
+             is there",
             cache.folder().display()
         )
         .into()),

@@ -74,7 +74,8 @@ pub(super) async fn run(args: &BenchArgs) -> Result<(), Failure> {
             path,
             &json!({
                 "brickcast": env!("CARGO_PKG_VERSION"), "table": "lum", "backend": backend, "adapter": adapter,
-                "size": [w, h], "pixel_samples": args.scene.quality.samples.count(), "repeat": args.repeat, "rows": rows,
+                "size": [w, h], "pixel_samples": args.scene.quality.samples.count(),
+                "repeat": args.repeat, "rows": rows,
             }),
         )?;
     }

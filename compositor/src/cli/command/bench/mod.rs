@@ -150,7 +150,8 @@ fn report(args: &BenchArgs, store: &Store, rows: &[Row], adapters: &[serde_json:
             path,
             &json!({
                 "brickcast": env!("CARGO_PKG_VERSION"), "store": store.hash().to_string(), "dims": [d.x, d.y, d.z],
-                "size": [w, h], "pixel_samples": args.scene.quality.samples.count(), "step": args.scene.step, "repeat": args.repeat, "adapters": adapters, "rows": list,
+                "size": [w, h], "pixel_samples": args.scene.quality.samples.count(),
+                "step": args.scene.step, "repeat": args.repeat, "adapters": adapters, "rows": list,
             }),
         )?;
     }
