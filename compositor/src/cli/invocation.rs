@@ -93,7 +93,7 @@ impl Invocation {
                 args.scene.settle_quality(Some(&mut args.nodes.deadline), &is_open);
             }
             Command::Bench(args) => args.scene.settle_quality(None, &is_open),
-            Command::Balance(args) => args.scene.settle_quality(Some(&mut args.nodes.deadline), &origins),
+            Command::Balance(args) => args.scene.settle_quality(Some(&mut args.nodes.deadline), &is_open),
             Command::Config(args) => settle(&mut args.nodes, &origins)?,
             _ => {}
         }
