@@ -25,7 +25,7 @@ fn used() -> MutexGuard<'static, Vec<Lock>> {
 /// How often an entry may vanish between the one who made it and the one who uses it, before that is no accident.
 const MAX_MADE: u32 = 3;
 /// The longest `.key` file that is read, bytes: paths of tens of thousands of data files.
-const MAX_KEY_BYTES: u64 = 64 << 20;
+pub(super) const MAX_KEY_BYTES: u64 = 64 << 20;
 
 /// What an entry is made of and how.
 pub(crate) struct Wanted<'a> {

@@ -6,6 +6,7 @@
 //! are free.
 
 mod entry;
+mod inventory;
 mod key;
 mod lock;
 mod opened;
@@ -13,5 +14,7 @@ mod place;
 mod room;
 
 pub(crate) use entry::Wanted;
+pub(crate) use inventory::Item;
 pub(crate) use key::Key;
 pub(crate) use opened::{Cache, folder};
+pub(crate) use room::Removal;

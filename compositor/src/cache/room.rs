@@ -12,7 +12,17 @@ use super::opened::Cache;
 use crate::words::bytes as shown;
 
 /// Held while entries are counted and removed, so that two do not count on the same room.
-const COUNTING: &str = "brickcast-cache.lock";
+pub(super) const COUNTING: &str = "brickcast-cache.lock";
+
+/// What became of an entry that was to go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Removal {
+    Done,
+    /// It stays: a process that lives makes or uses it.
+    InUse,
+    /// It stays: it holds what is not its own, or the disk refuses.
+    Foreign,
+}
 
 /// An entry as it lies in the folder.
 struct Entry {
@@ -57,7 +67,7 @@ impl Cache {
         Ok(())
     }
 
-    fn counting(&self) -> anyhow::Result<Lock> {
+    pub(super) fn counting(&self) -> anyhow::Result<Lock> {
         let path = self.folder.join(COUNTING);
         let mut wait = Wait::new(format!("another brickcast that makes room in the cache ({})", path.display()));
         loop {
@@ -86,30 +96,42 @@ impl Cache {
         total
     }
 
-    /// False where the entry stays: it is in use, or holds what is not its own.
+    /// False where the entry stays.
     fn remove(&self, entry: &Entry) -> bool {
-        let Ok(Some(lock)) = Lock::alone(&self.lock_path(&entry.name)) else { return false };
         let path = self.store_path(&entry.name);
-        let key = self.key_path(&entry.name);
-        // The key last: without one, nobody would count what is left.
-        let removed = remove_store(&path).is_ok() || !path.exists();
-        if !removed {
-            tracing::warn!(
-                "{} stays in the cache: it cannot be removed, or holds other files than a store's",
-                path.display()
-            );
-            return false;
+        match self.removed(&entry.name) {
+            Removal::InUse => false,
+            Removal::Foreign => {
+                tracing::warn!(
+                    "{} stays in the cache: it cannot be removed, or holds other files than a store's",
+                    path.display()
+                );
+                false
+            }
+            Removal::Done => {
+                let days = entry.used.elapsed().map_or(0, |since| since.as_secs() / 86_400);
+                tracing::warn!(
+                    "removed {} ({}, last used {days} days ago) from the cache, which may hold {} (--cache-size)",
+                    path.display(),
+                    shown(entry.bytes),
+                    self.limit_text
+                );
+                true
+            }
         }
-        let _ = std::fs::remove_file(key);
+    }
+
+    /// Removes an entry with its key and its lock.
+    pub(super) fn removed(&self, name: &str) -> Removal {
+        let Ok(Some(lock)) = Lock::alone(&self.lock_path(name)) else { return Removal::InUse };
+        let path = self.store_path(name);
+        // The key last: without one, nobody would count what is left.
+        if remove_store(&path).is_err() && path.exists() {
+            return Removal::Foreign;
+        }
+        let _ = std::fs::remove_file(self.key_path(name));
         lock.remove();
-        let days = entry.used.elapsed().map_or(0, |since| since.as_secs() / 86_400);
-        tracing::warn!(
-            "removed {} ({}, last used {days} days ago) from the cache, which may hold {} (--cache-size)",
-            path.display(),
-            shown(entry.bytes),
-            self.limit_text
-        );
-        true
+        Removal::Done
     }
 
     /// Entries by their `.key` files: anything else in the folder is not the cache's.
@@ -129,7 +151,7 @@ impl Cache {
     }
 
     /// Files in the folder that end so, by what stands before it.
-    fn named(&self, ending: &str) -> impl Iterator<Item = (String, PathBuf)> {
+    pub(super) fn named(&self, ending: &str) -> impl Iterator<Item = (String, PathBuf)> {
         let files = std::fs::read_dir(&self.folder).into_iter().flatten().flatten();
         files
             .filter_map(move |entry| Some((entry.file_name().to_str()?.strip_suffix(ending)?.to_owned(), entry.path())))

@@ -91,8 +91,14 @@ impl Invocation {
         let matches = command.clone().try_get_matches_from(&words)?;
         let mut cli = Cli::from_arg_matches(&matches)?;
         let origins = Origins::of(&command, &matches, file.as_ref());
+        let is_open = |key: &str| origins.get(key) == Origin::Default;
         match &mut cli.command {
-            Command::Render(args) => settle(&mut args.nodes, &origins)?,
+            Command::Render(args) => {
+                settle(&mut args.nodes, &origins)?;
+                args.scene.settle_quality(Some(&mut args.nodes.deadline), &is_open);
+            }
+            Command::Bench(args) => args.scene.settle_quality(None, &is_open),
+            Command::Balance(args) => args.scene.settle_quality(Some(&mut args.nodes.deadline), &is_open),
             Command::Config(args) => settle(&mut args.nodes, &origins)?,
             _ => {}
         }
@@ -148,7 +154,8 @@ fn prepared(command: ClapCommand, file: Option<&ConfigFile>) -> ClapCommand {
             None => arg,
         }
     };
-    command.mut_args(with_default).mut_subcommands(|inner| inner.mut_args(with_default))
+    let inner = command.mut_args(with_default).mut_subcommands(|inner| inner.mut_args(with_default));
+    inner.mut_subcommand("cache", |cache| cache.mut_subcommands(|inner| inner.mut_args(with_default)))
 }
 
 /// Nodes elsewhere or inside this process: what the command line says of the ones rules out the others, wherever they

@@ -9,6 +9,7 @@ pub mod interrupts;
 pub mod invocation;
 mod meant;
 pub mod progress;
+mod quality;
 pub(crate) mod say;
 pub mod scene;
 pub mod source;

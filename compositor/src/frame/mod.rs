@@ -23,7 +23,7 @@ use tokio::time::Instant;
 
 pub(crate) use self::cost::NodeCost;
 pub use self::error::FrameError;
-pub(crate) use self::finished::Finished;
+pub(crate) use self::finished::{Finished, tiles_of_pixels};
 pub use self::node_frame::{LostNode, NodeFrame};
 pub use self::sink::{FinishedTile, FrameSink};
 pub(crate) use self::worker::workers;

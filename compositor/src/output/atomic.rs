@@ -44,9 +44,14 @@ impl AtomicFile {
         self.0.target()
     }
 
+    /// The same file, for another process.
+    pub(super) fn handle(&self) -> Result<File, OutputError> {
+        self.0.handle().map_err(|e| self.error(e))
+    }
+
     /// A buffered writer over the same file. Flush it before [`AtomicFile::commit`].
     pub(super) fn writer(&self) -> Result<BufWriter<File>, OutputError> {
-        Ok(BufWriter::with_capacity(1 << 16, self.0.handle().map_err(|e| self.error(e))?))
+        Ok(BufWriter::with_capacity(1 << 16, self.handle()?))
     }
 
     pub(super) fn error(&self, error: std::io::Error) -> OutputError {

@@ -75,6 +75,9 @@ impl DrawnFile {
         let kept = match OutputFormat::from_path(path)? {
             OutputFormat::Png | OutputFormat::Apng => Kept::Bytes(png::read(path)?),
             OutputFormat::Exr => Kept::Floats(exr::read(path)?),
+            OutputFormat::Gif | OutputFormat::Mp4 | OutputFormat::Webm => {
+                return Err(OutputError::NotCompared { path: path.to_owned() });
+            }
         };
         Ok(Self { path: path.to_owned(), kept })
     }

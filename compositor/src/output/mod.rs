@@ -1,4 +1,4 @@
-//! Pictures to files: PNG, animated PNG, OpenEXR, and the manifest beside them.
+//! Pictures to files: PNG, animated PNG, OpenEXR, GIF, films, and the manifest beside them.
 //!
 //! Every file is finished or absent: it is written under a temporary name in its own folder and renamed when complete.
 
@@ -6,7 +6,9 @@ pub mod animation;
 mod atomic;
 mod error;
 pub mod exr;
+mod film;
 mod format;
+mod gif;
 mod hatch;
 pub mod likeness;
 mod limits;

@@ -10,7 +10,9 @@ use brickcast_volume::store::remove_leftovers;
 use super::animation::{ApngWriter, Cutter, check_size, numbered};
 use super::atomic::{check_target, folder_of};
 use super::error::OutputError;
+use super::film::{Container, FilmWriter};
 use super::format::OutputFormat;
+use super::gif::GifWriter;
 use super::limits::MAX_FRAMES;
 use super::{exr, png};
 use crate::picture::Picture;
@@ -21,7 +23,7 @@ pub struct FrameOptions {
     pub frames: u32,
     /// Of an animation; 0.1..=240.
     pub fps: f64,
-    /// Display-referred RGB in 0..=1 that makes PNGs opaque; EXR keeps its alpha.
+    /// Display-referred RGB in 0..=1 behind the frames ([`OutputFormat::background`]).
     pub background: Option<[f32; 3]>,
 }
 
@@ -70,6 +72,50 @@ impl Keeper {
     }
 }
 
+/// All frames in one file.
+#[derive(Debug)]
+enum Animation {
+    Apng(ApngWriter),
+    Gif(GifWriter),
+    Film(FilmWriter),
+}
+
+impl Animation {
+    /// None where frames are files of their own.
+    fn open(
+        format: OutputFormat,
+        path: &Path,
+        size: PictureSize,
+        o: FrameOptions,
+    ) -> Result<Option<Self>, OutputError> {
+        let opaque = format.background(o.background).unwrap_or_default();
+        let film = |container| Ok(Some(Self::Film(FilmWriter::create(path, container, size, o.fps, opaque)?)));
+        match format {
+            OutputFormat::Png | OutputFormat::Exr => Ok(None),
+            OutputFormat::Apng => Ok(Some(Self::Apng(ApngWriter::create(path, size, o.frames, o.fps, o.background)?))),
+            OutputFormat::Gif => Ok(Some(Self::Gif(GifWriter::create(path, size, o.fps, opaque)?))),
+            OutputFormat::Mp4 => film(Container::Mp4),
+            OutputFormat::Webm => film(Container::Webm),
+        }
+    }
+
+    fn push(&mut self, picture: &Picture) -> Result<(), OutputError> {
+        match self {
+            Self::Apng(writer) => writer.push(picture),
+            Self::Gif(writer) => writer.push(picture),
+            Self::Film(writer) => writer.push(picture),
+        }
+    }
+
+    fn finish(self) -> Result<PathBuf, OutputError> {
+        match self {
+            Self::Apng(writer) => writer.finish(),
+            Self::Gif(writer) => writer.finish(),
+            Self::Film(writer) => writer.finish(),
+        }
+    }
+}
+
 /// Writes a picture or a sequence: one file, numbered files (`x_0000.png` ...), or one animation.
 ///
 /// A numbered file is complete as soon as its frame is pushed; an animation appears with [`FrameWriter::finish`].
@@ -79,7 +125,7 @@ pub struct FrameWriter {
     path: PathBuf,
     size: PictureSize,
     options: FrameOptions,
-    animation: Option<ApngWriter>,
+    animation: Option<Animation>,
     pushed: u32,
     done: Arc<AtomicU32>,
     written: Vec<PathBuf>,
@@ -102,12 +148,7 @@ impl FrameWriter {
         check_target(path)?;
         // What killed writers of stores left there; those of pictures are looked for with every file.
         remove_leftovers(&folder_of(path));
-        let animation = match format {
-            OutputFormat::Apng => {
-                Some(ApngWriter::create(path, size, options.frames, options.fps, options.background)?)
-            }
-            OutputFormat::Png | OutputFormat::Exr => None,
-        };
+        let animation = Animation::open(format, path, size, options)?;
         Ok(Self {
             format,
             path: path.to_owned(),
@@ -122,8 +163,13 @@ impl FrameWriter {
 
     #[must_use]
     pub fn keeper(&self) -> Keeper {
-        let animation = self.animation.as_ref().map(ApngWriter::cutter);
-        Keeper { animation, path: self.path.clone(), frames: self.options.frames, done: Arc::clone(&self.done) }
+        // A gif or a film that breaks off is removed.
+        let (animation, frames) = match &self.animation {
+            Some(Animation::Apng(writer)) => (Some(writer.cutter()), self.options.frames),
+            Some(Animation::Gif(_) | Animation::Film(_)) => (None, 0),
+            None => (None, self.options.frames),
+        };
+        Keeper { animation, path: self.path.clone(), frames, done: Arc::clone(&self.done) }
     }
 
     /// # Errors
@@ -140,7 +186,7 @@ impl FrameWriter {
             let path = if want == 1 { self.path.clone() } else { numbered(&self.path, self.pushed, want) };
             self.written.push(match self.format {
                 OutputFormat::Exr => exr::write(&path, picture)?,
-                OutputFormat::Png | OutputFormat::Apng => png::write(&path, picture, self.options.background)?,
+                _ => png::write(&path, picture, self.options.background)?,
             });
         }
         self.pushed += 1;
@@ -188,6 +234,7 @@ mod tests {
             ("a.png", 1, vec!["a.png"]),
             ("a.exr", 1, vec!["a.exr"]),
             ("a.apng", 2, vec!["a.apng"]),
+            ("a.gif", 3, vec!["a.gif"]),
             ("b.png", 2, vec!["b_0000.png", "b_0001.png"]),
             ("b.exr", 3, vec!["b_0000.exr", "b_0001.exr", "b_0002.exr"]),
         ] {

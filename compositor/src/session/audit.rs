@@ -7,7 +7,7 @@ use brickcast_volume::regions::ChangeRate;
 use brickcast_volume::scene::{Leap, Scene, Transport};
 use serde::Serialize;
 
-use crate::picture::Picture;
+use crate::picture::{Picture, means};
 use crate::plan::StoreFacts;
 
 /// Two pictures compared, channels premultiplied in 0..=1.
@@ -51,14 +51,15 @@ impl Audit {
     }
 }
 
-/// Per pixel, row-major: the most by which leaping can change it, the sum over the flattened bricks on its ray.
+/// Per pixel, row-major: the most by which leaping can change it, the sum over the flattened bricks on its ray; with
+/// several rays a pixel, their mean. `view` is that of the scene's rays ([`Scene::view_of`]).
 #[must_use]
 pub fn bounds(store: &StoreFacts, scene: &Scene, view: &View) -> Vec<f32> {
-    let size = scene.view.size;
-    let mut sums = vec![0.0_f32; size.pixel_count()];
+    let (size, samples) = (scene.rays(), scene.quality.samples);
     if store.facts.is_none() || scene.quality.acceleration.leap != Leap::Regions {
-        return sums;
+        return vec![0.0; scene.view.size.pixel_count()];
     }
+    let mut sums = vec![0.0_f32; size.pixel_count()];
     let look = LookOn::new(scene, store.bricks(), &NewTables);
     let (kernel, grid) = (view.kernel(), store.manifest.grid);
     for brick in grid.bricks() {
@@ -78,7 +79,8 @@ pub fn bounds(store: &StoreFacts, scene: &Scene, view: &View) -> Vec<f32> {
         }
     }
     sums.iter_mut().for_each(|sum| *sum = sum.min(1.0));
-    sums
+    // What a mean can change is at most the mean of what its rays can.
+    means(bytemuck::cast_slice(&sums), scene.view.size, samples).into_iter().map(|[bound]| bound).collect()
 }
 
 /// What rounding and early termination may add to a bound: two pictures travel in `transport`, and each may stop

@@ -28,7 +28,7 @@ pub use crate::cluster::StoreChoice;
 use self::look::ShownLook;
 use crate::balance::{Demand, Settings};
 use crate::cluster::{Dial, Outlook, Roster};
-use crate::frame::blend::blend;
+use crate::frame::blend::{BlendError, blend};
 use crate::frame::{self, Finished, FrameError, FrameOrder, FrameSink};
 use crate::picture::Picture;
 use crate::plan::{Assignment, InView, StoreFacts};
@@ -45,7 +45,7 @@ pub struct Frame {
     pub complete: bool,
     /// What is missing and why, in words; empty for a complete frame.
     pub problems: Vec<String>,
-    /// Tiles of 64 pixels for which an answer is missing.
+    /// Tiles of 64 pixels of the picture for which an answer is missing, wholly or of some of its rays.
     pub missing_tiles: Vec<[u32; 2]>,
     pub stats: FrameStats,
 }
@@ -236,6 +236,8 @@ impl Session {
     ) -> Result<Frame, SessionError> {
         let cluster = self.cluster.clone();
         let store = cluster.store();
+        // Nodes, tables and tiles are of rays; the picture is made of them at the end.
+        let (seen, scene) = (scene, &scene.by_rays());
         let view = scene.view_of(&store.manifest.geometry)?;
         let roster = cluster.settled();
         let (look, first) = self.plan(scene, &roster);
@@ -253,7 +255,7 @@ impl Session {
         let (roster, table) = divided.as_ref().map_or((&roster, &*first), |d| (&d.roster, &d.table));
         let order =
             FrameOrder { session: self.id, frame, epoch: roster.epoch, store: store.hash, scene, transport, deadline };
-        let finished = Finished::told_to(sink, store, scene, &view);
+        let finished = Finished::told_to(sink, store, seen, &view);
         let workers = frame::workers(roster);
         let end = frame::run(&order, workers, (&look.shown, &in_view), table, cluster.dial(), finished).await?;
         let complete = end.ledger.is_complete();
@@ -265,10 +267,11 @@ impl Session {
         }
         let epoch = roster.epoch;
         let balance = divided.and_then(|d| cluster.learn(d, self.id, scene, &end.costs, clean));
-        let missing_tiles = end.ledger.missing_tiles();
-        let (ledger, tree, from, size) = (end.ledger, store.tree(), view.viewpoint(), scene.view.size);
+        let (size, samples) = (seen.view.size, seen.quality.samples);
+        let missing_tiles = frame::tiles_of_pixels(end.ledger.missing_tiles(), samples);
+        let (ledger, tree, from, rays) = (end.ledger, store.tree(), view.viewpoint(), scene.view.size);
         let coloring = Coloring::new(scene.look.transfer_function.clone(), store.manifest.range);
-        let join = move || blend(&ledger, &tree, from, size, &coloring);
+        let join = move || Ok::<_, BlendError>(blend(&ledger, &tree, from, rays, &coloring)?.averaged(size, samples)?);
         let picture = tokio::task::spawn_blocking(join).await.map_err(FrameError::Task)??;
         let frame_ms = started.elapsed().as_secs_f64() * 1e3;
         let lost = end.lost.into_iter().map(|(_, lost)| lost).collect();

@@ -1,6 +1,6 @@
 //! The scene: camera, transfer function, filter, transport.
 
-use brickcast_volume::scene::{Filter, Look, Quality, Scene, SceneParts, Transport, ViewSpec};
+use brickcast_volume::scene::{Filter, Look, PixelSamples, Quality, Scene, SceneParts, Transport, ViewSpec};
 use brickcast_volume::transfer_function::{ColorPoint, MAX_POINTS, OpacityPoint, TransferFunction};
 use brickcast_volume::{Camera, PictureSize, Projection};
 use glam::DVec3;
@@ -107,13 +107,14 @@ pub(super) fn format_from_wire(format: i32) -> Result<Transport, WireError> {
     }
 }
 
+/// Nodes know nothing of pixels that are means: a ray is a pixel there ([`Scene::by_rays`]).
 impl From<&Scene> for wire::Scene {
     fn from(scene: &Scene) -> Self {
         let SceneParts { look, view, quality } = &**scene;
         Self {
             camera: Some(view.camera.into()),
-            width: view.size.width(),
-            height: view.size.height(),
+            width: scene.rays().width(),
+            height: scene.rays().height(),
             step: quality.step,
             transfer_function: Some((&look.transfer_function).into()),
             opacity_unit: look.opacity_unit,
@@ -149,6 +150,7 @@ impl TryFrom<wire::Scene> for Scene {
             filter: filter_from_wire(scene.filter)?,
             exact: scene.exact,
             acceleration: scene.acceleration.map(TryInto::try_into).transpose()?.unwrap_or_default(),
+            samples: PixelSamples::One,
         };
         Ok(Self::new(look, view, quality)?)
     }

@@ -11,7 +11,7 @@ use brickcast_proto::{
     decode_tile, encode_tile, wire,
 };
 use brickcast_volume::scene::{
-    Acceleration, Filter, Leap, Look, MacrocellEdge, Quality, RegionView, Scene, Transport, ViewSpec,
+    Acceleration, Filter, Leap, Look, MacrocellEdge, PixelSamples, Quality, RegionView, Scene, Transport, ViewSpec,
 };
 use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Lighting, Mode, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
@@ -95,6 +95,7 @@ fn scene(random: &mut Random) -> Scene {
             macrocell: [MacrocellEdge::Four, MacrocellEdge::Eight][random.below(2)],
             leap_tolerance: (random.below(2) == 0).then(|| random.unit() as f32),
         },
+        samples: PixelSamples::One,
     };
     if random.below(4) == 0 {
         quality.filter = Filter::Nearest;

@@ -14,7 +14,9 @@ use brickcast::session::{Cluster, Frame, Session, StoreChoice};
 use brickcast_proto::TileRect;
 use brickcast_tests::turn;
 use brickcast_volume::format::{self, RawHints};
-use brickcast_volume::scene::{Acceleration, Filter, Look, Quality, Scene, SceneParts, Transport, ViewSpec};
+use brickcast_volume::scene::{
+    Acceleration, Filter, Look, PixelSamples, Quality, Scene, SceneParts, Transport, ViewSpec,
+};
 use brickcast_volume::store::{PrepareOptions, Store, prepare};
 use brickcast_volume::style::{Mode, Style};
 use brickcast_volume::transfer_function::{Colormap, TransferFunction};
@@ -221,6 +223,8 @@ async fn a_sink_hears_every_tile_once_and_together_they_are_the_picture() {
     let scenes = [
         (exact.clone(), Transport::F32),
         (exact.with(|s| (s.quality.exact, s.quality.filter) = (false, Filter::Hardware)).unwrap(), Transport::F16),
+        (exact.with(|s| s.quality.samples = PixelSamples::Four).unwrap(), Transport::F32),
+        (exact.with(|s| s.quality.samples = PixelSamples::Nine).unwrap(), Transport::F32),
         (exact.with(|s| s.look.style = maximum).unwrap(), Transport::F32),
     ];
     for (scene, transport) in scenes {

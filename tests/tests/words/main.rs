@@ -3,18 +3,21 @@
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
 mod cache;
+mod cache_command;
 mod cli;
 #[cfg(unix)]
 mod compose;
 mod config;
 mod default_look;
 mod field;
+mod films;
 #[cfg(target_os = "linux")]
 mod interrupts;
 #[cfg(target_os = "linux")]
 mod kept;
 #[cfg(unix)]
 mod project;
+mod quality;
 mod scene_file;
 mod store_care;
 mod store_interop;

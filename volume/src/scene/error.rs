@@ -1,6 +1,8 @@
 //! Why a scene is none.
 
+use super::quality::PixelSamples;
 use crate::style::StyleError;
+use crate::visibility::{MAX_PIXELS, MAX_SIDE};
 
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum SceneError {
@@ -14,6 +16,12 @@ pub enum SceneError {
     MacrocellRange(f32),
     #[error("leap tolerance {0}: must lie in [0, 1]")]
     LeapTolerance(f32),
+    #[error(
+        "a picture of {}x{} with {} samples a pixel is {}x{} rays: both sides may have at most {MAX_SIDE}, and all of \
+         it {MAX_PIXELS}; make it smaller, or take fewer samples",
+        size[0], size[1], samples.count(), rays[0], rays[1]
+    )]
+    Rays { size: [u32; 2], samples: PixelSamples, rays: [u32; 2] },
     #[error(transparent)]
     Style(#[from] StyleError),
 }

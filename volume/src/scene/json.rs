@@ -4,16 +4,17 @@ use glam::DVec3;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::{Map, Value, json};
 
-use super::{Acceleration, Leap, LeapKind, Look, MacrocellEdge, Quality, Scene, ViewSpec};
+use super::{Acceleration, Leap, LeapKind, Look, MacrocellEdge, PixelSamples, Quality, Scene, ViewSpec};
 use crate::json_fields::{FieldError, Fields};
 use crate::style::{Clip, ClipPlane, Integration, IntegrationKind, Isosurface, Phong, Style, TableSize};
 use crate::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use crate::visibility::PictureSize;
 
 /// The fields of a scene.
-pub const SCENE_FIELDS: [&str; 12] = [
+pub const SCENE_FIELDS: [&str; 13] = [
     "camera",
     "size",
+    "samples",
     "step",
     "opacity_unit",
     "early_termination",
@@ -34,6 +35,7 @@ impl Scene {
         let value = json!({
             "camera": view.camera,
             "size": [view.size.width(), view.size.height()],
+            "samples": quality.samples.count(),
             "step": quality.step,
             "opacity_unit": look.opacity_unit,
             "early_termination": quality.early_termination,
@@ -73,6 +75,7 @@ impl Scene {
             filter: fields.get("filter")?,
             exact: fields.get("exact")?,
             acceleration: acceleration_from(&fields.object("acceleration")?)?,
+            samples: samples_from(fields)?,
         };
         let whole =
             |error: super::SceneError| FieldError { field: "the scene:".to_owned(), problem: error.to_string() };
@@ -92,6 +95,12 @@ impl<'de> Deserialize<'de> for Scene {
         let fields = Fields::new("", &map);
         fields.only(&[&SCENE_FIELDS]).and_then(|()| Self::from_json(&fields)).map_err(serde::de::Error::custom)
     }
+}
+
+/// One where it is not told: earlier versions knew of no others.
+fn samples_from(fields: &Fields<'_>) -> Result<PixelSamples, FieldError> {
+    let Some(count) = fields.get_optional("samples")? else { return Ok(PixelSamples::One) };
+    PixelSamples::of_count(count).ok_or_else(|| fields.refused("samples", "1, 4, 9 or 16"))
 }
 
 fn acceleration_to(acceleration: &Acceleration) -> Value {

@@ -10,12 +10,12 @@ use std::ops::Deref;
 
 use crate::camera::Camera;
 use crate::space::Geometry;
-use crate::visibility::{View, ViewError};
+use crate::visibility::{PictureSize, View, ViewError};
 
 pub use self::error::SceneError;
 pub use self::json::SCENE_FIELDS;
 pub use self::look::{Look, RegionView};
-pub use self::quality::{Acceleration, Filter, Leap, LeapKind, MacrocellEdge, Quality, Transport};
+pub use self::quality::{Acceleration, Filter, Leap, LeapKind, MacrocellEdge, PixelSamples, Quality, Transport};
 pub use self::view::ViewSpec;
 pub use crate::words::{UnknownWord, Word, Words};
 
@@ -30,7 +30,11 @@ pub struct SceneParts {
 /// A look, a view of it and a quality that were checked together: there is no other way to a scene than [`Scene::new`].
 /// Its parts are read as fields (`scene.look.style`) and changed by [`Scene::with`], which checks again.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Scene(SceneParts);
+pub struct Scene {
+    parts: SceneParts,
+    /// Of the view's size and the samples of a pixel.
+    rays: PictureSize,
+}
 
 impl Scene {
     /// # Errors
@@ -44,7 +48,7 @@ impl Scene {
     /// # Errors
     /// As [`Scene::new`].
     pub fn with(&self, change: impl FnOnce(&mut SceneParts)) -> Result<Self, SceneError> {
-        let mut parts = self.0.clone();
+        let mut parts = self.parts.clone();
         change(&mut parts);
         parts.try_into()
     }
@@ -52,25 +56,39 @@ impl Scene {
     /// The same seen by another camera, which cannot make a scene wrong.
     #[must_use]
     pub fn seen_by(&self, camera: Camera) -> Self {
-        let mut parts = self.0.clone();
-        parts.view.camera = camera;
-        Self(parts)
+        let mut scene = self.clone();
+        scene.parts.view.camera = camera;
+        scene
     }
 
     /// The same drawn from the volume itself: nothing is leapt through.
     #[must_use]
     pub fn without_leaping(&self) -> Self {
-        let mut parts = self.0.clone();
-        parts.quality.acceleration.leap = Leap::Off;
-        Self(parts)
+        let mut scene = self.clone();
+        scene.parts.quality.acceleration.leap = Leap::Off;
+        scene
     }
 
-    /// The rays through a volume of this geometry.
+    /// How large the picture of its rays is: the view's, times the samples along a pixel's sides.
+    #[must_use]
+    pub fn rays(&self) -> PictureSize {
+        self.rays
+    }
+
+    /// The same with a pixel for each of its rays: what nodes render. What it becomes is averaged.
+    #[must_use]
+    pub fn by_rays(&self) -> Self {
+        let mut scene = self.clone();
+        (scene.parts.view.size, scene.parts.quality.samples) = (self.rays, PixelSamples::One);
+        scene
+    }
+
+    /// The rays through a volume of this geometry, all samples of all pixels.
     ///
     /// # Errors
     /// As [`View::new`].
     pub fn view_of(&self, geometry: &Geometry) -> Result<View, ViewError> {
-        View::new(geometry, &self.0.view.camera, self.0.view.size, self.0.quality.step)
+        View::new(geometry, &self.parts.view.camera, self.rays, self.parts.quality.step)
     }
 
     /// Sample distance, world units.
@@ -88,12 +106,12 @@ impl Scene {
     /// Ghost layers that a brick needs: what its last back sample and its gradients read.
     #[must_use]
     pub fn ghost(&self) -> u32 {
-        self.0.look.style.ghost(self.0.quality.step)
+        self.parts.look.style.ghost(self.parts.quality.step)
     }
 
     #[must_use]
     pub fn into_parts(self) -> SceneParts {
-        self.0
+        self.parts
     }
 }
 
@@ -101,7 +119,7 @@ impl Deref for Scene {
     type Target = SceneParts;
 
     fn deref(&self) -> &SceneParts {
-        &self.0
+        &self.parts
     }
 }
 
@@ -112,6 +130,8 @@ impl TryFrom<SceneParts> for Scene {
         parts.quality.check()?;
         parts.look.check()?;
         parts.look.style.validate_with(parts.quality.filter)?;
-        Ok(Self(parts))
+        let size = parts.view.size;
+        let rays = parts.quality.samples.rays_of(size.width(), size.height())?;
+        Ok(Self { parts, rays })
     }
 }

@@ -2,6 +2,7 @@
 
 use super::error::SceneError;
 use crate::pixel::PixelKind;
+use crate::visibility::PictureSize;
 use crate::words::words;
 
 pub use crate::filter::Filter;
@@ -119,6 +120,53 @@ pub struct Acceleration {
     pub leap_tolerance: Option<f32>,
 }
 
+/// How many rays a pixel is the mean of: a regular square grid of them over its area.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum PixelSamples {
+    #[default]
+    One,
+    Four,
+    Nine,
+    Sixteen,
+}
+
+impl PixelSamples {
+    pub const ALL: [Self; 4] = [Self::One, Self::Four, Self::Nine, Self::Sixteen];
+
+    /// Rays along a side of the pixel.
+    #[must_use]
+    pub const fn side(self) -> u32 {
+        match self {
+            Self::One => 1,
+            Self::Four => 2,
+            Self::Nine => 3,
+            Self::Sixteen => 4,
+        }
+    }
+
+    /// Rays of a pixel.
+    #[must_use]
+    pub const fn count(self) -> u32 {
+        self.side() * self.side()
+    }
+
+    /// So many rays, if that is one of them.
+    #[must_use]
+    pub fn of_count(count: u32) -> Option<Self> {
+        Self::ALL.into_iter().find(|samples| samples.count() == count)
+    }
+
+    /// The picture whose pixels are the rays of one with `width` x `height` pixels.
+    ///
+    /// # Errors
+    /// It is over the limits of a picture.
+    pub fn rays_of(self, width: u32, height: u32) -> Result<PictureSize, SceneError> {
+        let along = |pixels: u32| pixels.saturating_mul(self.side());
+        let rays = [along(width), along(height)];
+        PictureSize::new(rays[0], rays[1]).map_err(|_| SceneError::Rays { size: [width, height], samples: self, rays })
+    }
+}
+
 /// How exactly and how fast a picture is drawn. The default is the command line's, without acceleration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quality {
@@ -130,6 +178,8 @@ pub struct Quality {
     /// One accumulator per chunk, joined at the merge tree's nodes in f32: the same bits for every assignment.
     pub exact: bool,
     pub acceleration: Acceleration,
+    /// Of a pixel, averaged once the rays are joined and coloured.
+    pub samples: PixelSamples,
 }
 
 impl Default for Quality {
@@ -140,6 +190,7 @@ impl Default for Quality {
             filter: Filter::default(),
             exact: false,
             acceleration: Acceleration::default(),
+            samples: PixelSamples::default(),
         }
     }
 }

@@ -26,10 +26,17 @@ impl CacheArgs {
         cache::folder(self.cache_dir.as_deref())
     }
 
+    /// The most bytes that may lie there.
+    ///
+    /// # Errors
+    /// Usage: a size that is none.
+    pub(crate) fn limit(&self) -> Result<u64, Failure> {
+        parse_size(&self.cache_size).map_err(|why| Failure::usage(anyhow!("--cache-size: {why}")))
+    }
+
     /// # Errors
     /// The folder cannot be made, or someone else could put volumes there; usage: a size that is none.
     pub(crate) fn open(&self) -> Result<Cache, Failure> {
-        let limit = parse_size(&self.cache_size).map_err(|why| Failure::usage(anyhow!("--cache-size: {why}")))?;
-        Ok(Cache::open(self.cache_dir.as_deref(), limit, self.cache_size.clone())?)
+        Ok(Cache::open(self.cache_dir.as_deref(), self.limit()?, self.cache_size.clone())?)
     }
 }

@@ -8,6 +8,7 @@ mod balance;
 mod balance_choice;
 mod bench;
 mod cache;
+mod cache_command;
 mod camera_path;
 mod camera_words;
 mod color;
@@ -16,6 +17,7 @@ mod help_pages;
 mod look;
 mod nodes;
 mod on_the_way;
+mod quality;
 mod raw;
 mod region;
 mod render;
@@ -40,6 +42,7 @@ pub use self::balance::BalanceArgs;
 pub use self::balance_choice::{BalanceArg, BalanceChoice, LoadByArg};
 pub use self::bench::{BenchArgs, TableArg};
 pub use self::cache::CacheArgs;
+pub use self::cache_command::{CacheClearArgs, CacheCommand, CacheCommandArgs, CacheListArgs};
 pub use self::camera_path::CameraPath;
 pub use self::camera_words::Side;
 pub use self::color::Background;
@@ -48,6 +51,7 @@ pub use self::help_pages::command;
 pub use self::look::{LookArg, LookArgs, Unasked};
 pub use self::nodes::{BackendArg, NodeArgs};
 pub use self::on_the_way::OnTheWayArgs;
+pub use self::quality::{QualityArg, QualityArgs};
 pub use self::raw::RawArgs;
 pub(crate) use self::region::DEFAULT_SEGMENTATION_RANGE;
 pub use self::region::{RegionArgs, SegmentationArg};
@@ -103,6 +107,8 @@ pub enum Command {
     TransferFunction(TransferFunctionArgs),
     /// Show the settings that hold, and where each came from: flag, environment, configuration file, default
     Config(Box<ConfigArgs>),
+    /// Show and remove inputs that were prepared on the way
+    Cache(CacheCommandArgs),
     /// Make certificates and a token for a cluster
     Tls(TlsArgs),
     /// Print a completion script for a shell

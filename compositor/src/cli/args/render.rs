@@ -12,7 +12,7 @@ use super::on_the_way::OnTheWayArgs;
 use super::scene::SceneArgs;
 
 /// What the manifest of `--scene` says: camera, look and quality.
-const SAID_BY_A_MANIFEST: [&str; 50] = [
+const SAID_BY_A_MANIFEST: [&str; 52] = [
     "size",
     "look",
     "transfer_function",
@@ -33,6 +33,8 @@ const SAID_BY_A_MANIFEST: [&str; 50] = [
     "focal_point",
     "view_up",
     "parallel_scale",
+    "quality",
+    "samples",
     "step",
     "early_termination",
     "exact",
@@ -70,9 +72,9 @@ pub struct RenderArgs {
     /// A store, an input volume, or the name of a store that the nodes know
     #[arg(required_unless_present = "scene")]
     pub path: Option<PathBuf>,
-    /// The picture: .png, .apng (animates --frames) or .exr
+    /// The picture: .png or .exr; with --frames .apng, .gif, .mp4, .webm
     ///
-    /// An .exr holds premultiplied floats.
+    /// An .exr holds premultiplied floats; films (.mp4, .webm) are encoded by ffmpeg.
     #[arg(short, long, required_unless_present_any = ["dry_run", "check"])]
     pub output: Option<PathBuf>,
     /// Draw a picture again, from its manifest: camera, look and quality are those in it, and PATH may be left out
@@ -94,7 +96,7 @@ pub struct RenderArgs {
     /// neutral is #e0e0e0.
     #[arg(long, value_name = "COLOUR", value_parser = background, help_heading = "Output")]
     pub background: Option<Background>,
-    /// Render a sequence: OUT_0000.png, ... or one .apng
+    /// Render a sequence: OUT_0000.png, ... or one animation
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Output")]
     pub frames: u32,
     /// How the camera moves over the sequence
@@ -103,7 +105,7 @@ pub struct RenderArgs {
     /// Degrees that the sequence turns around the focal point [default: 360]
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, help_heading = "Output")]
     pub orbit: Option<f64>,
-    /// Frames per second of an .apng
+    /// Frames per second of an animation
     #[arg(long, value_name = "N", default_value_t = 25, help_heading = "Output")]
     pub fps: u16,
     /// Times, samples, tiles and bytes as JSON

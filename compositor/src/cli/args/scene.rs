@@ -9,6 +9,7 @@ use clap::Args;
 use super::accel::AccelArgs;
 use super::camera_words::Side;
 use super::look::{LookArg, LookArgs, Unasked};
+use super::quality::QualityArgs;
 use super::style::StyleArgs;
 use super::values::{pair, picture_size, triple, word};
 
@@ -113,6 +114,8 @@ pub struct SceneArgs {
     /// How pixels travel [default: f16; f32 with --exact]
     #[arg(long, value_parser = word::<Transport>(), help_heading = "Quality")]
     pub transport: Option<Transport>,
+    #[command(flatten)]
+    pub quality: QualityArgs,
     #[command(flatten)]
     pub style: StyleArgs,
     #[command(flatten)]

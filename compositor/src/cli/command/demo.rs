@@ -31,6 +31,7 @@ const BUDGET: u64 = 1 << 30;
 pub async fn run(args: DemoArgs, quiet: bool) -> Result<(), Failure> {
     let size = PictureSize::new(args.size.0, args.size.1).map_err(Failure::usage)?;
     let format = OutputFormat::from_path(&args.output).map_err(Failure::usage)?;
+    format.check(&args.output)?;
     let opened = phantom_store(&args, quiet)?;
     let store = opened.path().to_path_buf();
     let raycaster = Backend::open(args.backend.choice())?;
@@ -49,7 +50,7 @@ pub async fn run(args: DemoArgs, quiet: bool) -> Result<(), Failure> {
     writer.push(&hatched(&frame.picture, &frame.missing_tiles))?;
     writer.finish()?;
     let path = store.display().to_string();
-    let background = options.background.filter(|_| format.uses_background());
+    let background = format.background(options.background);
     let origin = Origin { path: Some(&path), background };
     let manifest = manifest(&session, (&choice.scene, choice.transport), &frame, origin);
     write_manifest(&args.output, &serde_json::json!(manifest))?;

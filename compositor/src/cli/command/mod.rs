@@ -2,6 +2,7 @@
 
 pub mod balance;
 pub mod bench;
+pub mod cache;
 pub mod config;
 pub mod demo;
 pub mod info;
@@ -39,6 +40,7 @@ pub fn run(invocation: Invocation) -> Result<(), Failure> {
         Command::Bench(args) => blocking(bench::run(*args, quiet)),
         Command::TransferFunction(args) => transfer_function::run(args, quiet),
         Command::Config(args) => config::run(&args, &origins),
+        Command::Cache(args) => cache::run(&args, quiet),
         Command::Tls(args) => tls::run(args, quiet),
         Command::Completions { shell } => {
             let mut script = Vec::new();

@@ -25,7 +25,8 @@ impl ScenePlan {
     /// # Errors
     /// Usage for a degenerate camera given by flags; failure for files that cannot be read or parsed.
     pub(crate) fn on(&self, facts: &StoreFacts) -> Result<SceneChoice, Failure> {
-        let (store, mut notes) = (&facts.manifest, Vec::new());
+        let store = &facts.manifest;
+        let mut notes: Vec<String> = self.quality_note.iter().cloned().collect();
         let style = awaited::added(&self.awaited, self.style.clone(), store).above_noise(store.noise);
         let Chosen { function: transfer_function, opacity_unit } = self.function_on(store, &mut notes)?;
         notes.extend(awaited::told(&self.awaited, store));
@@ -49,6 +50,7 @@ impl ScenePlan {
             filter: self.filter,
             exact: self.exact,
             acceleration: self.acceleration.on(store),
+            samples: self.samples,
         };
         let view = ViewSpec { camera, size: self.size };
         let scene = Scene::new(look, view, quality).map_err(Failure::usage)?;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::anyhow;
 use brickcast_volume::camera::{Orbit, Projection};
-use brickcast_volume::scene::{Filter, Leap, MacrocellEdge, RegionView, Transport};
+use brickcast_volume::scene::{Filter, Leap, MacrocellEdge, PixelSamples, RegionView, Transport};
 use brickcast_volume::style::Style;
 use brickcast_volume::transfer_function::Colormap;
 use brickcast_volume::{PictureSize, Up};
@@ -17,6 +17,9 @@ use crate::cli::failure::Failure;
 #[derive(Debug, Clone)]
 pub(crate) struct ScenePlan {
     pub(super) size: PictureSize,
+    pub(super) samples: PixelSamples,
+    /// What a word for the quality stands for.
+    pub(super) quality_note: Option<String>,
     pub(super) camera: CameraPlan,
     pub(super) function: FunctionPlan,
     /// What the function and the opacity unit are chosen by where nothing was said of them.
@@ -103,6 +106,10 @@ impl SceneArgs {
     /// # Errors
     /// Usage: picture size, step, early termination, opacity, zoom and angles out of range; what does not go together.
     pub(crate) fn plan(&self, unasked: Unasked) -> Result<ScenePlan, Failure> {
+        let samples = self.quality.samples;
+        if samples != PixelSamples::One {
+            samples.rays_of(self.size.0, self.size.1).map_err(Failure::usage)?;
+        }
         let size = PictureSize::new(self.size.0, self.size.1).map_err(Failure::usage)?;
         self.check_numbers()?;
         if self.exact && !matches!(self.transport, None | Some(Transport::F32)) {
@@ -119,6 +126,8 @@ impl SceneArgs {
         let region_function = self.accel.region_transfer_function.as_ref();
         Ok(ScenePlan {
             size,
+            samples,
+            quality_note: self.quality.note(),
             camera: self.camera_plan(),
             function,
             look,

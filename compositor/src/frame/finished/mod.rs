@@ -1,17 +1,19 @@
 //! Which tiles of the picture are finished: told as the frame goes, to whom it concerns.
 //!
 //! A tile is finished when no layer owes an answer for it and nothing in it waits to be ordered: the ledger's
-//! completeness, tile by tile.
+//! completeness, tile by tile. Where pixels are means of several rays, the ledger's tiles are of rays, and a tile of
+//! the picture is made of several of them.
 
 use brickcast_proto::{LayerOrder, TileRect};
-use brickcast_volume::View;
 use brickcast_volume::merge::{MergeTree, Viewpoint};
 use brickcast_volume::pixel::Coloring;
-use brickcast_volume::scene::Scene;
+use brickcast_volume::scene::{PixelSamples, Scene};
+use brickcast_volume::{PictureSize, Premul, View};
 
 use super::blend::blend_tile;
 use super::ledger::Ledger;
-use super::sink::FrameSink;
+use super::sink::{FinishedTile, FrameSink};
+use crate::picture::Picture;
 use crate::plan::StoreFacts;
 
 /// What a listener was told, and what the tiles still wait for.
@@ -20,15 +22,17 @@ pub(crate) struct Finished<'a> {
     tree: MergeTree,
     from: Viewpoint,
     coloring: Coloring,
+    size: PictureSize,
+    samples: PixelSamples,
     all: TileRect,
-    /// Per tile, row-major: answers that are missing of layers that are ordered.
+    /// Per tile of the picture, row-major: answers that are missing of layers that are ordered.
     waits: Vec<u32>,
     told: Vec<bool>,
     finished: u32,
 }
 
 impl<'a> Finished<'a> {
-    /// Nothing where the sink does not listen.
+    /// Nothing where the sink does not listen. `view` is that of the scene's rays.
     pub(crate) fn told_to(sink: &'a mut dyn FrameSink, store: &StoreFacts, scene: &Scene, view: &View) -> Option<Self> {
         let all = TileRect::of_picture(scene.view.size);
         let count = all.count() as usize;
@@ -37,6 +41,8 @@ impl<'a> Finished<'a> {
             tree: store.tree(),
             from: view.viewpoint(),
             coloring: Coloring::new(scene.look.transfer_function.clone(), store.manifest.range),
+            size: scene.view.size,
+            samples: scene.quality.samples,
             all,
             waits: vec![0; count],
             told: vec![false; count],
@@ -57,7 +63,7 @@ impl<'a> Finished<'a> {
     pub(super) fn answered(&mut self, tile: [u32; 2], ledger: &Ledger) {
         let Some(index) = self.index(tile) else { return };
         self.waits[index] = self.waits[index].saturating_sub(1);
-        self.tell(index, tile, ledger);
+        self.tell(index, tile_of_pixels(tile, self.samples), ledger);
     }
 
     /// The ledger, read anew: at the beginning, when tiles that nothing shows in are finished, and where layers became
@@ -78,26 +84,66 @@ impl<'a> Finished<'a> {
         }
     }
 
+    /// Of the picture's tile in which a tile of the ledger lies.
     fn index(&self, tile: [u32; 2]) -> Option<usize> {
-        self.all.linear(tile).map(|index| index as usize)
+        self.all.linear(tile_of_pixels(tile, self.samples)).map(|index| index as usize)
     }
 
     fn is_open(&self, index: usize, tile: [u32; 2], ledger: &Ledger) -> bool {
-        let nobody = || ledger.unordered().iter().any(|(_, open)| open.iter().any(|rect| rect.contains(tile)));
+        let rays = self.rays_of(tile);
+        let nobody = || ledger.unordered().iter().any(|(_, open)| open.iter().any(|rect| rect.meets(&rays)));
         self.waits[index] > 0 || nobody()
+    }
+
+    /// The ledger's tiles that a tile of the picture is made of; some may lie outside it.
+    fn rays_of(&self, tile: [u32; 2]) -> TileRect {
+        let side = self.samples.side();
+        TileRect { lo: tile.map(|t| t * side), hi: tile.map(|t| (t + 1) * side) }
     }
 
     fn tell(&mut self, index: usize, tile: [u32; 2], ledger: &Ledger) {
         if self.told[index] || self.is_open(index, tile, ledger) {
             return;
         }
-        // The frame ends with the same error.
-        let Ok(finished) = blend_tile(ledger, &self.tree, self.from, &self.coloring, tile) else { return };
+        let Some(finished) = self.blended(tile, ledger) else { return };
         self.told[index] = true;
         self.finished += 1;
         self.sink.tile(finished);
         self.sink.progress(self.finished, self.all.count());
     }
+
+    /// Nothing where the frame ends with an error.
+    fn blended(&self, tile: [u32; 2], ledger: &Ledger) -> Option<FinishedTile> {
+        let blend = |tile| blend_tile(ledger, &self.tree, self.from, &self.coloring, tile).ok();
+        if self.samples == PixelSamples::One {
+            return blend(tile);
+        }
+        let pixels = TileRect::tile_pixels(tile, self.size).size();
+        let size = PictureSize::new(pixels.x, pixels.y).ok()?;
+        let rays = self.samples.rays_of(pixels.x, pixels.y).ok()?;
+        let mut picture = Picture::new(rays, vec![Premul::CLEAR; rays.pixel_count()]).ok()?;
+        let (mut shows, part) = (false, self.rays_of(tile));
+        for of_rays in part.tiles() {
+            let FinishedTile { tile: [x, y], pixels } = blend(of_rays)?;
+            shows |= pixels.is_some();
+            FinishedTile { tile: [x - part.lo[0], y - part.lo[1]], pixels }.draw(&mut picture);
+        }
+        let pixels = if shows { Some(picture.averaged(size, self.samples).ok()?.into_pixels()) } else { None };
+        Some(FinishedTile { tile, pixels })
+    }
+}
+
+/// The tile of the picture in which a tile of its rays lies.
+fn tile_of_pixels(tile: [u32; 2], samples: PixelSamples) -> [u32; 2] {
+    tile.map(|t| t / samples.side())
+}
+
+/// As tiles of the picture, each once, what are tiles of its rays.
+pub(crate) fn tiles_of_pixels(tiles: Vec<[u32; 2]>, samples: PixelSamples) -> Vec<[u32; 2]> {
+    let mut tiles: Vec<_> = tiles.into_iter().map(|tile| tile_of_pixels(tile, samples)).collect();
+    tiles.sort_unstable();
+    tiles.dedup();
+    tiles
 }
 
 #[cfg(test)]

@@ -16,6 +16,14 @@ const TWO: Ticket = Ticket(1);
 /// The leaves of two chunks, one beside the other.
 const LEAVES: [TreeNode; 2] = [TreeNode(2), TreeNode(3)];
 
+#[test]
+fn tiles_of_rays_are_told_as_tiles_of_the_picture_each_once() {
+    let tiles = |samples| tiles_of_pixels(vec![[0, 0], [1, 3], [2, 5], [3, 2]], samples);
+    assert_eq!(tiles(PixelSamples::One), [[0, 0], [1, 3], [2, 5], [3, 2]]);
+    assert_eq!(tiles(PixelSamples::Four), [[0, 0], [0, 1], [1, 1], [1, 2]]);
+    assert_eq!(tiles(PixelSamples::Nine), [[0, 0], [0, 1], [1, 0]]);
+}
+
 #[derive(Default)]
 struct Heard(Vec<([u32; 2], Option<f32>)>, Vec<u32>);
 
@@ -51,6 +59,8 @@ fn a_tile_is_told_when_nothing_of_it_is_missing_and_again_where_that_was_void() 
         tree: MergeTree::of(BrickGrid::new(glam::UVec3::new(32, 16, 16), 16).unwrap()),
         from: view.viewpoint(),
         coloring: Coloring::new(function, (0.0, 1.0)),
+        size: view.size(),
+        samples: PixelSamples::One,
         all: TileRect { lo: [0, 0], hi: [3, 2] },
         waits: vec![0; 6],
         told: vec![false; 6],

@@ -77,15 +77,18 @@ fn quality() -> impl Strategy<Value = Quality> {
                 macrocell,
                 leap_tolerance,
             });
-    let filters = [Filter::Hardware, Filter::Exact];
-    (numbers(0.02, 15.9), 0.001..=1.0_f32, proptest::sample::select(filters.to_vec()), any::<bool>(), acceleration)
-        .prop_map(|(step, early_termination, filter, exact, acceleration)| Quality {
+    let filters = proptest::sample::select(vec![Filter::Hardware, Filter::Exact]);
+    let samples = proptest::sample::select(&PixelSamples::ALL[..]);
+    (numbers(0.02, 15.9), 0.001..=1.0_f32, filters, any::<bool>(), acceleration, samples).prop_map(
+        |(step, early_termination, filter, exact, acceleration, samples)| Quality {
             step,
             early_termination,
             filter,
             exact,
             acceleration,
-        })
+            samples,
+        },
+    )
 }
 
 fn scenes() -> impl Strategy<Value = Scene> {
@@ -105,7 +108,7 @@ fn scenes() -> impl Strategy<Value = Scene> {
         proptest::sample::select(views.to_vec()),
         style(),
     );
-    (look, camera, (1..4000_u32, 1..4000_u32), quality()).prop_map(|(look, camera, (width, height), quality)| {
+    (look, camera, (1..2048_u32, 1..2048_u32), quality()).prop_map(|(look, camera, (width, height), quality)| {
         let (transfer_function, region_transfer_function, opacity_unit, region_view, style) = look;
         let is_plain = style.mode == Mode::Composite;
         let look = Look {
@@ -191,6 +194,35 @@ fn spoil(value: &mut Value, random: &mut u64) {
             *other = others[below(random, others.len())].clone();
         }
     }
+}
+
+/// Manifests of earlier versions tell of no samples.
+#[test]
+fn without_samples_a_pixel_has_one_and_rays_are_counted() {
+    let scene = plain();
+    let mut value = Value::Object(scene.to_json());
+    assert_eq!(value["samples"], 1);
+    value.as_object_mut().unwrap().remove("samples");
+    let of = |value: &Value| Scene::from_json(&Fields::of("", value).unwrap());
+    assert_eq!(of(&value), Ok(scene));
+    value["samples"] = json!(9);
+    let nine = of(&value).unwrap();
+    assert_eq!([nine.view.size, nine.rays()].map(|s| [s.width(), s.height()]), [[8, 6], [24, 18]]);
+    assert_eq!(nine.by_rays().view.size, nine.rays());
+    assert_eq!(nine.by_rays().rays(), nine.rays());
+    value["samples"] = json!(5);
+    assert!(of(&value).unwrap_err().to_string().contains("1, 4, 9 or 16"));
+    (value["samples"], value["size"]) = (json!(16), json!([4097, 8]));
+    let error = of(&value).unwrap_err().to_string();
+    assert!(error.contains("4097x8 with 16 samples a pixel is 16388x32 rays"), "{error}");
+}
+
+fn plain() -> Scene {
+    let function = TransferFunction::window(0.0, 1.0, 0.5, crate::transfer_function::Colormap::Viridis).unwrap();
+    let projection = Projection::Perspective { view_angle: 30.0 };
+    let camera = Camera::new(DVec3::Z, DVec3::ZERO, DVec3::Y, projection).unwrap();
+    let view = ViewSpec { camera, size: PictureSize::new(8, 6).unwrap() };
+    Scene::new(Look::new(function, 1.0), view, Quality::default()).unwrap()
 }
 
 #[test]

@@ -67,7 +67,8 @@ pub(super) async fn run(args: &BenchArgs, quiet: bool) -> Result<(), Failure> {
     let rows = measure(args, &opened, &store, budget).await?;
     let (w, h) = args.scene.size;
     tell(&format!(
-        "{backend}: {adapter}\n{w} x {h}, median of {} frames; errors against step 1/64, /255\n{}\n",
+        "{backend}: {adapter}\n{w} x {h}{}, median of {} frames; errors against step 1/64, /255\n{}\n",
+        args.scene.quality.samples_in_words(),
         args.repeat,
         table_of(&rows)
     ))?;
@@ -76,7 +77,8 @@ pub(super) async fn run(args: &BenchArgs, quiet: bool) -> Result<(), Failure> {
             path,
             &json!({
                 "brickcast": env!("CARGO_PKG_VERSION"), "table": "lum", "backend": backend, "adapter": adapter,
-                "size": [w, h], "repeat": args.repeat, "rows": rows,
+                "size": [w, h], "pixel_samples": args.scene.quality.samples.count(),
+                "repeat": args.repeat, "rows": rows,
             }),
         )?;
     }

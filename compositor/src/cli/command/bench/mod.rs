@@ -144,8 +144,12 @@ fn report(args: &BenchArgs, store: &Store, rows: &[Row], adapters: &[serde_json:
     }
     let (w, h) = args.scene.size;
     tell(&format!(
-        "{w} x {h}, step {}, median of {} frames; ratio: {} with {} node = 1\n{table}\n",
-        args.scene.step, args.repeat, base.backend, base.nodes
+        "{w} x {h}{}, step {}, median of {} frames; ratio: {} with {} node = 1\n{table}\n",
+        args.scene.quality.samples_in_words(),
+        args.scene.step,
+        args.repeat,
+        base.backend,
+        base.nodes
     ))?;
     if let Some(path) = &args.json {
         let d = store.manifest().geometry.dims();
@@ -153,7 +157,8 @@ fn report(args: &BenchArgs, store: &Store, rows: &[Row], adapters: &[serde_json:
             path,
             &json!({
                 "brickcast": env!("CARGO_PKG_VERSION"), "store": store.hash().to_string(), "dims": [d.x, d.y, d.z],
-                "size": [w, h], "step": args.scene.step, "repeat": args.repeat, "adapters": adapters, "rows": list,
+                "size": [w, h], "pixel_samples": args.scene.quality.samples.count(),
+                "step": args.scene.step, "repeat": args.repeat, "adapters": adapters, "rows": list,
             }),
         )?;
     }

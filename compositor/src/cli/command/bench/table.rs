@@ -84,7 +84,8 @@ pub(super) async fn run(args: &BenchArgs, which: TableArg, quiet: bool) -> Resul
     }
     let (w, h) = args.scene.size;
     tell(&format!(
-        "{backend}: {adapter}\n{w} x {h}, step {}, median of {} frames; speed-up and difference against none\n{}\n",
+        "{backend}: {adapter}\n{w} x {h}{}, step {}, median of {} frames; speed-up and difference against none\n{}\n",
+        args.scene.quality.samples_in_words(),
         args.scene.step,
         args.repeat,
         table_of(&rows)
@@ -94,7 +95,8 @@ pub(super) async fn run(args: &BenchArgs, which: TableArg, quiet: bool) -> Resul
             path,
             &json!({
                 "brickcast": env!("CARGO_PKG_VERSION"), "table": format!("{which:?}").to_lowercase(), "dims": dims,
-                "backend": backend, "adapter": adapter, "size": [w, h], "step": args.scene.step, "repeat": args.repeat,
+                "backend": backend, "adapter": adapter, "size": [w, h],
+                "pixel_samples": args.scene.quality.samples.count(), "step": args.scene.step, "repeat": args.repeat,
                 "rows": rows,
             }),
         )?;

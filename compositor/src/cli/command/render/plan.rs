@@ -84,12 +84,7 @@ impl RenderPlan {
         }
         let nodes = args.nodes.plan()?;
         let output = match &args.output {
-            Some(path) => Some(OutputPlan {
-                path: path.clone(),
-                format: OutputFormat::from_path(path).map_err(Failure::usage)?,
-                fps: f64::from(args.fps),
-                has_manifest: !args.no_manifest,
-            }),
+            Some(path) => Some(OutputPlan::of(path, &args)?),
             None => None,
         };
         let has_color = matches!(args.background, Some(Background::Color(_)));
@@ -124,6 +119,14 @@ impl RenderPlan {
     }
 }
 
+impl OutputPlan {
+    fn of(path: &Path, args: &RenderArgs) -> Result<Self, Failure> {
+        let format = OutputFormat::from_path(path).map_err(Failure::usage)?;
+        format.check(path)?;
+        Ok(Self { path: path.to_owned(), format, fps: f64::from(args.fps), has_manifest: !args.no_manifest })
+    }
+}
+
 impl RenderPlan {
     /// What is done, for people.
     pub(super) fn words(&self) -> String {
@@ -142,7 +145,7 @@ fn check_paths(args: &RenderArgs, scenes: &ScenesPlan, output: Option<&OutputPla
     let labels = args.prepare.regions.labels.as_deref().map(|path| ("--labels", path));
     let paths = RenderPaths {
         output: output.map(|o| o.path.as_path()),
-        files: if output.is_some_and(|o| o.format == OutputFormat::Apng) { 1 } else { scenes.count() },
+        files: if output.is_some_and(|o| o.format.is_animation()) { 1 } else { scenes.count() },
         has_manifest: !args.no_manifest,
         inputs: volume.into_iter().chain(named).chain(labels).collect(),
     };

@@ -129,7 +129,7 @@ impl<'a> Files<'a> {
     fn open(plan: &'a RenderPlan, frames: &Frames<'_>) -> Result<Self, Failure> {
         let written = match &plan.output {
             Some(output) => {
-                let background = plan.background.filter(|_| output.format.uses_background());
+                let background = output.format.background(plan.background);
                 let options = FrameOptions { frames: plan.scenes.count(), fps: output.fps, background };
                 let writer = FrameWriter::open(output.format, &output.path, frames.first().view.size, options)?;
                 let unended = Unended::new(writer.keeper(), output.has_manifest);
@@ -154,7 +154,7 @@ impl<'a> Files<'a> {
         if !output.has_manifest {
             return Ok(writer.push(&picture)?);
         }
-        let background = self.plan.background.filter(|_| output.format.uses_background());
+        let background = output.format.background(self.plan.background);
         let origin = Origin { path: self.plan.source.given.as_deref(), background };
         let mut manifest = manifest(session, shown, frame, origin);
         manifest.about.empty = empty_because.is_some();
