@@ -1,4 +1,5 @@
-//! The command line of `brickcast-node`: flags, then environment variables, then the configuration file, then defaults.
+//! The command line of `brickcast-node`: flags, then environment variables, then the configuration file, then
+//! defaults.
 
 mod config_file;
 
