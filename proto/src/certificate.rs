@@ -83,7 +83,8 @@ impl Validity {
         let left = until.0 - now.0;
         Ok((left < ENDS_SOON).then(|| {
             format!(
-                "certificate {}: it ends on {until}, in {}; make new ones with `brickcast tls init DIR --force` in time",
+                "certificate {}: it ends on {until}, in {}; make new ones with `brickcast tls init DIR --force` in \
+                 time",
                 path.display(),
                 if left < DAY { "less than a day".to_owned() } else { format!("{} days", left / DAY) },
             )
@@ -91,9 +92,13 @@ impl Validity {
     }
 }
 
-/// The notes and errors of all of them, for whoever goes on with what does not hold.
+/// The notes and errors of all of them, for whoever goes on with what does not hold; of those that end together, as
+/// `brickcast tls init` makes them, the first one's.
+#[must_use]
 pub fn notes(of: &[Validity], now: Moment) -> Vec<String> {
-    of.iter().filter_map(|one| one.check(now).unwrap_or_else(|error| Some(error.to_string()))).collect()
+    let is_first = |&at: &usize| of[..at].iter().all(|other| other.until != of[at].until);
+    let note = |at: usize| of[at].check(now).unwrap_or_else(|error| Some(error.to_string()));
+    (0..of.len()).filter(is_first).filter_map(note).collect()
 }
 
 fn ders(pem: &[u8]) -> Vec<CertificateDer<'static>> {
@@ -193,10 +198,8 @@ mod tests {
         let soon = checked(-DAY, 29 * DAY + 60).unwrap().unwrap();
         assert!(soon.contains("tls/node.pem") && soon.contains("29 days"), "{soon}");
         assert!(checked(-DAY, DAY / 2).unwrap().unwrap().contains("less than a day"));
-        let validities = [(-DAY, 31 * DAY), (-DAY, DAY), (-9 * DAY, -DAY)].map(|(from, until)| Validity {
-            path: "p".into(),
-            from: Moment(NOW.0 + from),
-            until: Moment(NOW.0 + until),
+        let validities = [(-DAY, 31 * DAY), (-DAY, DAY), (-2 * DAY, DAY), (-9 * DAY, -DAY)].map(|(from, until)| {
+            Validity { path: "p".into(), from: Moment(NOW.0 + from), until: Moment(NOW.0 + until) }
         });
         let notes = notes(&validities, NOW);
         assert!(notes.len() == 2 && notes[0].contains("it ends on") && notes[1].contains("it ended on"), "{notes:?}");

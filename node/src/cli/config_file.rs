@@ -135,8 +135,9 @@ mod tests {
 
     #[test]
     fn values_become_words_and_paths_lie_beside_the_file() {
-        let text = "# mine\nlisten = '0.0.0.0:7001'\ndata = 'stores'\ntls = '/run/tls'\ninsecure = true\nthrottle = 1.5\n\
-                    memory_budget = '2GiB'\nverbose = 1\nlog = 'json'\nbackend = 'cpu'\nquiet = false\n";
+        let text = "# mine\nlisten = '0.0.0.0:7001'\ndata = 'stores'\ntls = '/run/tls'\ninsecure = true\n\
+                    throttle = 1.5\nmemory_budget = '2GiB'\nverbose = 1\nlog = 'json'\n\
+                    backend = 'cpu'\nquiet = false\n";
         let settings = parsed(text).unwrap();
         let of = |key: &str| settings.iter().find(|(known, _)| known == key).map(|(_, word)| word.as_str());
         assert_eq!((of("listen"), of("data")), (Some("0.0.0.0:7001"), Some("/etc/b/stores")));

@@ -1,4 +1,5 @@
-//! The command line of `brickcast-node`: flags, then environment variables, then the configuration file, then defaults.
+//! The command line of `brickcast-node`: flags, then environment variables, then the configuration file, then
+//! defaults.
 
 mod config_file;
 
@@ -26,8 +27,8 @@ const SHARED: [(&str, &str); 2] = [("tls", "BRICKCAST_TLS"), ("token_file", "BRI
     name = "brickcast-node",
     version = version::text(),
     after_help = "Prints `listening on ADDR` on stdout when it serves; logs go to stderr.\n\
-                  Every flag but --health is a key of the file that --config names (TOML, _ for -), and has a variable\n\
-                  BRICKCAST_NODE_...; what is nearer counts: flag, variable, file, default.\n\
+                  Every flag but --health is a key of the file that --config names (TOML, _ for -), and has a\n\
+                  variable BRICKCAST_NODE_...; what is nearer counts: flag, variable, file, default.\n\
                   Exit codes: 0 after SIGTERM or ctrl-c, 1 failure, 2 wrong usage."
 )]
 pub(crate) struct Cli {

@@ -47,7 +47,9 @@ pub async fn run(args: NodesArgs) -> Result<(), Failure> {
     } else {
         let mut table = Table::new();
         table.set_header(HEADER);
-        named.clone().for_each(|(address, answer)| drop(table.add_row(row(address, answer, now))));
+        for (address, answer) in named.clone() {
+            table.add_row(row(address, answer, now));
+        }
         let errors: Vec<String> = named.filter_map(|(address, answer)| last_error(address, answer)).collect();
         tell(&format!("{table}\n{}", errors.concat()))?;
     }
@@ -102,7 +104,7 @@ fn row(address: &str, answer: &Answer, now: Moment) -> [String; HEADER.len()] {
         life.frames.map_or_else(String::new, |frames| frames.to_string()),
         life.uptime.map_or_else(String::new, for_people),
         life.certificate_ends.map_or_else(String::new, |ends| match days(ends, now) {
-            ..0 => "ended".to_owned(),
+            ..=-1 => "ended".to_owned(),
             1 => "1 day".to_owned(),
             days => format!("{days} days"),
         }),
