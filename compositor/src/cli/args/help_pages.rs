@@ -24,7 +24,7 @@ const PAGES: [Pages; 3] = [
             "up",
             "azimuth",
             "elevation",
-            "zoom",
+            "quality",
             "window",
             "colormap",
             "isosurface",
