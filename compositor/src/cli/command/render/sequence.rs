@@ -14,7 +14,7 @@ use crate::cli::failure::Failure;
 use crate::cli::progress::Bar;
 use crate::cli::say::{answer, say};
 use crate::cli::scene::nothing_shows::{self, Outlook};
-use crate::output::{Difference, FrameOptions, FrameWriter, OutputFormat, animation_manifest, hatched, write_manifest};
+use crate::output::{Difference, FrameOptions, FrameWriter, animation_manifest, hatched, write_manifest};
 use crate::session::audit::{self, Audit};
 use crate::session::{Frame, FrameStats, LoadStats, Session};
 
@@ -159,7 +159,7 @@ impl<'a> Files<'a> {
         let mut manifest = manifest(session, shown, frame, origin);
         manifest.about.empty = empty_because.is_some();
         manifest.about.empty_because = empty_because.flatten().map(|outlook| outlook.why().to_owned());
-        if output.format == OutputFormat::Apng {
+        if output.format.is_animation() {
             unended.tell(manifest);
             return Ok(writer.push(&picture)?);
         }
