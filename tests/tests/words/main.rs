@@ -22,6 +22,8 @@ mod kept;
 #[cfg(unix)]
 mod project;
 mod quality;
+#[cfg(target_os = "linux")]
+mod readme;
 mod real_volumes;
 mod scene_file;
 mod store_care;
