@@ -65,7 +65,7 @@ fn what_the_demo_names_next_can_be_pasted() {
     let at = folder.path();
     let mut demo = brickcast_command(at);
     demo.args(["demo", "--dims", "64,64,64", "--size", "64x64", "--backend", "cpu"]);
-    let said = String::from_utf8(run(&mut demo).stdout).unwrap();
+    let said = String::from_utf8(run(&mut demo).stderr).unwrap();
     let (_, next) = said.split_once("Next, from this folder:\n").unwrap();
     let lines: Vec<&str> = next.lines().filter_map(|line| line.strip_prefix("  ")).collect();
     assert!(lines.iter().any(|line| line.contains("brickcast-node --listen ")), "{said}");
