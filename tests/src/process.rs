@@ -5,6 +5,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use brickcast_harness::{ignore, leave_out};
+
 /// The folder that holds the built binaries. `cargo test --workspace` builds no binaries of other packages, so the
 /// first caller builds them.
 ///
@@ -209,17 +211,19 @@ impl Drop for NodeProcess {
     }
 }
 
-/// A file of the real volumes beside the project, or `None` (said by name) where they are missing.
-///
-/// # Panics
-/// `BRICKCAST_REQUIRE_ALL` is set and the file is missing.
+/// A file of the real volumes beside the project. Where it is missing, the test is ignored.
 #[must_use]
-pub fn shared_data(name: &str) -> Option<PathBuf> {
+pub fn shared_data(name: &str) -> PathBuf {
+    find_shared_data(name).unwrap_or_else(|why| ignore(why))
+}
+
+/// As [`shared_data`], for tests that try something else, too: where it is missing, the test is ignored in part.
+#[must_use]
+pub fn shared_data_too(name: &str) -> Option<PathBuf> {
+    find_shared_data(name).inspect_err(|why| leave_out(why)).ok()
+}
+
+fn find_shared_data(name: &str) -> Result<PathBuf, String> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared/data").join(name);
-    if path.is_file() {
-        return Some(path);
-    }
-    assert!(std::env::var_os("BRICKCAST_REQUIRE_ALL").is_none(), "{} is missing", path.display());
-    eprintln!("skipped: ../shared/data/{name} is missing");
-    None
+    if path.is_file() { Ok(path) } else { Err(format!("../shared/data/{name} is missing")) }
 }

@@ -2,6 +2,7 @@
 
 use std::sync::{Arc, OnceLock};
 
+use brickcast_harness::{ignore, leave_out};
 use brickcast_node::backend::{self, BackendChoice};
 use brickcast_node::kernel::{BrickInput, Job, JobImage, KernelScene, KernelStyle, Raycaster, ResidentBrick};
 use brickcast_volume::brick::GHOST_SAMPLED;
@@ -52,26 +53,29 @@ fn open(backend: Backend) -> Result<Arc<dyn Raycaster>, String> {
     Ok(raycaster)
 }
 
-/// The kernel of `backend`, opened once per process, or `None`, said by name, where this machine has none.
-///
-/// # Panics
-/// Where there is none although `BRICKCAST_REQUIRE_ALL` is set.
+/// The kernel of `backend`. Where this machine has none, the test is ignored.
 #[must_use]
-pub fn raycaster(backend: Backend, test: &str) -> Option<&'static dyn Raycaster> {
+pub fn raycaster(backend: Backend) -> &'static dyn Raycaster {
+    opened(backend).unwrap_or_else(|why| ignore(format_args!("no {backend:?} kernel: {why}")))
+}
+
+/// The kernels that this machine has. The test is ignored in part where one is missing.
+pub fn raycasters() -> impl Iterator<Item = (Backend, &'static dyn Raycaster)> {
+    Backend::ALL.into_iter().filter_map(|backend| {
+        let opened = opened(backend).inspect_err(|why| leave_out(format_args!("no {backend:?} kernel: {why}")));
+        Some((backend, opened.ok()?))
+    })
+}
+
+/// Opened once per process.
+fn opened(backend: Backend) -> Result<&'static dyn Raycaster, &'static str> {
     static CPU: OnceLock<Result<Arc<dyn Raycaster>, String>> = OnceLock::new();
     static GPU: OnceLock<Result<Arc<dyn Raycaster>, String>> = OnceLock::new();
     let cell = match backend {
         Backend::Cpu => &CPU,
         Backend::Gpu => &GPU,
     };
-    match cell.get_or_init(|| open(backend)) {
-        Ok(raycaster) => Some(raycaster.as_ref()),
-        Err(why) => {
-            assert!(std::env::var_os("BRICKCAST_REQUIRE_ALL").is_none(), "{test}: no {backend:?} kernel: {why}");
-            eprintln!("skipped: {test}, {backend:?}: {why}");
-            None
-        }
-    }
+    cell.get_or_init(|| open(backend)).as_ref().map(AsRef::as_ref).map_err(String::as_str)
 }
 
 /// The stretched codes of `owned` grown by `ghost` layers, clamped at the volume's edge.

@@ -8,7 +8,7 @@ use brickcast::embedded::{Backend, BackendChoice, EmbeddedNodes};
 use brickcast::session::{LoadStats, Session, StoreChoice};
 use brickcast_node::cpu::CpuRaycaster;
 use brickcast_node::{DataRoot, Node, NodeConfig, serve};
-use brickcast_tests::process::shared_data;
+use brickcast_tests::process::shared_data_too;
 use brickcast_tests::turn;
 use brickcast_volume::PictureSize;
 use brickcast_volume::camera::{Camera, Orbit};
@@ -118,7 +118,7 @@ fn cases(folder: &Path) -> Vec<Case> {
     let made = [("ball", ball(folder), true, 0.4), ("phantom", phantom(folder), true, 0.03)];
     let made = made.into_iter().map(|(name, input, small, range)| Case { name, input, small, range });
     let real = [("engine", false), ("walnut_u16", true), ("bonsai", false)].into_iter().filter_map(|(name, small)| {
-        let input = shared_data(&format!("{name}.nrrd"))?;
+        let input = shared_data_too(&format!("{name}.nrrd"))?;
         Some(Case { name, input, small, range: 0.03 })
     });
     made.chain(real).collect()

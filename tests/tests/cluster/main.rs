@@ -4,6 +4,10 @@
 
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
+// Its `#[test]` in place of the compiler's: a test may find out that it can try nothing here.
+#[macro_use]
+extern crate brickcast_harness;
+
 mod balance;
 #[cfg(target_os = "linux")]
 mod cancels;
@@ -20,3 +24,7 @@ mod soak;
 mod stage;
 mod starting;
 mod throttle;
+
+fn main() -> std::process::ExitCode {
+    brickcast_harness::main()
+}

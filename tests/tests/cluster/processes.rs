@@ -31,7 +31,7 @@ fn exr_bits(path: &Path) -> Vec<(String, Vec<u32>)> {
 fn real_volumes_through_two_processes_give_the_bits_of_one() {
     let _turn = turn(module_path!());
     for name in ["engine", "walnut_u16"] {
-        let Some(input) = shared_data(&format!("{name}.nrrd")) else { return };
+        let input = shared_data(&format!("{name}.nrrd"));
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
         brickcast_ok(at, &["prepare", input.to_str().unwrap(), "data.store", "--brick", "32"]);

@@ -112,7 +112,8 @@ impl Stage {
     }
 }
 
-#[tokio::test(flavor = "multi_thread")]
+#[test]
+#[tokio::main(flavor = "multi_thread")]
 async fn sessions_with_other_looks_and_cameras_at_once_get_the_bits_that_each_gets_alone() {
     let _turn = turn(module_path!());
     const FRAMES: usize = 6;
@@ -158,7 +159,8 @@ fn unevenness(frame: &Frame) -> f64 {
 }
 
 /// The half that is full of material is one node's at first; whoever renders, it becomes both's.
-#[tokio::test(flavor = "multi_thread")]
+#[test]
+#[tokio::main(flavor = "multi_thread")]
 async fn what_frames_of_one_session_cost_moves_chunks_for_the_other() {
     let _turn = turn(module_path!());
     const FRAMES: u64 = 25;
@@ -213,7 +215,8 @@ impl FrameSink for Heard {
     }
 }
 
-#[tokio::test(flavor = "multi_thread")]
+#[test]
+#[tokio::main(flavor = "multi_thread")]
 async fn a_sink_hears_every_tile_once_and_together_they_are_the_picture() {
     let _turn = turn(module_path!());
     let stage = Stage::new(3).await;
@@ -264,7 +267,8 @@ async fn with_mortal_node(stage: &Stage) -> (Runtime, EmbeddedNodes, Arc<Cluster
     (runtime, mortal, cluster)
 }
 
-#[tokio::test(flavor = "multi_thread")]
+#[test]
+#[tokio::main(flavor = "multi_thread")]
 async fn a_node_that_dies_in_one_sessions_frame_is_gone_for_the_other() {
     let _turn = turn(module_path!());
     let stage = Stage::new(1).await;
@@ -304,7 +308,8 @@ async fn a_node_that_dies_in_one_sessions_frame_is_gone_for_the_other() {
 
 /// Law 3 of the protocol, of several sessions: the table is another for the frames that begin after the change, and for
 /// no other.
-#[tokio::test(flavor = "multi_thread")]
+#[test]
+#[tokio::main(flavor = "multi_thread")]
 async fn a_frame_ends_with_the_epoch_that_it_began_with() {
     let _turn = turn(module_path!());
     let stage = Stage::new(2).await;
@@ -334,7 +339,8 @@ async fn a_frame_ends_with_the_epoch_that_it_began_with() {
     assert_eq!(render(&mut one, &small).await.stats.faults.epoch, first + 1);
 }
 
-#[tokio::test(flavor = "multi_thread")]
+#[test]
+#[tokio::main(flavor = "multi_thread")]
 async fn a_dropped_frame_ends_on_the_nodes_and_the_next_one_is_right() {
     let _turn = turn(module_path!());
     let stage = Stage::new(2).await;

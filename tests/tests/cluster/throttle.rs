@@ -73,7 +73,8 @@ impl Rig {
 }
 
 /// Compared within each process: work and rest are of one clock's making, so that a busy machine changes nothing.
-#[tokio::test(flavor = "multi_thread")]
+#[test]
+#[tokio::main(flavor = "multi_thread")]
 async fn a_throttled_node_declares_it_and_takes_so_many_times_its_own_work() {
     let _turn = turn(module_path!());
     let folder = tempfile::tempdir().unwrap();
@@ -102,7 +103,8 @@ async fn a_throttled_node_declares_it_and_takes_so_many_times_its_own_work() {
     assert!((1.5..6.0).contains(&ratio), "{ratio}");
 }
 
-#[tokio::test(flavor = "multi_thread")]
+#[test]
+#[tokio::main(flavor = "multi_thread")]
 async fn a_resting_node_ends_cancelled_frames_and_itself_soon() {
     let _turn = turn(module_path!());
     let folder = tempfile::tempdir().unwrap();

@@ -1,20 +1,18 @@
 //! Bodies whose opacity is known in closed form: the referee itself, and the product's kernels, against the formula.
 
 use brickcast_tests::compare::Picture;
-use brickcast_tests::product::{self, Backend};
+use brickcast_tests::product;
 use brickcast_tests::referee::{self, Camera, Lens};
 use brickcast_tests::scenes::{self, Scene};
 use glam::DVec3;
 
 /// The referee's picture and those of the kernels that this machine has.
-fn pictures(scene: &Scene, test: &str) -> Vec<(String, Picture)> {
+fn pictures(scene: &Scene) -> Vec<(String, Picture)> {
     let mut pictures = vec![("referee".to_owned(), referee::render(&scene.truth).picture)];
-    for backend in Backend::ALL {
-        if let Some(raycaster) = product::raycaster(backend, test) {
-            for brick_size in [8, 64] {
-                let (picture, _) = product::load(raycaster, scene, brick_size).render(scene);
-                pictures.push((format!("{backend:?} in bricks of {brick_size}"), picture));
-            }
+    for (backend, raycaster) in product::raycasters() {
+        for brick_size in [8, 64] {
+            let (picture, _) = product::load(raycaster, scene, brick_size).render(scene);
+            pictures.push((format!("{backend:?} in bricks of {brick_size}"), picture));
         }
     }
     pictures
@@ -42,7 +40,7 @@ fn constant_boxes_have_the_opacity_of_their_chord() {
             let mut scene = scenes::constant_box(camera, opacity, step);
             scene.truth.unit = unit;
             let delta = step * 0.5;
-            for (who, picture) in pictures(&scene, "constant boxes") {
+            for (who, picture) in pictures(&scene) {
                 for (i, pixel) in picture.pixels.iter().enumerate() {
                     let what = format!("{who}, {lens:?}, {opacity} per {unit}, step {step}, pixel {i}: {pixel:?}");
                     let ray = camera.ray(i % picture.width, i / picture.width, scene.truth.size);
@@ -79,7 +77,7 @@ fn balls_have_the_opacity_of_their_chord() {
         let scene = scenes::ball(opacity, step);
         // Index space is world space in this scene.
         let center = DVec3::from(scenes::BALL_CENTER);
-        for (who, picture) in pictures(&scene, "balls") {
+        for (who, picture) in pictures(&scene) {
             let (mut judged, mut error) = (0, 0.0);
             for (i, pixel) in picture.pixels.iter().enumerate() {
                 let what = format!("{who}, {opacity}, step {step}, pixel {i}: {pixel:?}");

@@ -72,7 +72,7 @@ fn small(step: f64) -> [Scene; 3] {
 }
 
 fn check_turned(backend: Backend) {
-    let Some(raycaster) = product::raycaster(backend, "turned volumes") else { return };
+    let raycaster = product::raycaster(backend);
     for straight in small(1.0) {
         for (name, directions) in turns() {
             let scene = turned(&straight, name, directions);
@@ -110,7 +110,7 @@ fn turned_volumes_agree_with_the_referee_on_the_gpu() {
 /// world.
 #[test]
 fn all_48_orders_of_storage_give_one_picture() {
-    let Some(raycaster) = product::raycaster(Backend::Cpu, "orders of storage") else { return };
+    let raycaster = product::raycaster(Backend::Cpu);
     for straight in small(1.0) {
         let (_, style) = everything(&straight);
         let [plain, styled] = [Style::default(), style.clone()]

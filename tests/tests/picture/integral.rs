@@ -143,7 +143,7 @@ fn tolerance(backend: Backend, filter: Filter) -> Tolerance {
 }
 
 fn check_all(backend: Backend, step: f64) {
-    let Some(raycaster) = product::raycaster(backend, "styles against the referee") else { return };
+    let raycaster = product::raycaster(backend);
     for scene in scenes_of(step) {
         for Case { name, truth, style, filter } in cases(&scene) {
             let want = render_styled(&scene.truth, &truth);
@@ -190,7 +190,7 @@ fn gpu_styles_agree_at_a_whole_step() {
 /// Functions that no table of evenly spaced entries carries, in a volume of ramps and in one of alloys: sampled, in
 /// slabs, lit in each way.
 fn check_functions(backend: Backend, step: f64, filter: Filter, tolerance: &Tolerance) {
-    let Some(raycaster) = product::raycaster(backend, "functions against the referee") else { return };
+    let raycaster = product::raycaster(backend);
     let mut shown = 0;
     for scene in [scenes::resized(scenes::oblique(step), [40, 32]), scenes::alloys(step)] {
         for (function, transfer) in scenes::functions() {

@@ -19,7 +19,7 @@ fn tolerance(backend: Backend) -> Tolerance {
 /// One backend on all scenes of one step, in all brick sizes: each picture against the referee, and against the same
 /// kernel's picture in the largest bricks.
 fn check_all(backend: Backend, step: f64) {
-    let Some(raycaster) = product::raycaster(backend, "kernel against referee") else { return };
+    let raycaster = product::raycaster(backend);
     let holed = [scenes::oblique(step), scenes::parallel_oblique(step), scenes::eye_inside(step)].map(scenes::holed);
     for scene in scenes::all(step).into_iter().chain(holed) {
         let truth = referee::render(&scene.truth);
@@ -90,8 +90,7 @@ fn gpu_agrees_at_two_steps() {
 /// Cameras, shapes and steps that nobody thought of.
 #[test]
 fn random_scenes_agree() {
-    for backend in Backend::ALL {
-        let Some(raycaster) = product::raycaster(backend, "random scenes") else { continue };
+    for (backend, raycaster) in product::raycasters() {
         let mut seen = 0;
         for seed in 0..90 {
             let scene = scenes::random(seed);
@@ -116,8 +115,7 @@ fn random_scenes_agree() {
 /// that f32 would round to the other side of the volume's faces from the eye.
 #[test]
 fn far_eyes_agree() {
-    for backend in Backend::ALL {
-        let Some(raycaster) = product::raycaster(backend, "far eyes") else { continue };
+    for (backend, raycaster) in product::raycasters() {
         for (view_angle, step) in [(5.0, 0.5), (0.1, 0.5), (0.1, 0.7), (0.03, 0.5), (0.022, 0.7), (0.022, 0.25)] {
             let mut scene = scenes::oblique(step);
             scene.truth.camera = referee::Camera::orbit(&scene.truth.volume, 35.0, 25.0, 1.0, view_angle);
@@ -139,8 +137,7 @@ fn far_eyes_agree() {
 /// and no run's opacity darkens another's.
 #[test]
 fn jobs_of_one_call_are_layers() {
-    for backend in Backend::ALL {
-        let Some(raycaster) = product::raycaster(backend, "jobs as layers") else { continue };
+    for (backend, raycaster) in product::raycasters() {
         for scene in [scenes::oblique(0.5), scenes::eye_inside(0.5), scenes::parallel_oblique(0.5)] {
             let loaded = product::load(raycaster, &scene, 16);
             let (whole, samples) = loaded.render(&scene);
@@ -167,8 +164,7 @@ fn jobs_of_one_call_are_layers() {
 /// The exact filter keeps the maximum bounds for any slope; the hardware's keeps the mean.
 #[test]
 fn steep_transfer_functions_agree_through_either_filter() {
-    for backend in Backend::ALL {
-        let Some(raycaster) = product::raycaster(backend, "steep transfer functions") else { continue };
+    for (backend, raycaster) in product::raycasters() {
         for step in [0.5, 1.0] {
             let scene = scenes::steep(step);
             let truth = referee::render(&scene.truth);
@@ -188,7 +184,7 @@ fn steep_transfer_functions_agree_through_either_filter() {
 /// Directly, not only by way of the referee.
 #[test]
 fn gpu_and_cpu_agree() {
-    let [Some(cpu), Some(gpu)] = Backend::ALL.map(|b| product::raycaster(b, "gpu against cpu")) else { return };
+    let [cpu, gpu] = Backend::ALL.map(product::raycaster);
     for scene in scenes::all(0.5).into_iter().chain(scenes::all(2.0)) {
         let excused = scene.excused(&referee::render(&scene.truth));
         let [(a, _), (b, _)] = [cpu, gpu].map(|raycaster| product::load(raycaster, &scene, 16).render(&scene));
@@ -200,8 +196,7 @@ fn gpu_and_cpu_agree() {
 /// seen.
 #[test]
 fn early_termination_stops_where_it_says() {
-    for backend in Backend::ALL {
-        let Some(raycaster) = product::raycaster(backend, "early termination") else { continue };
+    for (backend, raycaster) in product::raycasters() {
         for threshold in [0.999, 0.5] {
             let mut scene = scenes::oblique(0.5);
             // Opaque enough to reach the threshold.
@@ -230,8 +225,7 @@ fn early_termination_stops_where_it_says() {
 
 #[test]
 fn tiny_and_flat_pictures_agree() {
-    for backend in Backend::ALL {
-        let Some(raycaster) = product::raycaster(backend, "tiny pictures") else { continue };
+    for (backend, raycaster) in product::raycasters() {
         for size in [[1, 1], [17, 5], [1, 33], [65, 2]] {
             let scene = scenes::resized(scenes::oblique(0.5), size);
             let truth = referee::render(&scene.truth);
@@ -246,8 +240,7 @@ fn tiny_and_flat_pictures_agree() {
 /// Clear to the bit, not nearly: layers without content are left out of merging.
 #[test]
 fn a_volume_behind_the_eye_is_clear() {
-    for backend in Backend::ALL {
-        let Some(raycaster) = product::raycaster(backend, "volume behind the eye") else { continue };
+    for (backend, raycaster) in product::raycasters() {
         let scene = scenes::behind_the_eye();
         assert_eq!(referee::render(&scene.truth).samples, 0);
         let (picture, samples) = product::load(raycaster, &scene, 16).render(&scene);
@@ -259,8 +252,7 @@ fn a_volume_behind_the_eye_is_clear() {
 /// A rectangle of the picture holds the very bits of the whole picture: tiles must not show.
 #[test]
 fn parts_of_the_picture_have_the_bits_of_the_whole() {
-    for backend in Backend::ALL {
-        let Some(raycaster) = product::raycaster(backend, "parts of the picture") else { continue };
+    for (backend, raycaster) in product::raycasters() {
         let scene = scenes::oblique(0.5);
         let loaded = product::load(raycaster, &scene, 16);
         let (whole, _) = loaded.render(&scene);

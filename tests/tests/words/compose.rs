@@ -11,7 +11,7 @@ const FRAMES: usize = 60;
 /// one orbit: every frame is complete and has the bits of a single node.
 #[test]
 fn sixty_frames_survive_a_killed_a_paused_and_a_cut_node() {
-    let Some(project) = Project::new("sixty_frames_survive_a_killed_a_paused_and_a_cut_node", "faults") else { return };
+    let project = Project::new("faults");
     let at = project.at();
     brickcast_ok(at, &["phantom", "scans/part.nrrd", "--dims", "96,96,96", "--pores", "5"]);
     run(&mut project.compose(&["up", "-d", "--build", "--scale", "node=3"]));
@@ -103,7 +103,7 @@ fn check_confinement(project: &Project, node: &str) {
 /// Of what needs hardware that is not here, at least the file is read.
 #[test]
 fn the_gpu_file_is_valid() {
-    let Some(project) = Project::new("the_gpu_file_is_valid", "gpu") else { return };
+    let project = Project::new("gpu");
     let files = ["-f", "docker-compose.yml", "-f", "docker-compose.gpu.yml", "config"];
     let text = String::from_utf8(run(&mut project.compose(&files)).stdout).unwrap();
     assert!(text.contains("nvidia") && text.contains("--backend=gpu"), "{text}");

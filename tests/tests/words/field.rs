@@ -5,6 +5,7 @@ use std::process::Command;
 
 use brickcast::embedded::{Backend, BackendChoice};
 use brickcast::output::png;
+use brickcast_harness::leave_out;
 use brickcast_tests::process::{binaries, brickcast};
 
 /// A ball of 40000 in air of 2000, 24^3 voxels of 0.05.
@@ -165,11 +166,7 @@ fn a_quiet_command_is_silent_whatever_drivers_print() {
         command.args(["render", "ball.nrrd", "-o", "q.png", "--size", "16x16", "--window", "50000,60000"]);
         command.args(args).output().unwrap()
     };
-    let has_driver = Backend::open(BackendChoice::Gpu).is_ok();
-    assert!(has_driver || std::env::var_os("BRICKCAST_REQUIRE_ALL").is_none(), "no driver answers");
-    if !has_driver {
-        eprintln!("skipped: a_quiet_command_is_silent_whatever_drivers_print finds no driver");
-    }
+    let has_driver = Backend::open(BackendChoice::Gpu).inspect_err(|error| leave_out(error)).is_ok();
     for backend in [&["--backend", "gpu"][..], &[]].into_iter().skip(usize::from(!has_driver)) {
         let loud = bare(&[], backend);
         let text = String::from_utf8_lossy(&loud.stderr).into_owned();

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use brickcast_harness::not_tried;
 use brickcast_tests::patience::output;
 use brickcast_tests::process::{brickcast_command, brickcast_ok};
 
@@ -65,7 +66,7 @@ fn a_signal_leaves_nothing_half_written_and_what_was_there() {
     ];
     for (number, name) in [(2, "INT"), (15, "TERM"), (1, "HUP")] {
         if is_ignored(number) {
-            eprintln!("SIG{name} is ignored here: not tried");
+            not_tried(format_args!("SIG{name} is ignored here"));
             continue;
         }
         for (writes_in, args) in commands {

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use brickcast::output::png;
+use brickcast_harness::not_tried;
 use brickcast_tests::patience::output;
 use brickcast_tests::process::{NodeProcess, brickcast, brickcast_ok};
 use serde_json::Value;
@@ -35,7 +36,7 @@ fn an_animation_that_a_signal_ends_plays_what_was_done() {
     let render = ["render", "part", "-o", "a.apng", "--frames", "90000", "--size", "32x32", "--backend", "cpu"];
     for (number, name, quiet) in [(2, "INT", false), (15, "TERM", true)] {
         if is_ignored(number) {
-            eprintln!("SIG{name} is ignored here: not tried");
+            not_tried(format_args!("SIG{name} is ignored here"));
             continue;
         }
         // The second finds the first's file, which it does not take away.
@@ -89,6 +90,7 @@ fn numbered_pictures_stay_and_are_counted_after_a_signal_and_after_a_frame_that_
     assert!(said.contains("the 3 of 6 frames that were done stay, from f_0000.png on"), "{said}");
     assert!(at.join("f_0002.png").is_file() && !at.join("f_0004.png").exists());
     if is_ignored(15) {
+        not_tried("SIGTERM is ignored here");
         return;
     }
     let child = writing(at, at, &render("s.png", "9000"));

@@ -2,6 +2,10 @@
 
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
+// Its `#[test]` in place of the compiler's: a test may find out that it can try nothing here.
+#[macro_use]
+extern crate brickcast_harness;
+
 mod cache;
 mod cache_command;
 mod cli;
@@ -18,9 +22,16 @@ mod kept;
 #[cfg(unix)]
 mod project;
 mod quality;
+#[cfg(target_os = "linux")]
+mod readme;
+mod real_volumes;
 mod scene_file;
 mod store_care;
 mod store_interop;
 mod talk;
 mod transfer_function;
 mod values;
+
+fn main() -> std::process::ExitCode {
+    brickcast_harness::main()
+}

@@ -28,8 +28,10 @@ const VOLUME: &str = "brickcast-volume";
 const SHADERS: &str = "brickcast-shaders";
 const PROTO: &str = "brickcast-proto";
 const NODE: &str = "brickcast-node";
+const HARNESS: &str = "brickcast-harness";
+const ATTRIBUTE: &str = "brickcast-harness-attribute";
 
-const LAWS: [Law; 7] = [
+const LAWS: [Law; 9] = [
     Law {
         package: VOLUME,
         ours: Some(&[]),
@@ -37,8 +39,10 @@ const LAWS: [Law; 7] = [
     },
     Law { package: SHADERS, ours: Some(&[VOLUME]), banned: &["wgpu", "tokio", "tonic", "prost"] },
     Law { package: PROTO, ours: Some(&[VOLUME]), banned: &["wgpu", "naga"] },
-    Law { package: NODE, ours: Some(&[VOLUME, SHADERS, PROTO]), banned: &[] },
+    Law { package: NODE, ours: Some(&[VOLUME, SHADERS, PROTO, HARNESS]), banned: &[] },
     Law { package: "brickcast", ours: Some(&[VOLUME, PROTO, NODE]), banned: &["wgpu", "naga"] },
+    Law { package: HARNESS, ours: Some(&[ATTRIBUTE]), banned: &["wgpu", "tokio"] },
+    Law { package: ATTRIBUTE, ours: Some(&[]), banned: &["wgpu", "tokio"] },
     Law { package: "brickcast-tests", ours: None, banned: &[] },
     Law { package: "xtask", ours: None, banned: &[] },
 ];

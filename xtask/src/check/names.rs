@@ -7,8 +7,9 @@ use crate::tree::Tree;
 pub(super) const CHECK: Check = Check {
     name: "names",
     law: "wgpu only in node/src/gpu/, wire types only in proto and service.rs, the node in the compositor only in \
-          embedded.rs",
-    remedy: "convert at the door (proto, service.rs, gpu/, embedded.rs) and pass our own types on",
+          embedded.rs, tokio::test in no program of brickcast-harness, which would never run it",
+    remedy: "convert at the door (proto, service.rs, gpu/, embedded.rs) and pass our own types on; in place of \
+             #[tokio::test], #[test] #[tokio::main]",
     run: |tree| Ok(run(tree)),
 };
 
@@ -20,7 +21,7 @@ struct Law {
     holds_in: fn(&str) -> bool,
 }
 
-const LAWS: [Law; 4] = [
+const LAWS: [Law; 5] = [
     Law {
         what: "wgpu",
         is: |word, _, _| word == "wgpu" || word.starts_with("wgpu_"),
@@ -42,7 +43,15 @@ const LAWS: [Law; 4] = [
         is: |word, _, _| word == "brickcast_shaders",
         holds_in: |path| path.starts_with("compositor/"),
     },
+    Law {
+        what: "tokio::test",
+        is: |word, before, _| word == "test" && before.ends_with("#[tokio::"),
+        holds_in: |path| HARNESSED.iter().any(|program| path.starts_with(program)),
+    },
 ];
+
+/// Programs without the compiler's harness: what its own attribute marks, as tokio's does in the end, is left out of them.
+const HARNESSED: [&str; 4] = ["tests/tests/picture/", "tests/tests/cluster/", "tests/tests/words/", "node/tests/node/"];
 
 /// The module `wire` as part of a path or of a `use` list, not a variable of that name; and prost itself.
 fn is_wire(word: &str, before: &str, behind: &str) -> bool {
@@ -81,6 +90,8 @@ mod tests {
             ("proto/src/convert.rs", "use crate::wire;\nuse prost::Message;"),
             ("compositor/src/embedded.rs", "use brickcast_node::serve;"),
             ("tests/src/lib.rs", "use brickcast_node::x; use brickcast_proto::wire;"),
+            ("tests/tests/door/floods.rs", "#[tokio::test]\nasync fn f() {}"),
+            ("tests/tests/words/cli.rs", "#[test]\n#[tokio::main]\nasync fn f() {}"),
         ] {
             assert_eq!(found(path, text), 0, "{path}");
         }
@@ -93,6 +104,7 @@ mod tests {
             ("node/src/render/mod.rs", "use prost::Message as _;"),
             ("compositor/src/cli/command/render/mod.rs", "brickcast_node::serve();"),
             ("compositor/src/cli/command/bench/mod.rs", "use brickcast_shaders::twin;"),
+            ("tests/tests/cluster/shared.rs", "#[tokio::test(flavor = \"multi_thread\")]\nasync fn f() {}"),
         ] {
             assert_eq!(found(path, text), 1, "{path}: {text}");
         }

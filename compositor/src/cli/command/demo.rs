@@ -14,6 +14,7 @@ use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunc
 
 use crate::cache::{Key, Wanted};
 use crate::cli::args::DemoArgs;
+use crate::cli::command::next;
 use crate::cli::command::render::{Origin, manifest};
 use crate::cli::failure::Failure;
 use crate::cli::progress::Bar;
@@ -66,7 +67,7 @@ pub async fn run(args: DemoArgs, quiet: bool) -> Result<(), Failure> {
         ),
     )?;
     say(quiet, &format!("3. wrote {} ({} x {})\n", args.output.display(), size.width(), size.height()))?;
-    say(quiet, &next(&store))?;
+    say(quiet, &next::lines(&store))?;
     if frame.complete { Ok(()) } else { Err(Failure::Incomplete(frame.problems.join("; "))) }
 }
 
@@ -134,14 +135,4 @@ fn scene(store: &Store, size: PictureSize) -> Result<Scene, Failure> {
     let look = Look { style, ..Look::new(function, m.geometry.min_spacing()) };
     let view = ViewSpec { camera: Camera::orbit(&m.geometry, orbit)?, size };
     Ok(Scene::new(look, view, Quality::default())?)
-}
-
-fn next(store: &Path) -> String {
-    let store = store.display();
-    format!(
-        "Next:\n  brickcast render YOUR_SCAN.nrrd -o scan.png\n  brickcast render {store} -o turn.apng --frames 24 \
-         --colormap viridis\n  brickcast-node --listen 127.0.0.1:7001 --data FOLDER   (one on each machine)\n  \
-         brickcast render {store} -o part.png --nodes 127.0.0.1:7001,127.0.0.1:7002\n  brickcast info {store}\n  \
-         brickcast --help"
-    )
 }

@@ -6,6 +6,7 @@ pub mod cache;
 pub mod config;
 pub mod demo;
 pub mod info;
+mod next;
 pub mod nodes;
 pub mod phantom;
 pub mod prepare;

@@ -11,7 +11,9 @@ use brickcast_volume::store::BrickVoxels;
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction, TransferTable};
 
 use super::labelled::Labelled;
-use super::scene::{BOTH_FILTERS, Resident, VIEWPOINTS, cpu, difference, gpu, most_opaque, open_gpu, render_one};
+use super::scene::{
+    BOTH_FILTERS, Resident, VIEWPOINTS, cpu, difference, gpu, gpu_too, most_opaque, open_gpu, render_one,
+};
 
 const DIMS: [u32; 3] = [40, 30, 20];
 
@@ -141,7 +143,7 @@ fn assert_twins(gpu: &dyn Raycaster, filters: &[Filter]) {
 
 #[test]
 fn accelerated_gpu_and_twin_agree() {
-    let Some(gpu) = gpu("accelerated_gpu_and_twin_agree") else { return };
+    let gpu = gpu();
     assert_twins(gpu, &BOTH_FILTERS);
 }
 
@@ -149,10 +151,7 @@ fn accelerated_gpu_and_twin_agree() {
 #[test]
 fn accelerated_voxels_as_floats_agree() {
     let options = GpuOptions { without_norm16: true, ..GpuOptions::from_env() };
-    let Some(gpu) = open_gpu(options) else {
-        eprintln!("skipped: accelerated_voxels_as_floats_agree: no GPU driver");
-        return;
-    };
+    let gpu = open_gpu(options);
     assert_twins(&gpu, &[Filter::Hardware]);
 }
 
@@ -197,7 +196,7 @@ fn assert_flattened(raycaster: &dyn Raycaster, filters: &[Filter]) {
 #[test]
 fn leaping_is_the_plain_raycast_of_the_flattened_volume() {
     assert_flattened(&cpu(), &[Filter::Exact]);
-    if let Some(gpu) = gpu("leaping_is_the_plain_raycast_of_the_flattened_volume") {
+    if let Some(gpu) = gpu_too() {
         assert_flattened(gpu, &BOTH_FILTERS);
     }
 }
@@ -205,7 +204,7 @@ fn leaping_is_the_plain_raycast_of_the_flattened_volume() {
 #[test]
 fn skipping_changes_nothing() {
     let raycasters: [Option<(&dyn Raycaster, f32)>; 2] =
-        [Some((&cpu(), 0.0)), gpu("skipping_changes_nothing").map(|gpu| (gpu as &dyn Raycaster, 1.0 / 255.0))];
+        [Some((&cpu(), 0.0)), gpu_too().map(|gpu| (gpu as &dyn Raycaster, 1.0 / 255.0))];
     for (raycaster, bound) in raycasters.into_iter().flatten() {
         let mut skipped = 0;
         for volume in &volumes() {
@@ -244,7 +243,7 @@ fn uniform_bricks_need_no_voxels() {
         assert!(mean.bytes() < 200 && voxels.bytes() < 200);
     };
     check(&cpu());
-    if let Some(gpu) = gpu("uniform_bricks_need_no_voxels") {
+    if let Some(gpu) = gpu_too() {
         check(gpu);
     }
 }
@@ -279,14 +278,14 @@ fn maps_follow_the_transfer_function() {
         assert!(difference(&all.pixels, &first.pixels).max > 0.1);
     };
     check(&cpu());
-    if let Some(gpu) = gpu("maps_follow_the_transfer_function") {
+    if let Some(gpu) = gpu_too() {
         check(gpu);
     }
 }
 
 #[test]
 fn everything_warms_up() {
-    let Some(gpu) = gpu("everything_warms_up") else { return };
+    let gpu = gpu();
     for filter in BOTH_FILTERS {
         gpu.warm_up(filter, Features { leap: true, map: true, regions: true, holes: false, integral: None }).unwrap();
         gpu.warm_up(filter, Features { leap: true, map: true, regions: false, holes: false, integral: None }).unwrap();

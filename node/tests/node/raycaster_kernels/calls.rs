@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use brickcast_harness::{ignore, leave_out};
 use brickcast_node::backend::{BackendChoice, open};
 use brickcast_node::cpu::CpuRaycaster;
 use brickcast_node::gpu::{GpuError, GpuOptions, GpuRaycaster};
@@ -55,7 +56,7 @@ fn same_bits(raycaster: &dyn Raycaster, filter: Filter) {
 #[test]
 fn rectangles_and_repeats_change_no_bit() {
     same_bits(&cpu(), Filter::Exact);
-    let Some(gpu) = gpu("rectangles_and_repeats_change_no_bit") else { return };
+    let gpu = gpu();
     BOTH_FILTERS.iter().for_each(|&filter| same_bits(gpu, filter));
 }
 
@@ -79,7 +80,7 @@ fn threads_change_no_bit() {
 #[test]
 fn small_accumulators_change_no_bit() {
     let options = GpuOptions { accumulator_bytes: 1, ..GpuOptions::from_env() };
-    let (Some(gpu), Some(small)) = (gpu("small_accumulators_change_no_bit"), open_gpu(options)) else { return };
+    let (gpu, small) = (gpu(), open_gpu(options));
     let volume = volume();
     // 262,144 bytes at least, 16 a pixel: three bands of the first job.
     let view = VIEWPOINTS[1].view(&volume.geometry, [211, 199], 1.0);
@@ -125,22 +126,42 @@ fn refusals(raycaster: &dyn Raycaster, other: &dyn Raycaster) {
 
 #[test]
 fn bad_calls_are_refused_in_words() {
-    let Some(gpu) = gpu("bad_calls_are_refused_in_words") else { return };
+    let gpu = gpu();
     refusals(&cpu(), gpu);
     refusals(gpu, &cpu());
     // A brick of another device is no less foreign.
-    if let Some(second) = open_gpu(GpuOptions::from_env()) {
-        refusals(gpu, &second);
-    }
+    refusals(gpu, &open_gpu(GpuOptions::from_env()));
 }
 
 #[test]
 fn oversized_bricks_are_refused() {
-    let Some(gpu) = gpu("oversized_bricks_are_refused") else { return };
+    let gpu = gpu();
     let volume = Volume::constant([1 << 17, 1, 1]);
     let owned = OwnedBox { lo: UVec3::ZERO, hi: volume.geometry.dims() };
     let error = gpu.upload(owned, &BrickInput::plain(&volume.cut(owned.stored(1)))).unwrap_err();
     assert!(matches!(error, RaycastError::BrickTooLarge { dims: [131_074, 3, 3], .. }), "{error}");
+}
+
+/// Whatever is called on a lost device is an error that says so, again and again, and never a panic.
+#[test]
+fn a_lost_device_is_an_error() {
+    let gpu = open_gpu(GpuOptions::from_env());
+    let volume = volume();
+    let view = VIEWPOINTS[1].view(&volume.geometry, [16, 16], 1.0);
+    let (scene, job) = (scene(view, 0.999, Filter::Hardware), volume.job(&gpu, &view, 16));
+    let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::ONE };
+    let voxels = volume.cut(owned.stored(1));
+    assert!(gpu.render(&scene, std::slice::from_ref(&job)).is_ok());
+    gpu.lose_device();
+    for _ in 0..2 {
+        for error in [
+            gpu.upload(owned, &BrickInput::plain(&voxels)).map(drop).unwrap_err(),
+            gpu.render(&scene, std::slice::from_ref(&job)).map(drop).unwrap_err(),
+            gpu.warm_up(Filter::Exact, Features::PLAIN).unwrap_err(),
+        ] {
+            assert!(matches!(error, RaycastError::DeviceLost { .. }) && !error.is_retryable(), "{error}");
+        }
+    }
 }
 
 /// A wait has an end: here at once, in the start-up test.
@@ -148,10 +169,10 @@ fn oversized_bricks_are_refused() {
 fn waits_time_out() {
     let options = GpuOptions { timeout: Duration::ZERO, ..GpuOptions::from_env() };
     match GpuRaycaster::new(options) {
-        Err(GpuError::NoAdapter) => eprintln!("skipped: waits_time_out: no GPU driver"),
+        Err(error @ GpuError::NoAdapter) => ignore(error),
         Err(GpuError::StartUp { source: RaycastError::Timeout { .. }, .. }) => {}
         Ok(gpu) if gpu.info().notes.iter().any(|note| note.contains("cannot filter")) => {
-            eprintln!("skipped: waits_time_out: this adapter has no filter to test at start-up");
+            ignore("this adapter has no filter to test at start-up");
         }
         other => panic!("{other:?}"),
     }
@@ -164,7 +185,7 @@ fn an_unknown_adapter_is_named_with_those_found() {
         Err(GpuError::NoSuchAdapter { wanted, found }) => {
             assert!(wanted == "no such adapter" && !found.is_empty());
         }
-        Err(GpuError::NoAdapter) => eprintln!("skipped: an_unknown_adapter_is_named_with_those_found: no GPU driver"),
+        Err(error @ GpuError::NoAdapter) => ignore(error),
         other => panic!("{other:?}"),
     }
 }
@@ -184,7 +205,7 @@ fn the_chosen_backend_opens_and_warms_up() {
             assert_eq!((gpu.info().backend, auto.info().backend), ("gpu", if software { "cpu" } else { "gpu" }));
             assert!(!software || auto.info().notes[0].contains("--backend gpu"), "{:?}", auto.info());
         }
-        Err(why) => eprintln!("skipped: the_chosen_backend_opens_and_warms_up in part: {why}"),
+        Err(why) => leave_out(why),
     }
     for raycaster in [cpu, auto] {
         BOTH_FILTERS.iter().for_each(|&filter| raycaster.warm_up(filter, Features::PLAIN).unwrap());

@@ -12,7 +12,7 @@ use brickcast_volume::{BrickGrid, PixelKind, RawPixel, View};
 use glam::DVec3;
 
 use super::labelled::Labelled;
-use super::scene::{BOTH_FILTERS, Resident, VIEWPOINTS, cpu, difference, gpu, most_opaque, render_one};
+use super::scene::{BOTH_FILTERS, Resident, VIEWPOINTS, cpu, difference, gpu, gpu_too, most_opaque, render_one};
 
 const DIMS: [u32; 3] = [40, 30, 20];
 /// Every kind of view, at steps from a quarter to two voxels.
@@ -184,7 +184,7 @@ const MACRO: Way = Way { leaps: false, skips: true, homogeneous: Some(900) };
 
 #[test]
 fn integral_gpu_and_twin_agree() {
-    let Some(gpu) = gpu("integral_gpu_and_twin_agree") else { return };
+    let gpu = gpu();
     let cpu = cpu();
     let (mut pixels, mut beyond) = (0, 0);
     for volume in &volumes() {
@@ -263,7 +263,7 @@ fn leaping_is_the_integral_of_the_flattened_volume() {
         assert!(leapt > 40_000, "{leapt}");
     };
     check(&cpu(), &[Filter::Exact]);
-    if let Some(gpu) = gpu("leaping_is_the_integral_of_the_flattened_volume") {
+    if let Some(gpu) = gpu_too() {
         check(gpu, &[Filter::Hardware]);
     }
 }
@@ -289,7 +289,7 @@ fn one_brick_or_many_make_one_picture() {
         }
     };
     check(&cpu(), Filter::Exact, 3);
-    if let Some(gpu) = gpu("one_brick_or_many_make_one_picture") {
+    if let Some(gpu) = gpu_too() {
         check(gpu, Filter::Hardware, 1);
     }
 }

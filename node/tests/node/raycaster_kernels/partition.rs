@@ -63,7 +63,7 @@ fn every_sample_has_one_owner_on_the_cpu() {
 
 #[test]
 fn every_sample_has_one_owner_on_the_gpu() {
-    let Some(gpu) = gpu("every_sample_has_one_owner_on_the_gpu") else { return };
+    let gpu = gpu();
     check(gpu, &BOTH_FILTERS);
     check_rounded_faces(gpu, &BOTH_FILTERS);
 }

@@ -5,19 +5,19 @@ use brickcast_volume::scene::Filter;
 use brickcast_volume::{OwnedBox, Premul};
 use glam::UVec3;
 
-use super::scene::{BOTH_FILTERS, VIEWPOINTS, Volume, cpu, flat_table, gpu, render_one, scene};
+use super::scene::{BOTH_FILTERS, VIEWPOINTS, Volume, cpu, flat_table, gpu_too, render_one, scene};
 
 /// On both backends, with all filters of each.
-fn everywhere(test: &str, check: impl Fn(&dyn Raycaster, Filter)) {
+fn everywhere(check: impl Fn(&dyn Raycaster, Filter)) {
     check(&cpu(), Filter::Exact);
-    if let Some(gpu) = gpu(test) {
+    if let Some(gpu) = gpu_too() {
         BOTH_FILTERS.iter().for_each(|&filter| check(gpu, filter));
     }
 }
 
 #[test]
 fn constant_body_has_the_opacity_of_its_samples() {
-    everywhere("constant_body_has_the_opacity_of_its_samples", |raycaster, filter| {
+    everywhere(|raycaster, filter| {
         let volume = Volume::constant([40, 30, 20]);
         for viewpoint in &VIEWPOINTS {
             for (step, opacity) in [(0.25, 0.02), (0.5, 0.1), (1.0, 0.05), (2.0, 0.3)] {
@@ -41,7 +41,7 @@ fn constant_body_has_the_opacity_of_its_samples() {
 /// The chord through the box along its axis is known: so are the samples, the first one at the face included.
 #[test]
 fn samples_are_half_open_along_a_known_chord() {
-    everywhere("samples_are_half_open_along_a_known_chord", |raycaster, filter| {
+    everywhere(|raycaster, filter| {
         let volume = Volume::constant([40, 30, 20]);
         // The eye is 40 voxels in front of z = 20: t from 40 to 60, at multiples of the step.
         for (step, want) in [(0.5, 40), (1.0, 20), (2.0, 10), (3.0, 6), (7.0, 3)] {
@@ -55,7 +55,7 @@ fn samples_are_half_open_along_a_known_chord() {
 /// Two opaque bricks in one job: the first of the list hides the second, whichever it is.
 #[test]
 fn bricks_blend_in_the_jobs_order() {
-    everywhere("bricks_blend_in_the_jobs_order", |raycaster, filter| {
+    everywhere(|raycaster, filter| {
         let volume = Volume::ramps([40, 30, 20], [1.0; 3], [0.0; 3]);
         let view = VIEWPOINTS[0].view(&volume.geometry, [33, 33], 0.5);
         let opaque = KernelScene { early_termination: 0.9, ..scene(view, 0.9, filter) };
@@ -89,7 +89,7 @@ fn bricks_blend_in_the_jobs_order() {
 /// Off means off: opacity one does not stop a ray, and 0.999 changes the picture by less than 1/255.
 #[test]
 fn early_termination_saves_samples_only() {
-    everywhere("early_termination_saves_samples_only", |raycaster, filter| {
+    everywhere(|raycaster, filter| {
         let volume = Volume::constant([40, 30, 20]);
         let view = VIEWPOINTS[1].view(&volume.geometry, [33, 33], 0.5);
         let render = |early_termination, opacity| {

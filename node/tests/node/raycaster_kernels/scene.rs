@@ -2,8 +2,9 @@
 
 use std::sync::{Arc, OnceLock};
 
+use brickcast_harness::{ignore, leave_out};
 use brickcast_node::cpu::CpuRaycaster;
-use brickcast_node::gpu::{GpuOptions, GpuRaycaster};
+use brickcast_node::gpu::{GpuError, GpuOptions, GpuRaycaster};
 use brickcast_node::kernel::{BrickInput, Job, JobImage, KernelScene, Raycaster, ResidentBrick};
 use brickcast_volume::merge::sort_front_to_back;
 use brickcast_volume::scene::Filter;
@@ -188,23 +189,25 @@ pub(crate) fn cpu() -> CpuRaycaster {
     CpuRaycaster::new()
 }
 
-/// One GPU raycaster for all tests, doing by kernels all that there are kernels for; `None` where there is no driver,
-/// unless everything is required.
-pub(crate) fn gpu(test: &str) -> Option<&'static GpuRaycaster> {
-    static GPU: OnceLock<Option<GpuRaycaster>> = OnceLock::new();
-    let gpu = GPU.get_or_init(|| open_gpu(GpuOptions { with_map_kernels: true, ..GpuOptions::from_env() })).as_ref();
-    if gpu.is_none() {
-        eprintln!("skipped: {test}: no GPU driver");
-    }
-    gpu
+/// One GPU raycaster for all tests, doing by kernels all that there are kernels for. Where there is no driver, the test
+/// is ignored.
+pub(crate) fn gpu() -> &'static GpuRaycaster {
+    shared_gpu().as_ref().unwrap_or_else(|error| ignore(error))
 }
 
-pub(crate) fn open_gpu(options: GpuOptions) -> Option<GpuRaycaster> {
-    match GpuRaycaster::new(options) {
-        Ok(gpu) => Some(gpu),
-        Err(error) if std::env::var_os("BRICKCAST_REQUIRE_ALL").is_some() => panic!("{error}"),
-        Err(_) => None,
-    }
+/// As [`gpu`], for tests that try the CPU, too: `None` where there is no driver, and the test is ignored in part.
+pub(crate) fn gpu_too() -> Option<&'static GpuRaycaster> {
+    shared_gpu().as_ref().inspect_err(|why| leave_out(why)).ok()
+}
+
+fn shared_gpu() -> &'static Result<GpuRaycaster, GpuError> {
+    static GPU: OnceLock<Result<GpuRaycaster, GpuError>> = OnceLock::new();
+    GPU.get_or_init(|| GpuRaycaster::new(GpuOptions { with_map_kernels: true, ..GpuOptions::from_env() }))
+}
+
+/// Another one; where there is none, the test is ignored.
+pub(crate) fn open_gpu(options: GpuOptions) -> GpuRaycaster {
+    GpuRaycaster::new(options).unwrap_or_else(|error| ignore(error))
 }
 
 /// How two pictures differ, premultiplied, over all four channels.

@@ -47,13 +47,13 @@ fn assert_rare((pixels, beyond): (usize, usize)) {
 
 #[test]
 fn gpu_and_twin_agree_from_everywhere() {
-    let Some(gpu) = gpu("gpu_and_twin_agree_from_everywhere") else { return };
+    let gpu = gpu();
     assert_rare(compare(gpu, &BOTH_FILTERS, &[[61, 47]], &[0.25, 0.5, 1.0, 2.0]));
 }
 
 #[test]
 fn gpu_and_twin_agree_at_odd_image_sizes() {
-    let Some(gpu) = gpu("gpu_and_twin_agree_at_odd_image_sizes") else { return };
+    let gpu = gpu();
     assert_rare(compare(gpu, &BOTH_FILTERS, &[[1, 1], [17, 5], [2, 31]], &[0.5]));
 }
 
@@ -61,10 +61,7 @@ fn gpu_and_twin_agree_at_odd_image_sizes() {
 #[test]
 fn voxels_as_floats_give_the_same_picture() {
     let options = GpuOptions { without_norm16: true, ..GpuOptions::from_env() };
-    let Some(gpu) = open_gpu(options) else {
-        eprintln!("skipped: voxels_as_floats_give_the_same_picture: no GPU driver");
-        return;
-    };
+    let gpu = open_gpu(options);
     assert!(gpu.info().notes.iter().any(|n| n.contains("16-bit")), "{:?}", gpu.info());
     assert_eq!(gpu.brick_bytes(1000, Recipe::default()), 4000);
     assert_rare(compare(&gpu, &[Filter::Hardware], &[[61, 47]], &[0.5]));
@@ -74,10 +71,7 @@ fn voxels_as_floats_give_the_same_picture() {
 #[test]
 fn half_float_tables_give_the_same_picture() {
     let options = GpuOptions { without_float_table: true, ..GpuOptions::from_env() };
-    let Some(gpu) = open_gpu(options) else {
-        eprintln!("skipped: half_float_tables_give_the_same_picture: no GPU driver");
-        return;
-    };
+    let gpu = open_gpu(options);
     assert_rare(compare(&gpu, &[Filter::Hardware], &[[61, 47]], &[0.5, 1.0]));
 }
 

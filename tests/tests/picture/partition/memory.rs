@@ -27,7 +27,8 @@ fn a_small_memory_budget_changes_no_bit() {
 }
 
 /// What `--dry-run` says a node would hold is what it holds: voxels and ghost layers, and macrocells, a fifth of them.
-#[tokio::test(flavor = "multi_thread")]
+#[test]
+#[tokio::main(flavor = "multi_thread")]
 async fn planned_memory_is_what_nodes_hold() {
     let folder = tempfile::tempdir().unwrap();
     let input = volume_file(folder.path());
