@@ -14,11 +14,11 @@ pub fn test(_: TokenStream, item: TokenStream) -> TokenStream {
 }
 
 fn listed(item: TokenStream) -> Result<TokenStream, &'static str> {
-    let (mut function, mut is_ignored, mut name) = (TokenStream::new(), false, None);
+    let (mut function, mut is_ignored, mut has_runtime, mut name) = (TokenStream::new(), false, false, None);
     let mut tokens = item.into_iter();
     while let Some(token) = tokens.next() {
         match word(&token).as_deref() {
-            Some("async") => return Err("an async test needs a runtime: #[test] #[tokio::main] async fn"),
+            Some("async") if !has_runtime => return Err("an async test needs a runtime: #[test] #[tokio::main] async fn"),
             Some("fn") => {
                 let named = tokens.next().ok_or("a name is expected behind `fn`")?;
                 name = word(&named);
@@ -30,7 +30,9 @@ fn listed(item: TokenStream) -> Result<TokenStream, &'static str> {
         }
         // Attributes before the function: `#` and a group in brackets.
         let attribute = if matches!(&token, TokenTree::Punct(p) if p.as_char() == '#') { tokens.next() } else { None };
-        match attribute.as_ref().and_then(first_word).as_deref() {
+        let attribute_word = attribute.as_ref().and_then(first_word);
+        has_runtime |= attribute_word.as_deref() == Some("tokio");
+        match attribute_word.as_deref() {
             Some("ignore") => is_ignored = true,
             Some("should_panic") => return Err("#[should_panic] is not known here: use catch_unwind"),
             _ => function.extend([token].into_iter().chain(attribute)),
