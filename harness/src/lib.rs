@@ -1,9 +1,9 @@
 //! Test programs that find out while they run what they can test: a driver, Docker, other programs, the sample volumes.
 //!
-//! The standard harness knows only tests that pass and tests that fail, and what is ignored before anything runs. A program whose
-//! `main` is [`main`] has one outcome more: what a test could not try is in its line, `ignored (no GPU driver)`, and in the
-//! summary's `N ignored`. Filters and flags are the usual ones (`libtest-mimic`), and so is what one sees: what tests say goes to
-//! standard error, which is shown for failures only, or always with `--nocapture`.
+//! The standard harness knows only tests that pass and tests that fail, and what is ignored before anything runs. A
+//! program whose `main` is [`main`] has one outcome more: what a test could not try is in its line, `ignored (no GPU
+//! driver)`, and in the summary's `N ignored`. Filters and flags are the usual ones (`libtest-mimic`), and so is what
+//! one sees: what tests say goes to standard error, which is shown for failures only, or always with `--nocapture`.
 //!
 //! Where `BRICKCAST_REQUIRE_ALL` is set, in CI, whatever is missing fails the test.
 

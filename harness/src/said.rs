@@ -1,5 +1,5 @@
-//! What a program's tests, their threads and the programs that they start print to standard error: kept in a file in place of
-//! the terminal, as far as an operating system can tell; who of those at work said it is not known.
+//! What a program's tests, their threads and the programs that they start print to standard error: kept in a file in
+//! place of the terminal, as far as an operating system can tell; who of those at work said it is not known.
 
 use std::fs::File;
 

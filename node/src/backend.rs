@@ -9,8 +9,8 @@ use crate::kernel::Raycaster;
 /// Which backend the user asks for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum BackendChoice {
-    /// A real GPU, or the CPU kernel where there is none, saying why. A driver that renders on the processor is taken only
-    /// as [`BackendChoice::Gpu`]: the CPU kernel is faster than it.
+    /// A real GPU, or the CPU kernel where there is none, saying why. A driver that renders on the processor is taken
+    /// only as [`BackendChoice::Gpu`]: the CPU kernel is faster than it.
     #[default]
     Auto,
     Gpu,

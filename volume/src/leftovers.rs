@@ -1,8 +1,8 @@
 //! What is on the disk and not finished, so that a signal can remove it before the process ends.
 //!
 //! Whoever makes something lists it, and takes it off the list when it is finished or removed. Both happen under one
-//! lock, and [`clear`] takes that lock for good: nothing can be begun or finished behind its back. What is of use before
-//! it is finished is brought to an end first ([`Farewell`]).
+//! lock, and [`clear`] takes that lock for good: nothing can be begun or finished behind its back. What is of use
+//! before it is finished is brought to an end first ([`Farewell`]).
 
 use std::fs;
 use std::io;

@@ -52,8 +52,8 @@ pub fn surveyed(path: &Path, raw: &RawArgs) -> Result<Surveyed, Failure> {
 }
 
 impl OnTheWayArgs {
-    /// With regions, where an input is prepared for a picture of them, asked for by the flag `asked`, and nothing was said
-    /// of how to find them.
+    /// With regions, where an input is prepared for a picture of them, asked for by the flag `asked`, and nothing was
+    /// said of how to find them.
     ///
     /// # Errors
     /// stderr cannot be written.

@@ -17,7 +17,8 @@ pub struct Audit {
     pub largest_difference: f32,
     /// Mean over all pixels and channels.
     pub mean_difference: f64,
-    /// The largest bound of any pixel: what the segmentation allows in this view. 1 bounds nothing: values lie in 0..=1.
+    /// The largest bound of any pixel: what the segmentation allows in this view. 1 bounds nothing: values lie in
+    /// 0..=1.
     pub largest_bound: f32,
     /// What a pixel may differ beyond its bound: transport, filter weights, rays that stop early.
     pub slack: f32,

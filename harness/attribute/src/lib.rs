@@ -1,13 +1,14 @@
-//! `#[test]` for programs whose `main` is `brickcast_harness::main`: the function stays as it is and its name goes into the
-//! program's list.
+//! `#[test]` for programs whose `main` is `brickcast_harness::main`: the function stays as it is and its name goes into
+//! the program's list.
 //!
-//! `#[macro_use] extern crate brickcast_harness_attribute` at the root puts it in place of the compiler's own, also for macros
-//! that write `#[test]` (`proptest!`). It reads tokens by itself: all that it must know is which attributes stand before `fn`,
-//! and the name behind.
+//! `#[macro_use] extern crate brickcast_harness_attribute` at the root puts it in place of the compiler's own, also for
+//! macros that write `#[test]` (`proptest!`). It reads tokens by itself: all that it must know is which attributes
+//! stand before `fn`, and the name behind.
 
 use proc_macro::{TokenStream, TokenTree};
 
-/// Lists a function without parameters and result as a test; `#[ignore]` is known, whatever else would be lost is refused.
+/// Lists a function without parameters and result as a test; `#[ignore]` is known, whatever else would be lost is
+/// refused.
 #[proc_macro_attribute]
 pub fn test(_: TokenStream, item: TokenStream) -> TokenStream {
     listed(item).unwrap_or_else(|why| format!("compile_error!({why:?});").parse().unwrap_or_default())
@@ -18,7 +19,9 @@ fn listed(item: TokenStream) -> Result<TokenStream, &'static str> {
     let mut tokens = item.into_iter();
     while let Some(token) = tokens.next() {
         match word(&token).as_deref() {
-            Some("async") if !has_runtime => return Err("an async test needs a runtime: #[test] #[tokio::main] async fn"),
+            Some("async") if !has_runtime => {
+                return Err("an async test needs a runtime: #[test] #[tokio::main] async fn");
+            }
             Some("fn") => {
                 let named = tokens.next().ok_or("a name is expected behind `fn`")?;
                 name = word(&named);

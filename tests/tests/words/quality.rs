@@ -63,7 +63,7 @@ fn a_pixel_is_the_mean_of_its_rays_whoever_rendered_them() {
         ("nine", [70, 45], 3, &["--exact", "--shading", "phong"]),
         ("sixteen", [33, 20], 4, &["--exact", "--isosurface", "30000:1,0.2,0.1,0.5"]),
         ("mip", [70, 45], 2, &["--mode", "mip"]),
-        ("average", [40, 30], 3, &["--mode", "average"]),
+        ("average", [40, 30], 3, &["--exact", "--mode", "average"]),
     ] {
         let [width, height] = size;
         let large = format!("{}x{}", width * side, height * side);

@@ -1,5 +1,5 @@
-//! Results on stdout, talk on stderr, and never the silent way: one line for what was written, who renders, what was asked
-//! of regions that are not there.
+//! Results on stdout, talk on stderr, and never the silent way: one line for what was written, who renders, what was
+//! asked of regions that are not there.
 
 use std::path::Path;
 
@@ -62,7 +62,9 @@ fn a_render_says_in_one_line_what_it_wrote() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     part(at);
-    let says = |args: &[&str]| brickcast_both(at, &[&RENDER[..], &["--window", "20000,50000"], args].concat()).1;
+    let says = |args: &[&str]| {
+        brickcast_both(at, &[&RENDER[..], &["--window", "20000,50000", "--azimuth", "0"], args].concat()).1
+    };
     let is_time = |words: &str| {
         let (number, unit) = words.split_once(' ').unwrap();
         number.parse::<f64>().is_ok() && ["ms", "s"].contains(&unit)

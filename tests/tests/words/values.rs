@@ -23,7 +23,9 @@ fn json_of(text: &str) -> Value {
 fn draw(at: &Path, name: &str, words: &[&str]) -> (String, Value) {
     let base = ["render", "part", "-o", name, "--backend", "cpu", "--exact"];
     let size: &[&str] = if words.contains(&"--size") { &[] } else { &["--size", "40"] };
-    let said = brickcast_ok(at, &[&base[..], size, words].concat());
+    let output = brickcast(at, &[&base[..], size, words].concat());
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.success() && output.stdout.is_empty(), "{words:?}: {said}");
     (said, json_of(&std::fs::read_to_string(at.join(format!("{name}.json"))).unwrap()))
 }
 

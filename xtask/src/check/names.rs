@@ -50,7 +50,8 @@ const LAWS: [Law; 5] = [
     },
 ];
 
-/// Programs without the compiler's harness: what its own attribute marks, as tokio's does in the end, is left out of them.
+/// Programs without the compiler's harness: what its own attribute marks, as tokio's does in the end, is left out of
+/// them.
 const HARNESSED: [&str; 4] = ["tests/tests/picture/", "tests/tests/cluster/", "tests/tests/words/", "node/tests/node/"];
 
 /// The module `wire` as part of a path or of a `use` list, not a variable of that name; and prost itself.

@@ -20,7 +20,9 @@ pub enum LookArg {
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "Look")]
 pub struct LookArgs {
-    /// How the volume looks, all from its histogram [default: part, where no flag says what to show or how]
+    /// How it looks, by the histogram [default: part]
+    ///
+    /// The default holds where no flag says what shows or how; all numbers are told.
     #[arg(long, value_enum, value_name = "NAME")]
     #[arg(conflicts_with_all = ["transfer_function", "window", "opacity", "colormap", "isosurface", "mode"])]
     pub look: Option<LookArg>,

@@ -34,7 +34,9 @@ impl BackendArg {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Nodes")]
 pub struct NodeArgs {
-    /// Nodes: host:port, dns:NAME:PORT, file:PATH [default: inside this process]
+    /// Nodes: host:port, dns:NAME:PORT, file:PATH
+    ///
+    /// By default there is one inside this process.
     ///
     /// dns: all that the name resolves to; file: one a line. They are followed. Not with --local, --backend,
     /// --memory-budget.

@@ -20,7 +20,9 @@ pub enum QualityArg {
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Quality")]
 pub struct QualityArgs {
-    /// Step, samples and what else makes a picture fast or fine; flags that are given win
+    /// How fine: sets what no flag sets
+    ///
+    /// Step, samples and what else makes a picture fast or fine; flags that are given win.
     #[arg(long, value_enum, default_value = "normal")]
     pub quality: QualityArg,
     /// Rays of a pixel, on a square grid; it is their mean. N of them take N times as long

@@ -72,9 +72,10 @@ pub struct RenderArgs {
     /// A store, an input volume, or the name of a store that the nodes know
     #[arg(required_unless_present = "scene")]
     pub path: Option<PathBuf>,
-    /// The picture: .png or .exr; with --frames .apng, .gif, .mp4, .webm
+    /// The picture: .png, .exr; .apng, .gif, .mp4, .webm
     ///
-    /// An .exr holds premultiplied floats; films (.mp4, .webm) are encoded by ffmpeg.
+    /// The last four are animations, for --frames. An .exr holds premultiplied floats; films (.mp4, .webm) are encoded
+    /// by ffmpeg.
     #[arg(short, long, required_unless_present_any = ["dry_run", "check"])]
     pub output: Option<PathBuf>,
     /// Draw a picture again, from its manifest: camera, look and quality are those in it, and PATH may be left out
@@ -96,7 +97,9 @@ pub struct RenderArgs {
     /// neutral is #e0e0e0.
     #[arg(long, value_name = "COLOUR", value_parser = background, help_heading = "Output")]
     pub background: Option<Background>,
-    /// Render a sequence: OUT_0000.png, ... or one animation
+    /// A sequence: files, or an animation
+    ///
+    /// OUT_0000.png, ..., or one file that holds all frames.
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Output")]
     pub frames: u32,
     /// How the camera moves over the sequence

@@ -4,8 +4,8 @@ use std::ffi::OsStr;
 use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 
-/// Each indented line works as it is: programs by their name only where the shell finds them, a port that is free, the store as
-/// it is called from here.
+/// Each indented line works as it is: programs by their name only where the shell finds them, a port that is free, the
+/// store as it is called from here.
 pub(super) fn lines(store: &Path) -> String {
     let here = std::env::current_dir().unwrap_or_default();
     let paths = std::env::var_os("PATH").unwrap_or_default();

@@ -51,8 +51,9 @@ pub(super) fn recover(target: &Path, parent: &Path, prefix: &OsString) {
     }
 }
 
-/// Removes what killed writers for any target in `folder` left, old stores that should be put back first apart. A writer
-/// on another machine that shares the folder holds its lock; one that has only just begun here is not taken for dead.
+/// Removes what killed writers for any target in `folder` left, old stores that should be put back first apart. A
+/// writer on another machine that shares the folder holds its lock; one that has only just begun here is not taken for
+/// dead.
 pub fn remove_leftovers(folder: &Path) {
     for name in entries(folder) {
         let Some(process) = process_of(&name) else { continue };
