@@ -56,7 +56,7 @@ cat <<END
 
 Every line of the [README](../../README.md) but those of cargo and of containers, pasted into a shell, one by one, in an empty
 folder: what each prints, also that of the background, and its seconds. Made by
-[docs/figures/bench/tour.sh](../figures/bench/tour.sh) on $(nproc) cores of ${processor:-an unknown processor}, release build:
+[docs/figures/bench/tour.sh](../figures/bench/tour.sh) on $(nproc) cores of ${processor:-an unknown processor}, programs of $1:
 $took s for all.
 
 END

@@ -119,7 +119,8 @@ fn both_render(frames: &[Value]) {
 /// From the even split of `--balance off` to an even load within 20 frames, and it stays even. Load is counted in
 /// samples, so that long steps have the ratios of short ones.
 fn becomes_even(folder: &Path, nodes: [&NodeProcess; 2], step: &str, at_first: f64) {
-    let path = ["--frames", "60", "--orbit", "40", "--size", "192x192", "--step", step];
+    // From the front: as the default view has it, nodes' shares of the part are more alike.
+    let path = ["--frames", "60", "--orbit", "40", "--size", "192x192", "--azimuth", "0", "--step", step];
     let still = with(&path, &["--balance", "off"]);
     let one = frames(folder, &nodes[..1], &still);
     let off = frames(folder, &nodes, &still);
