@@ -176,7 +176,7 @@ fn a_cause_is_told_once() {
     store(at);
     for args in [
         &["info", "none.nrrd"][..],
-        &["render", "s", "-o", "x.png", "--camera", "none"],
+        &["render", "s", "-o", "x.png", "--backend", "cpu", "--camera", "none"],
         &["nodes", "--nodes", "127.0.0.1:1", "--token-file", "none"],
         &["nodes", "--nodes", "file:none"],
         &["config", "--config", "none"],
