@@ -270,8 +270,8 @@ fn what_is_no_finished_store_is_refused() {
     let path = store_in(dir.path());
     let manifest = fs::read_to_string(path.join("brickcast.json")).unwrap();
     let changed = [
-        ("\"version\": 6", "\"version\": 3", "this brickcast knows 6"),
-        ("\"version\": 6", "\"version\": 3", "prepare the store again"),
+        ("\"version\": 7", "\"version\": 3", "this brickcast knows 7"),
+        ("\"version\": 7", "\"version\": 3", "prepare the store again"),
         ("brickcast-store", "someone-elses", "is not a brickcast store's"),
         ("\"brick_size\": 32", "\"brick_size\": 33", "power of two"),
         ("\"uint8\"", "\"uint9\"", "uint9"),
@@ -284,7 +284,7 @@ fn what_is_no_finished_store_is_refused() {
         assert!(text.contains(says), "{text}");
     }
     fs::write(path.join("brickcast.json"), &manifest).unwrap();
-    for name in ["zarr.json", "0/zarr.json", "bricks.bin", "shards.bin", "halos.bin", "halo_index.bin"] {
+    for name in ["zarr.json", "0/zarr.json", "bricks.bin", "cells.bin", "shards.bin", "halos.bin", "halo_index.bin"] {
         let good = fs::read(path.join(name)).unwrap();
         fs::remove_file(path.join(name)).unwrap();
         let text = Store::open(&path).unwrap_err().to_string();

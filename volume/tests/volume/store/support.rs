@@ -171,12 +171,18 @@ pub(crate) const SUM_BYTES: usize = 4 * 4096;
 /// Offset and length of each of the 16^3 inner chunks of a shard, and a crc32c.
 pub(crate) const INDEX_BYTES: usize = 16 * 4096 + 4;
 
-/// Makes a store one of an older version, whose shards have no checksums of their chunks at their end.
+/// Makes a store one of an older version, whose shards have no checksums of their chunks at their end, and which has no
+/// cells.
 pub(crate) fn downgrade(path: &Path, version: u64) {
     let manifest = path.join("brickcast.json");
     let mut text = std::fs::read_to_string(&manifest).unwrap();
-    assert!(text.contains("\"version\": 6"));
-    text = text.replacen("\"version\": 6", &format!("\"version\": {version}"), 1);
+    assert!(text.contains("\"version\": 7"));
+    text = text.replacen("\"version\": 7", &format!("\"version\": {version}"), 1);
+    let key = ",\n    \"cells.bin\": ";
+    let from = text.find(key).unwrap();
+    let ends = from + key.len() + text[from + key.len()..].find('\n').unwrap();
+    text.replace_range(from..ends, "");
+    std::fs::remove_file(path.join("cells.bin")).unwrap();
     for (table, array) in
         [("shards.bin", "0"), ("label_shards.bin", "labels/regions/0"), ("distance_shards.bin", "distances")]
     {
