@@ -23,9 +23,21 @@ impl StoreFacts {
     /// Of a store that is open here.
     #[must_use]
     pub fn of(store: &Store) -> Self {
-        let (manifest, ranges) = (store.manifest().clone(), store.brick_ranges().clone());
-        let cells = store.cell_ranges().cloned().unwrap_or_else(|| CellRanges::of_bricks(&manifest, &ranges));
-        Self { hash: store.hash(), manifest, ranges, facts: store.brick_facts().map(<[_]>::to_vec), cells }
+        let facts = store.brick_facts().map(<[_]>::to_vec);
+        let tables = (store.brick_ranges().clone(), store.cell_ranges().cloned());
+        Self::new(store.hash(), store.manifest().clone(), tables, facts)
+    }
+
+    /// From what a store says; `cells` are missing in older ones.
+    #[must_use]
+    pub fn new(
+        hash: brickcast_volume::StoreHash,
+        manifest: Manifest,
+        (ranges, cells): (BrickRanges, Option<CellRanges>),
+        facts: Option<Vec<BrickFacts>>,
+    ) -> Self {
+        let cells = cells.unwrap_or_else(|| CellRanges::of_bricks(&manifest, &ranges));
+        Self { hash, manifest, ranges, facts, cells }
     }
 
     #[must_use]

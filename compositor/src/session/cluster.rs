@@ -9,7 +9,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use brickcast_proto::{NodeDescription, StoreDescription};
 use brickcast_volume::SessionId;
 use brickcast_volume::scene::Scene;
-use brickcast_volume::store::CellRanges;
 use futures_util::future::BoxFuture;
 
 use super::balanced::{Balanced, Divided};
@@ -214,11 +213,6 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 fn facts(description: &StoreDescription) -> StoreFacts {
     let StoreDescription { hash, manifest, ranges, facts, cells, .. } = description;
-    StoreFacts {
-        hash: *hash,
-        manifest: manifest.clone(),
-        ranges: ranges.clone(),
-        facts: facts.as_ref().map(|table| table.0.clone()),
-        cells: cells.clone().unwrap_or_else(|| CellRanges::of_bricks(manifest, ranges)),
-    }
+    let facts = facts.as_ref().map(|table| table.0.clone());
+    StoreFacts::new(*hash, manifest.clone(), (ranges.clone(), cells.clone()), facts)
 }

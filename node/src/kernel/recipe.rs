@@ -3,7 +3,7 @@
 use brickcast_shaders::Features;
 use brickcast_volume::brick::RANGE_MARGIN;
 use brickcast_volume::regions::guard_width;
-use brickcast_volume::scene::{Filter, Leap, RegionView, Scene};
+use brickcast_volume::scene::{Filter, Leap, Scene};
 
 /// The store knows of the one region of a brick as far as its margin reaches: a wider ghost layer may hold others.
 pub(crate) const fn knows_only_region(ghost: u32) -> bool {
@@ -40,7 +40,7 @@ impl Recipe {
             }
             Leap::Off | Leap::Regions | Leap::Macrocells(_) => None,
         };
-        let shows_kinds = scene.look.region_view != RegionView::All || scene.look.region_transfer_function.is_some();
+        let shows_kinds = scene.look.tells_regions_apart();
         Self {
             // Steps are at most 16 voxels: 33.
             guard: flattened.then(|| guard_width(scene.quality.step, radius) as u8),

@@ -10,5 +10,6 @@ pub mod probe;
 mod refusals;
 mod server;
 mod service;
+mod writes;
 
 pub use server::{DRAIN_TIMEOUT, ServeError, serve, serve_admitted, serve_incoming};

@@ -7,14 +7,7 @@ use brickcast_tests::process::{brickcast, brickcast_ok};
 use brickcast_tests::turn;
 use serde_json::{Value, json};
 
-/// A folder with a store, `part`.
-fn site() -> tempfile::TempDir {
-    let site = tempfile::tempdir().unwrap();
-    let phantom = ["phantom", "part.nrrd", "--dims", "40,36,32", "--pores", "4", "--seed", "3"];
-    brickcast_ok(site.path(), &phantom);
-    brickcast_ok(site.path(), &["prepare", "part.nrrd", "part", "--brick", "16", "--segmentation-range", "0.03"]);
-    site
-}
+use crate::scene_file::site;
 
 const LOOK: [&str; 8] = ["--window", "3000,52000", "--opacity", "0.3", "--colormap", "viridis", "--azimuth", "35"];
 

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 const WINDOW: [&str; 6] = ["--window", "3000,52000", "--opacity", "0.3", "--colormap", "viridis"];
 
 /// A folder with a store, `part`.
-fn site() -> tempfile::TempDir {
+pub(crate) fn site() -> tempfile::TempDir {
     let site = tempfile::tempdir().unwrap();
     let phantom = ["phantom", "part.nrrd", "--dims", "40,36,32", "--pores", "4", "--seed", "3"];
     brickcast_ok(site.path(), &phantom);

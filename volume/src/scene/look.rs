@@ -51,6 +51,12 @@ impl Look {
         }
     }
 
+    /// True where voxels in regions show in another way than those in none.
+    #[must_use]
+    pub fn tells_regions_apart(&self) -> bool {
+        self.region_view != RegionView::All || self.region_transfer_function.is_some()
+    }
+
     /// # Errors
     /// An opacity unit that is not positive, a style that is not valid, a projection that tells regions apart.
     pub fn check(&self) -> Result<(), SceneError> {
@@ -58,8 +64,7 @@ impl Look {
             return Err(SceneError::OpacityUnit(self.opacity_unit));
         }
         self.style.validate()?;
-        let tells_apart = self.region_view != RegionView::All || self.region_transfer_function.is_some();
-        if self.style.mode != Mode::Composite && tells_apart {
+        if self.style.mode != Mode::Composite && self.tells_regions_apart() {
             return Err(StyleError::Projection.into());
         }
         Ok(())

@@ -5,7 +5,7 @@ use brickcast_volume::scene::Look;
 use brickcast_volume::{Camera, Geometry, OwnedBox, PictureSize};
 use glam::UVec3;
 
-use super::nothing_shows::is_opaque_within;
+use super::nothing_shows::Opaque;
 use crate::plan::StoreFacts;
 
 /// Degrees around the volume and above it.
@@ -39,8 +39,9 @@ pub(super) fn fitted(store: &StoreFacts, look: &Look, size: PictureSize) -> Resu
 /// The smallest box of cells in which a sample may show.
 fn shown_box(store: &StoreFacts, look: &Look) -> Option<OwnedBox> {
     let manifest = &store.manifest;
-    let functions = [Some(&look.transfer_function), look.region_transfer_function.as_ref()];
-    let opaque = |lo, hi| functions.iter().flatten().any(|function| is_opaque_within(function, lo, hi));
+    let functions = std::iter::once(&look.transfer_function).chain(&look.region_transfer_function);
+    let functions: Vec<Opaque<'_>> = functions.map(Opaque::of).collect();
+    let opaque = |lo, hi| functions.iter().any(|function| function.within(lo, hi));
     // Cells inside a surface are inside its box: only the outermost count.
     let least_surface = look.style.surfaces.iter().filter(|s| s.opacity > 0.0).map(|s| s.value).reduce(f64::min);
     store.cells.box_of(|codes| {

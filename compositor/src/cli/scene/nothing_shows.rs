@@ -135,7 +135,7 @@ fn no_opacity(scene: &Scene, store: &Manifest) -> Option<String> {
     let [lo, hi] = values_of(store);
     let functions =
         || [Some(&scene.look.transfer_function), scene.look.region_transfer_function.as_ref()].into_iter().flatten();
-    if functions().any(|function| is_opaque_within(function, lo, hi)) {
+    if functions().any(|function| Opaque::of(function).within(lo, hi)) {
         return None;
     }
     let surfaces = &scene.look.style.surfaces;
@@ -158,10 +158,28 @@ fn no_opacity(scene: &Scene, store: &Manifest) -> Option<String> {
     })
 }
 
-/// True where a value from `lo` to `hi` has opacity.
-pub(super) fn is_opaque_within(function: &TransferFunction, lo: f64, hi: f64) -> bool {
-    let inside = function.opacities().iter().filter(|p| p.x >= lo && p.x <= hi);
-    function.opacity(lo) > 0.0 || function.opacity(hi) > 0.0 || inside.into_iter().any(|p| p.opacity > 0.0)
+/// Where a function has opacity: asked for every cell of a volume, so no question walks its points.
+pub(super) struct Opaque<'a> {
+    function: &'a TransferFunction,
+    /// How many of the points before each, and of all, have opacity.
+    before: Vec<usize>,
+}
+
+impl<'a> Opaque<'a> {
+    pub(super) fn of(function: &'a TransferFunction) -> Self {
+        let counts = function.opacities().iter().scan(0, |count, point| {
+            *count += usize::from(point.opacity > 0.0);
+            Some(*count)
+        });
+        Self { function, before: std::iter::once(0).chain(counts).collect() }
+    }
+
+    /// True where a value from `lo` to `hi` has opacity.
+    pub(super) fn within(&self, lo: f64, hi: f64) -> bool {
+        let points = self.function.opacities();
+        let (from, to) = (points.partition_point(|p| p.x < lo), points.partition_point(|p| p.x <= hi));
+        self.function.opacity(lo) > 0.0 || self.function.opacity(hi) > 0.0 || self.before[to] > self.before[from]
+    }
 }
 
 /// Where the function has opacity, in words.
@@ -252,11 +270,11 @@ mod tests {
     fn opacity_between_points_and_beyond_them_counts() {
         let window = TransferFunction::window(100.0, 200.0, 0.5, Colormap::Viridis).unwrap();
         for (lo, hi, want) in [(0.0, 99.0, false), (0.0, 100.0, false), (0.0, 101.0, true), (300.0, 400.0, true)] {
-            assert_eq!(is_opaque_within(&window, lo, hi), want, "{lo} {hi}");
+            assert_eq!(Opaque::of(&window).within(lo, hi), want, "{lo} {hi}");
         }
         let points = [(10.0, 0.0), (11.0, 1.0), (12.0, 0.0)].map(|(x, opacity)| OpacityPoint { x, opacity });
         let peak = TransferFunction::new(vec![ColorPoint { x: 0.0, rgb: [1.0; 3] }], points.to_vec()).unwrap();
-        assert!(is_opaque_within(&peak, 0.0, 100.0) && !is_opaque_within(&peak, 12.0, 100.0));
+        assert!(Opaque::of(&peak).within(0.0, 100.0) && !Opaque::of(&peak).within(12.0, 100.0));
         assert_eq!(opaque_range(&peak).as_deref(), Some("lies between 10 and 12"));
         assert_eq!(opaque_range(&window).as_deref(), Some("begins above 100"));
     }

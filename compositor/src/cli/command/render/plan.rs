@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use brickcast_volume::StoreHash;
-use brickcast_volume::scene::{Leap, Look, RegionView};
+use brickcast_volume::scene::{Leap, Look};
 use brickcast_volume::style::{Mode, Style};
 
 use super::nodes::NodePlan;
@@ -197,8 +197,7 @@ impl ScenesPlan {
             Self::Asked { scene, .. } => scene.shows_regions(),
             Self::Drawn(redraw) => {
                 let mut looks = redraw.manifests.iter().map(|manifest| &manifest.scene.look);
-                let asks = |look: &Look| look.region_view != RegionView::All || look.region_transfer_function.is_some();
-                looks.any(asks).then(|| "the picture of --scene".to_owned())
+                looks.any(Look::tells_regions_apart).then(|| "the picture of --scene".to_owned())
             }
         }
     }
