@@ -59,6 +59,12 @@ pub fn main() -> ExitCode {
 /// Where `BRICKCAST_REQUIRE_ALL` is set.
 pub fn ignore(reason: impl Display) -> ! {
     refuse(&reason);
+    ignore_anyway(reason)
+}
+
+/// As [`ignore`], for what is no lack of the machine, such as a GPU where the test is of machines without: it fails
+/// nowhere.
+pub fn ignore_anyway(reason: impl Display) -> ! {
     // No panic: nothing is printed, and no hook is called.
     resume_unwind(Box::new(Ignored(reason.to_string())))
 }
@@ -121,7 +127,7 @@ fn outcome(name: &str, run: fn()) -> Result<Completion, Failure> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Completion, Failure, catch_unwind, ignore, leave_out, not_tried, outcome};
+    use super::{Completion, Failure, catch_unwind, ignore, ignore_anyway, leave_out, not_tried, outcome};
 
     /// The outcome in words.
     fn ended(run: fn()) -> String {
@@ -140,6 +146,7 @@ mod tests {
         let required = std::env::var_os("BRICKCAST_REQUIRE_ALL").is_some();
         let unless_required = |outcome| if required { "failed".to_owned() } else { outcome };
         assert_eq!(ended(|| ignore("no Docker")), unless_required("ignored: no Docker".to_owned()));
+        assert_eq!(ended(|| ignore_anyway("there is a GPU")), "ignored: there is a GPU");
         let in_part = || {
             leave_out("no driver");
             leave_out("no driver");

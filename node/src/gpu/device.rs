@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 use brickcast_volume::shown::without_links;
 use wgpu::{Adapter, Backend, Backends, DeviceType};
 
+use super::device_files;
 use super::options::{GpuError, GpuOptions};
 use super::plan::{DISPATCH_SAMPLES, DISPATCH_SAMPLES_IN_SOFTWARE};
 use crate::kernel::RaycastError;
@@ -194,8 +195,11 @@ fn from_wgpu(what: &'static str, bytes: u64, error: &wgpu::Error) -> RaycastErro
 }
 
 /// The best adapter whose description holds `wanted` (any case): real GPUs before software, Vulkan, Metal and DX12
-/// before GL; with `real_only` no software.
+/// before GL; with `real_only` no software, and no driver is loaded where no GPU can be.
 fn choose(wanted: Option<&str>, real_only: bool) -> Result<Adapter, GpuError> {
+    if real_only && wanted.is_none() && !device_files::may_have_gpu() {
+        return Err(GpuError::NoDevice);
+    }
     let mut found = Vec::new();
     let mut software = None;
     // GL is only asked where nothing else answers: opening it on a machine without a display is slow and noisy.
@@ -214,7 +218,7 @@ fn choose(wanted: Option<&str>, real_only: bool) -> Result<Adapter, GpuError> {
         match adapters.into_iter().min_by_key(rank) {
             Some(best) if !real_only || is_real(&best) => return Ok(best),
             Some(best) => {
-                software = Some(describe(&best));
+                software = Some(best.get_info().name);
                 break;
             }
             None => {}

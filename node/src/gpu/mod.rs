@@ -2,6 +2,7 @@
 
 mod cells;
 mod device;
+mod device_files;
 pub mod drivers;
 mod filter_test;
 mod kernel;

@@ -9,7 +9,8 @@ use crate::kernel::RaycastError;
 pub struct GpuOptions {
     /// Part of the adapter's name, driver or backend, any case; `None` takes the best.
     pub adapter: Option<String>,
-    /// Take no driver that renders on the processor (lavapipe, WARP): the CPU kernel is faster there.
+    /// Take no driver that renders on the processor (lavapipe, WARP): the CPU kernel is faster there. Without a device
+    /// file of any GPU (Linux) no driver is loaded, unless `adapter` names one.
     pub real_only: bool,
     /// Store voxels as R32Float even where R16Unorm is there (for tests of the fallback).
     pub without_norm16: bool,
@@ -58,8 +59,10 @@ pub enum GpuError {
     NoAdapter,
     #[error("no adapter's description holds `{wanted}` (BRICKCAST_ADAPTER); found: {found}")]
     NoSuchAdapter { wanted: String, found: String },
-    #[error("{found} renders on the processor, where the CPU kernel is faster; --backend gpu takes it all the same")]
+    #[error("no GPU found, only a software driver ({found})")]
     OnlySoftware { found: String },
+    #[error("no GPU found")]
+    NoDevice,
     #[error("no adapter can run the compute kernel; found: {found}; update the driver, or use --backend cpu")]
     NoCompute { found: String },
     #[error("adapter {adapter} does not open: {reason}; update the driver, or use --backend cpu")]

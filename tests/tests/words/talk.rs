@@ -3,7 +3,8 @@
 
 use std::path::Path;
 
-use brickcast_tests::process::{brickcast, brickcast_both, brickcast_ok};
+use brickcast_harness::{ignore, ignore_anyway};
+use brickcast_tests::process::{brickcast, brickcast_both, brickcast_command, brickcast_ok};
 
 fn part(folder: &Path) {
     brickcast_ok(folder, &["phantom", "part.nrrd", "--dims", "48,40,44", "--pores", "2"]);
@@ -98,6 +99,33 @@ fn auto_is_a_real_gpu_or_says_that_it_is_the_cpu() {
     assert_eq!(said.matches("rendering on the CPU: ").count(), usize::from(on_cpu), "{said}");
     let adapter = drawn_by["adapter"].as_str().unwrap().to_lowercase();
     assert!(!["llvmpipe", "lavapipe", "swiftshader"].iter().any(|name| adapter.contains(name)), "{drawn_by}");
+}
+
+/// A software driver takes as long to load as a small picture to render.
+#[test]
+#[cfg(target_os = "linux")]
+fn auto_loads_no_driver_where_no_gpu_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    part(at);
+    // The loader of Vulkan speaks of itself where it is asked to.
+    let loads = |backend: &str, adapter: &str| {
+        let mut command = brickcast_command(at);
+        command.args(["render", "part", "--size", "48x32", "-o", "a.png", "--backend", backend]);
+        let output = command.env("VK_LOADER_DEBUG", "all").env("BRICKCAST_ADAPTER", adapter).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(backend == "gpu" || output.status.success(), "{said}");
+        (said.contains("Vulkan Loader"), said.contains("rendering on the CPU: no GPU found\n"))
+    };
+    if Path::new("/dev/dri").exists() || Path::new("/dev/nvidiactl").exists() {
+        ignore_anyway("there is a GPU");
+    }
+    if !loads("gpu", "").0 {
+        ignore("no loader of Vulkan");
+    }
+    assert_eq!(loads("auto", ""), (false, true));
+    // Whoever names an adapter is believed.
+    assert!(loads("auto", "no such adapter").0);
 }
 
 /// "The defect view" of a store without regions was the ordinary picture, byte for byte.

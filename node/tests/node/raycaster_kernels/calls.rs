@@ -196,14 +196,13 @@ fn the_chosen_backend_opens_and_warms_up() {
     assert_eq!((cpu.info().backend, cpu.info().notes.len()), ("cpu", 0));
     let auto = open(BackendChoice::Auto).unwrap();
     // A real GPU; else the CPU kernel, which is faster than a driver that plays GPU, and it says why.
-    let told = auto.info().notes.iter().any(|note| note.starts_with("rendering on the CPU: "));
+    let told = auto.info().notes.iter().any(|note| note.starts_with("rendering on the CPU: no "));
     assert!(!auto.info().is_on_processor || auto.info().backend == "cpu" && told, "{:?}", auto.info());
     // Whoever asks for the GPU's kernel gets it, whoever runs it.
     match open(BackendChoice::Gpu) {
         Ok(gpu) => {
             let software = gpu.info().is_on_processor;
             assert_eq!((gpu.info().backend, auto.info().backend), ("gpu", if software { "cpu" } else { "gpu" }));
-            assert!(!software || auto.info().notes[0].contains("--backend gpu"), "{:?}", auto.info());
         }
         Err(why) => leave_out(why),
     }
