@@ -13,14 +13,14 @@ use crate::picture::Picture;
 /// An animated PNG in the making; it loops for ever. Dropped before [`ApngWriter::finish`], it leaves nothing behind.
 pub struct ApngWriter {
     stream: png::Stream,
-    cutter: Cutter,
+    cutter: ApngCutter,
     path: PathBuf,
     pushed: u32,
 }
 
 /// Ends an animation in the making with the frames that it has.
 #[derive(Debug, Clone)]
-pub(super) struct Cutter {
+pub(super) struct ApngCutter {
     reel: Reel,
     shape: Shape,
 }
@@ -56,10 +56,10 @@ impl ApngWriter {
         let shape = Shape { size, background, frames, delay: frame_delay(fps)? };
         let reel = Reel::create(path)?;
         let stream = shape.stream(reel.clone()).map_err(|e| png::encoding(path, e))?;
-        Ok(Self { stream, cutter: Cutter { reel, shape }, path: path.to_owned(), pushed: 0 })
+        Ok(Self { stream, cutter: ApngCutter { reel, shape }, path: path.to_owned(), pushed: 0 })
     }
 
-    pub(super) fn cutter(&self) -> Cutter {
+    pub(super) fn cutter(&self) -> ApngCutter {
         self.cutter.clone()
     }
 
@@ -117,27 +117,15 @@ impl Shape {
     }
 }
 
-impl Cutter {
-    pub(super) fn frames(&self) -> u32 {
-        self.shape.frames
-    }
-
-    /// Its path and number of frames; nothing where it has none, or is finished. Where a file has its name already,
-    /// that stays, and the animation is `x.partial.apng`. With `park`, whoever makes it waits from now on for the end
-    /// of the process.
+impl ApngCutter {
+    /// As [`Cutter::cut`](super::cutter::Cutter::cut).
     pub(super) fn cut(&self, park: bool) -> Result<Option<(PathBuf, u32)>, OutputError> {
         let head_and_end = |frames| {
             let shape = Shape { frames, ..self.shape };
             shape.head_and_end().map_err(|e| png::encoding(Path::new("animation"), e))
         };
-        self.reel.cut(park, head_and_end, |path| if path.exists() { partial(path) } else { path.to_owned() })
+        self.reel.cut(park, head_and_end)
     }
-}
-
-/// `x.partial.apng` for `x.apng`.
-fn partial(path: &Path) -> PathBuf {
-    let ending = path.extension().map(|ending| ending.to_string_lossy().into_owned()).unwrap_or_default();
-    path.with_extension(format!("partial.{ending}"))
 }
 
 pub(super) fn check_size(path: &Path, want: PictureSize, picture: &Picture) -> Result<(), OutputError> {

@@ -3,18 +3,23 @@
 use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStderr, ChildStdin, Command, Stdio};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 use brickcast_volume::PictureSize;
 
 use super::animation::{check_size, frame_delay};
 use super::atomic::AtomicFile;
+use super::cutter::place_of_part;
 use super::error::OutputError;
 use super::png::opaque;
 use crate::picture::Picture;
 
 /// Of what ffmpeg says, the most that is read, bytes.
 const MAX_SAID: u64 = 4096;
+/// Whoever ends a film early waits no longer than this for ffmpeg to finish what it has got.
+const LONGEST_END: Duration = Duration::from_secs(10);
 /// The program.
 const FFMPEG: &str = "ffmpeg";
 
@@ -36,14 +41,29 @@ impl Container {
     }
 }
 
-/// A film in the making. Dropped before [`FilmWriter::finish`], it leaves nothing behind.
+/// A film in the making. Dropped before [`FilmWriter::finish`] and not cut, it leaves nothing behind.
 #[derive(Debug)]
 pub(super) struct FilmWriter {
-    // Before the file in drop order: nobody writes to it any more when it is removed.
-    encoder: Encoder,
-    file: AtomicFile,
+    film: FilmCutter,
+    path: PathBuf,
     size: PictureSize,
     background: [f32; 3],
+}
+
+/// Ends a film in the making with the frames that ffmpeg has got.
+#[derive(Debug, Clone)]
+pub(super) struct FilmCutter(Arc<Mutex<Film>>);
+
+#[derive(Debug)]
+struct Film {
+    // Before the file in drop order: nobody writes to it any more when it is removed.
+    encoder: Encoder,
+    /// None once it is at its place.
+    file: Option<AtomicFile>,
+    /// That ffmpeg has got.
+    frames: u32,
+    /// Whoever still makes it waits for the end of the process.
+    is_parked: bool,
 }
 
 /// ffmpeg at work; killed where it is dropped.
@@ -92,13 +112,19 @@ impl FilmWriter {
         let mut child = command.spawn().map_err(|error| problem(path, &format!("it does not start: {error}")))?;
         let frames = child.stdin.take();
         let said = child.stderr.take().map(|said| std::thread::spawn(move || read(said)));
-        Ok(Self { encoder: Encoder { child, frames, said }, file, size, background })
+        let encoder = Encoder { child, frames, said };
+        let film = Film { encoder, file: Some(file), frames: 0, is_parked: false };
+        Ok(Self { film: FilmCutter(Arc::new(Mutex::new(film))), path: path.to_owned(), size, background })
+    }
+
+    pub(super) fn cutter(&self) -> FilmCutter {
+        self.film.clone()
     }
 
     /// # Errors
     /// A frame of another size; what ffmpeg says.
     pub(super) fn push(&mut self, picture: &Picture) -> Result<(), OutputError> {
-        check_size(self.file.target(), self.size, picture)?;
+        check_size(&self.path, self.size, picture)?;
         let ([width, height], own) = (even(self.size), self.size.width() as usize);
         let mut bytes = Vec::with_capacity(3 * width * height);
         for row in picture.pixels().chunks_exact(own) {
@@ -108,10 +134,14 @@ impl FilmWriter {
         if bytes.len() < 3 * width * height {
             bytes.extend_from_within(bytes.len() - 3 * width..);
         }
-        let sent = self.encoder.frames.as_mut().map(|frames| frames.write_all(&bytes));
+        let mut film = self.film.mine();
+        let sent = film.encoder.frames.as_mut().map(|frames| frames.write_all(&bytes));
         match sent {
-            Some(Ok(())) => Ok(()),
-            _ => Err(self.encoder.failed(self.file.target())),
+            Some(Ok(())) => {
+                film.frames += 1;
+                Ok(())
+            }
+            _ => Err(film.encoder.failed(&self.path)),
         }
     }
 
@@ -119,11 +149,56 @@ impl FilmWriter {
     ///
     /// # Errors
     /// What ffmpeg says; a full disk.
-    pub(super) fn finish(mut self) -> Result<PathBuf, OutputError> {
-        self.encoder.frames = None;
-        match self.encoder.child.wait() {
-            Ok(status) if status.success() => self.file.commit(),
-            _ => Err(self.encoder.failed(self.file.target())),
+    pub(super) fn finish(self) -> Result<PathBuf, OutputError> {
+        let mut film = self.film.mine();
+        film.encoder.frames = None;
+        match film.encoder.child.wait() {
+            Ok(status) if status.success() => film.file.take().map_or(Ok(self.path), AtomicFile::commit),
+            _ => Err(film.encoder.failed(&self.path)),
+        }
+    }
+}
+
+impl FilmCutter {
+    /// For whoever makes it.
+    fn mine(&self) -> MutexGuard<'_, Film> {
+        let film = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if !film.is_parked {
+            return film;
+        }
+        drop(film);
+        loop {
+            std::thread::park();
+        }
+    }
+
+    /// As [`Cutter::cut`](super::cutter::Cutter::cut); nothing also where ffmpeg takes no more frames for so long that
+    /// nobody would wait.
+    pub(super) fn cut(&self, park: bool) -> Result<Option<(PathBuf, u32)>, OutputError> {
+        let until = Instant::now() + LONGEST_END;
+        let Some(mut film) = polled(until, || self.0.try_lock().ok()) else { return Ok(None) };
+        if film.frames == 0 {
+            return Ok(None);
+        }
+        let Some(file) = film.file.take() else { return Ok(None) };
+        film.is_parked = park;
+        film.encoder.frames = None;
+        match polled(until, || film.encoder.child.try_wait().transpose()) {
+            Some(Ok(status)) if status.success() => {
+                let place = place_of_part(file.target());
+                Ok(Some((file.commit_as(&place)?, film.frames)))
+            }
+            _ => Err(film.encoder.failed(file.target())),
+        }
+    }
+}
+
+/// What `ask` answers, asked again and again until then.
+fn polled<T>(until: Instant, mut ask: impl FnMut() -> Option<T>) -> Option<T> {
+    loop {
+        match ask() {
+            None if Instant::now() < until => std::thread::sleep(Duration::from_millis(5)),
+            answer => return answer,
         }
     }
 }

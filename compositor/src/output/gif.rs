@@ -1,16 +1,14 @@
 //! Animated GIFs: opaque frames, each with 256 colours of its own.
 
-use std::fs::File;
-use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
 use ::gif::{DisposalMethod, Encoder, EncodingError, Frame, Repeat};
 use brickcast_volume::PictureSize;
 
 use super::animation::{check_size, frame_delay};
-use super::atomic::AtomicFile;
 use super::error::OutputError;
 use super::png::opaque;
+use super::reel::Reel;
 use crate::picture::Picture;
 
 /// Players take shorter times for a tenth of a second.
@@ -20,9 +18,9 @@ const SPEED: i32 = 10;
 
 /// An animated GIF in the making; it loops for ever. Dropped before [`GifWriter::finish`], it leaves nothing behind.
 pub(super) struct GifWriter {
-    // Before the file in drop order: its buffer must be gone when the file is removed.
-    encoder: Encoder<BufWriter<File>>,
-    file: AtomicFile,
+    encoder: Encoder<Reel>,
+    cutter: GifCutter,
+    path: PathBuf,
     size: PictureSize,
     /// Hundredths of a second from frame to frame.
     delay: f64,
@@ -30,9 +28,22 @@ pub(super) struct GifWriter {
     pushed: u32,
 }
 
+/// Ends a GIF in the making with the frames that it has.
+#[derive(Debug, Clone)]
+pub(super) struct GifCutter(Reel);
+
+impl GifCutter {
+    /// As [`Cutter::cut`](super::cutter::Cutter::cut).
+    pub(super) fn cut(&self, park: bool) -> Result<Option<(PathBuf, u32)>, OutputError> {
+        /// What ends a GIF; its head does not tell how many frames it has.
+        const TRAILER: u8 = 0x3b;
+        self.0.cut(park, |_| Ok((Vec::new(), vec![TRAILER])))
+    }
+}
+
 impl std::fmt::Debug for GifWriter {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("GifWriter").field("file", &self.file).field("pushed", &self.pushed).finish_non_exhaustive()
+        f.debug_struct("GifWriter").field("path", &self.path).field("pushed", &self.pushed).finish_non_exhaustive()
     }
 }
 
@@ -46,16 +57,20 @@ impl GifWriter {
             return Err(OutputError::GifRate(fps));
         }
         let [width, height] = sides(path, size)?;
-        let file = AtomicFile::create(path)?;
-        let mut encoder = Encoder::new(file.writer()?, width, height, &[]).map_err(|e| encoding(path, e))?;
+        let reel = Reel::create(path)?;
+        let mut encoder = Encoder::new(reel.clone(), width, height, &[]).map_err(|e| encoding(path, e))?;
         encoder.set_repeat(Repeat::Infinite).map_err(|e| encoding(path, e))?;
-        Ok(Self { encoder, file, size, delay, background, pushed: 0 })
+        Ok(Self { encoder, cutter: GifCutter(reel), path: path.to_owned(), size, delay, background, pushed: 0 })
+    }
+
+    pub(super) fn cutter(&self) -> GifCutter {
+        self.cutter.clone()
     }
 
     /// # Errors
     /// A frame of another size, a full disk.
     pub(super) fn push(&mut self, picture: &Picture) -> Result<(), OutputError> {
-        let path = self.file.target();
+        let path = &self.path;
         check_size(path, self.size, picture)?;
         let [width, height] = sides(path, self.size)?;
         let pixel = |p| {
@@ -70,6 +85,7 @@ impl GifWriter {
             Frame { delay, dispose: DisposalMethod::Keep, ..Frame::from_rgba_speed(width, height, &mut bytes, SPEED) };
         self.encoder.write_frame(&frame).map_err(|e| encoding(path, e))?;
         self.pushed += 1;
+        self.cutter.0.frame_is_whole();
         Ok(())
     }
 
@@ -78,11 +94,10 @@ impl GifWriter {
     /// # Errors
     /// A full disk.
     pub(super) fn finish(self) -> Result<PathBuf, OutputError> {
-        let Self { encoder, file, .. } = self;
-        let mut writer = encoder.into_inner().map_err(|e| encoding(file.target(), e))?;
-        writer.flush().map_err(|e| file.error(e))?;
-        drop(writer);
-        file.commit()
+        let Self { encoder, cutter, path, .. } = self;
+        encoder.into_inner().map_err(|e| encoding(&path, e))?;
+        cutter.0.finish()?;
+        Ok(path)
     }
 }
 
@@ -106,6 +121,9 @@ mod tests {
     use super::*;
 
     const WHITE: [f32; 3] = [1.0; 3];
+
+    use std::fs::File;
+    use std::io::Write as _;
 
     /// Frames as they play, RGBA, and their times in hundredths of a second.
     fn read(path: &Path) -> (Vec<Vec<u8>>, Vec<u16>) {
@@ -162,6 +180,31 @@ mod tests {
         let got = frames[0].chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]);
         let worst = got.zip(want).map(|(a, b)| a.abs_diff(b)).max().unwrap();
         assert!(worst < 64, "{worst}");
+    }
+
+    /// In the middle of a frame, too.
+    #[test]
+    fn one_that_is_cut_plays_the_frames_that_it_has() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.gif");
+        let size = PictureSize::new(5, 4).unwrap();
+        for (pushed, name) in [(2_u8, "a.gif"), (3, "a.partial.gif")] {
+            let mut writer = GifWriter::create(&path, size, 10.0, WHITE).unwrap();
+            let cutter = writer.cutter();
+            assert!(cutter.cut(false).unwrap().is_none(), "no frames, no animation");
+            for i in 0..pushed {
+                let pixel = Premul { r: f32::from(i) / 10.0, g: 0.0, b: 0.0, a: 1.0 };
+                writer.push(&Picture::new(size, vec![pixel; 20]).unwrap()).unwrap();
+            }
+            writer.cutter.0.write_all(b"the beginning of a frame").unwrap();
+            let cut = std::thread::spawn(move || cutter.cut(false).unwrap()).join().unwrap();
+            drop(writer);
+            assert_eq!(cut, Some((folder.path().join(name), u32::from(pushed))));
+            let (frames, _) = read(&folder.path().join(name));
+            let reds: Vec<u8> = frames.iter().map(|frame| frame[0]).collect();
+            assert_eq!(reds, (0..pushed).map(|i| (f32::from(i) * 25.5).round() as u8).collect::<Vec<_>>());
+        }
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     }
 
     #[test]

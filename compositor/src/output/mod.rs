@@ -4,6 +4,7 @@
 
 pub mod animation;
 mod atomic;
+mod cutter;
 mod error;
 pub mod exr;
 mod film;

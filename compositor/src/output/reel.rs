@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::atomic::AtomicFile;
+use super::cutter::place_of_part;
 use super::error::OutputError;
 
 /// A handle to the file; all are of one.
@@ -65,15 +66,13 @@ impl Reel {
         file.commit().map(Some)
     }
 
-    /// Ends the film with the frames that are whole, and gives it `place`'s answer for its path as its name; nothing
-    /// where there are none, or it is finished. `head_and_end` are the bytes that a film of so many frames begins with,
-    /// as many as this one's, and ends with. With `park`, whoever makes the film waits from now on for the end of the
-    /// process.
+    /// Ends the film with the frames that are whole, and gives it the name of a part of it; nothing where there are
+    /// none, or it is finished. `head_and_end` are the bytes that a film of so many frames begins with, at most as many
+    /// as this one's, and ends with. With `park`, whoever makes the film waits from now on for the end of the process.
     pub(super) fn cut(
         &self,
         park: bool,
         head_and_end: impl FnOnce(u32) -> Result<(Vec<u8>, Vec<u8>), OutputError>,
-        place: impl FnOnce(&Path) -> PathBuf,
     ) -> Result<Option<(PathBuf, u32)>, OutputError> {
         let mut film = if park { self.film() } else { self.my_film() };
         if film.frames == 0 {
@@ -83,7 +82,7 @@ impl Reel {
         film.is_parked = park;
         let (head, end) = head_and_end(film.frames)?;
         film.cut_with(&head, &end).map_err(|error| file.error(error))?;
-        let place = place(file.target());
+        let place = place_of_part(file.target());
         Ok(Some((file.commit_as(&place)?, film.frames)))
     }
 }

@@ -7,8 +7,9 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use brickcast_volume::PictureSize;
 use brickcast_volume::store::remove_leftovers;
 
-use super::animation::{ApngWriter, Cutter, check_size, numbered};
+use super::animation::{ApngWriter, check_size, numbered};
 use super::atomic::{check_target, folder_of};
+use super::cutter::Cutter;
 use super::error::OutputError;
 use super::film::{Container, FilmWriter};
 use super::format::OutputFormat;
@@ -39,6 +40,7 @@ pub struct Keeper {
     animation: Option<Cutter>,
     /// Of numbered files.
     path: PathBuf,
+    /// How many there are to be.
     frames: u32,
     done: Arc<AtomicU32>,
 }
@@ -64,7 +66,7 @@ impl Keeper {
     pub fn keep(&self, park: bool) -> Result<Option<Kept>, OutputError> {
         if let Some(animation) = &self.animation {
             let cut = animation.cut(park)?;
-            return Ok(cut.map(|(path, frames)| Kept { path, is_animation: true, frames, of: animation.frames() }));
+            return Ok(cut.map(|(path, frames)| Kept { path, is_animation: true, frames, of: self.frames }));
         }
         let (frames, of) = (self.done.load(Ordering::Acquire), self.frames);
         let some = (1..of).contains(&frames);
@@ -96,6 +98,14 @@ impl Animation {
             OutputFormat::Gif => Ok(Some(Self::Gif(GifWriter::create(path, size, o.fps, opaque)?))),
             OutputFormat::Mp4 => film(Container::Mp4),
             OutputFormat::Webm => film(Container::Webm),
+        }
+    }
+
+    fn cutter(&self) -> Cutter {
+        match self {
+            Self::Apng(writer) => Cutter::Apng(writer.cutter()),
+            Self::Gif(writer) => Cutter::Gif(writer.cutter()),
+            Self::Film(writer) => Cutter::Film(writer.cutter()),
         }
     }
 
@@ -163,13 +173,8 @@ impl FrameWriter {
 
     #[must_use]
     pub fn keeper(&self) -> Keeper {
-        // A gif or a film that breaks off is removed.
-        let (animation, frames) = match &self.animation {
-            Some(Animation::Apng(writer)) => (Some(writer.cutter()), self.options.frames),
-            Some(Animation::Gif(_) | Animation::Film(_)) => (None, 0),
-            None => (None, self.options.frames),
-        };
-        Keeper { animation, path: self.path.clone(), frames, done: Arc::clone(&self.done) }
+        let animation = self.animation.as_ref().map(Animation::cutter);
+        Keeper { animation, path: self.path.clone(), frames: self.options.frames, done: Arc::clone(&self.done) }
     }
 
     /// # Errors

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
+use brickcast_harness::ignore;
 use brickcast_tests::process::{brickcast, brickcast_command, brickcast_ok, cached_stores};
 use serde_json::{Value, json};
 
@@ -61,9 +62,9 @@ fn without_ffmpeg_a_film_is_refused_before_anything_else_happens() {
     assert!(cached_stores(&at.join("cache")).is_empty() && made(at).is_empty());
 }
 
-/// A program by the name of ffmpeg, first on the PATH.
+/// `brickcast` with a program by the name of ffmpeg first on the PATH.
 #[cfg(unix)]
-fn with_program(at: &Path, script: &str) -> Command {
+pub(crate) fn with_ffmpeg(at: &Path, script: &str) -> Command {
     use std::os::unix::fs::PermissionsExt as _;
 
     let bin = at.join("bin");
@@ -72,7 +73,7 @@ fn with_program(at: &Path, script: &str) -> Command {
     std::fs::set_permissions(bin.join("ffmpeg"), std::fs::Permissions::from_mode(0o755)).unwrap();
     let mut command = brickcast_command(at);
     let rest = std::env::var("PATH").unwrap_or_default();
-    command.args(RENDER).env("PATH", format!("{}:{rest}", bin.display()));
+    command.env("PATH", format!("{}:{rest}", bin.display()));
     command
 }
 
@@ -83,7 +84,8 @@ fn frames_go_to_ffmpeg_as_they_are_and_what_it_says_is_told() {
     let at = folder.path();
     part(at);
     brickcast_ok(at, &[&RENDER[..], &["-o", "f.png", "--background", "1,1,1", "--no-manifest"]].concat());
-    let output = with_program(at, "echo \"$@\" > part.said; exec cat").args(["-o", "a.webm"]).output().unwrap();
+    let output =
+        with_ffmpeg(at, "echo \"$@\" > part.said; exec cat").args(RENDER).args(["-o", "a.webm"]).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let said = std::fs::read_to_string(at.join("part.said")).unwrap();
     assert!(said.contains("-video_size 48x36 -framerate 10 ") && said.contains("-f webm"), "{said}");
@@ -101,7 +103,7 @@ fn frames_go_to_ffmpeg_as_they_are_and_what_it_says_is_told() {
     for (script, words) in
         [("echo Unknown encoder >&2; exit 1", "Unknown encoder"), ("cat > part.rest; exit 1", "ended early")]
     {
-        let output = with_program(at, script).args(["-o", "b.mp4"]).output().unwrap();
+        let output = with_ffmpeg(at, script).args(RENDER).args(["-o", "b.mp4"]).output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(output.status.code() == Some(1) && said.contains("ffmpeg") && said.contains(words), "{said}");
     }
@@ -110,8 +112,10 @@ fn frames_go_to_ffmpeg_as_they_are_and_what_it_says_is_told() {
 
 /// Read back by the same program, and compared with the frames as PNGs.
 #[test]
-#[ignore = "needs an ffmpeg on the PATH"]
 fn films_show_the_frames() {
+    if !Command::new("ffmpeg").arg("-version").output().is_ok_and(|output| output.status.success()) {
+        ignore("no ffmpeg on the PATH");
+    }
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     part(at);

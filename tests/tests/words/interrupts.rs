@@ -24,12 +24,18 @@ pub(crate) fn is_temporary(name: &str) -> bool {
 /// A process that has begun to write in `folder`.
 pub(crate) fn writing(at: &Path, folder: &Path, args: &[&str]) -> Child {
     let mut command = brickcast_command(at);
-    command.args(args).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    command.args(args);
+    begun(command, folder)
+}
+
+/// As [`writing`], of a command that is ready.
+pub(crate) fn begun(mut command: Command, folder: &Path) -> Child {
+    command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().unwrap();
     let started = Instant::now();
     while !folder.is_dir() || !names(folder).iter().any(|name| is_temporary(name)) {
-        assert!(child.try_wait().unwrap().is_none(), "{args:?} ended before it could be interrupted");
-        assert!(started.elapsed() < PATIENCE, "{args:?} does not write");
+        assert!(child.try_wait().unwrap().is_none(), "{command:?} ended before it could be interrupted");
+        assert!(started.elapsed() < PATIENCE, "{command:?} does not write");
         std::thread::sleep(Duration::from_millis(2));
     }
     child

@@ -6,10 +6,11 @@ use std::time::Duration;
 use brickcast::output::png;
 use brickcast_harness::not_tried;
 use brickcast_tests::patience::output;
-use brickcast_tests::process::{NodeProcess, brickcast, brickcast_ok};
+use brickcast_tests::process::{NodeProcess, brickcast, brickcast_command, brickcast_ok};
 use serde_json::Value;
 
-use crate::interrupts::{PATIENCE, is_ignored, is_temporary, names, signal, writing};
+use crate::films::with_ffmpeg;
+use crate::interrupts::{PATIENCE, begun, is_ignored, is_temporary, names, signal, writing};
 
 fn part(at: &Path) {
     brickcast_ok(at, &["phantom", "part.nrrd", "--dims", "40,40,40", "--pores", "2"]);
@@ -42,7 +43,7 @@ fn an_animation_that_a_signal_ends_plays_what_was_done() {
         // The second finds the first's file, which it does not take away.
         let (file, before) = if quiet { ("a.partial.apng", names(at)) } else { ("a.apng", names(at)) };
         let child = writing(at, at, &[&render[..], if quiet { &["-q"] } else { &[] }].concat());
-        std::thread::sleep(Duration::from_secs(if quiet { 3 } else { 9 }));
+        std::thread::sleep(Duration::from_secs(if quiet { 1 } else { 7 }));
         signal(&child, name);
         let ended = output(child, PATIENCE, &format!("render after SIG{name}"));
         let said = String::from_utf8_lossy(&ended.stderr).into_owned();
@@ -51,7 +52,7 @@ fn an_animation_that_a_signal_ends_plays_what_was_done() {
         assert!(said.contains(&format!("ended by SIG{name}; {file} keeps the {frames} of 90000")), "{said}");
         assert!(said.contains("nothing half-written is left"), "{said}");
         let lines = said.lines().filter(|line| line.starts_with("rendering a.apng: ")).count();
-        assert_eq!(lines, usize::from(!quiet), "one in five seconds, in nine: {said}");
+        assert_eq!(lines, usize::from(!quiet), "one in five seconds, in seven: {said}");
         assert!(quiet || said.contains(" of 90000 frames, ") && said.contains(" left"), "{said}");
         assert!(!quiet || said.lines().count() == 1, "{said}");
 
@@ -72,6 +73,69 @@ fn an_animation_that_a_signal_ends_plays_what_was_done() {
     assert!(two.frames == all.frames[..2], "frames of a cut animation are the frames");
     let whole = manifest(&at.join("two.apng.json"));
     assert_eq!((&whole["complete"], &whole["frames_asked"]), (&Value::Bool(true), &Value::from(2)));
+}
+
+/// How many frames a whole GIF has.
+fn frames_of_gif(bytes: &[u8]) -> usize {
+    assert!(bytes.starts_with(b"GIF89a"));
+    let colors = |flags: u8| if flags & 0x80 == 0 { 0 } else { 3 << ((flags & 7) + 1) };
+    let (mut at, mut frames) = (13 + colors(bytes[10]), 0);
+    loop {
+        match bytes[at] {
+            0x3b => break,
+            // An extension, and an image with its colours and the size of its codes: then blocks up to an empty one.
+            0x21 => at += 2,
+            0x2c => (at, frames) = (at + 11 + colors(bytes[at + 9]), frames + 1),
+            other => panic!("{other:#x} at {at}"),
+        }
+        while bytes[at] != 0 {
+            at += 1 + usize::from(bytes[at]);
+        }
+        at += 1;
+    }
+    assert_eq!(at + 1, bytes.len(), "nothing follows the end");
+    frames
+}
+
+/// As an .apng: a GIF by its blocks, a film by an encoder that keeps all bytes that it gets and ends with their end.
+#[test]
+fn gifs_and_films_that_a_signal_ends_keep_what_was_done() {
+    if is_ignored(15) {
+        not_tried("SIGTERM is ignored here");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    part(at);
+    let base = ["render", "part", "--frames", "90000", "--size", "32x32", "--backend", "cpu", "-q", "-o"];
+    for (name, mut command) in [("a.gif", brickcast_command(at)), ("a.mp4", with_ffmpeg(at, "exec cat"))] {
+        command.args(base).arg(name);
+        let child = begun(command, at);
+        std::thread::sleep(Duration::from_secs(1));
+        signal(&child, "TERM");
+        let ended = output(child, PATIENCE, name);
+        let said = String::from_utf8_lossy(&ended.stderr).into_owned();
+        assert_eq!(ended.status.code(), Some(143), "{said}");
+        let frames = told(&said, "90000");
+        assert!(said.contains(&format!("ended by SIGTERM; {name} keeps the {frames} of 90000")), "{said}");
+        let bytes = std::fs::read(at.join(name)).unwrap();
+        let has = if name == "a.gif" { frames_of_gif(&bytes) } else { bytes.len() / (32 * 32 * 3) };
+        assert!(frames > 1 && has == frames, "{has} of {frames}");
+        let beside = manifest(&at.join(format!("{name}.json")));
+        assert_eq!((&beside["complete"], &beside["frames_asked"]), (&Value::Bool(false), &Value::from(90_000)));
+        assert_eq!(beside["frames"].as_array().unwrap().len(), frames);
+        assert!(names(at).iter().all(|name| !is_temporary(name)), "{:?}", names(at));
+    }
+    // An encoder that does not end in time, or badly, leaves nothing, and that is said.
+    let mut command = with_ffmpeg(at, "cat >/dev/null; echo broken disk >&2; exit 1");
+    command.args(base).arg("b.mp4");
+    let child = begun(command, at);
+    std::thread::sleep(Duration::from_secs(1));
+    signal(&child, "TERM");
+    let ended = output(child, PATIENCE, "b.mp4");
+    let said = String::from_utf8_lossy(&ended.stderr).into_owned();
+    assert!(ended.status.code() == Some(143) && said.contains("could not be kept: "), "{said}");
+    assert!(said.contains("broken disk") && !at.join("b.mp4").exists(), "{said}");
 }
 
 #[test]
