@@ -6,8 +6,11 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
+use brickcast_node::clients::limits::MAX_QUESTIONS;
+use brickcast_node::serve::connections::MAX_CONNECTIONS_EACH;
+use brickcast_proto::PROTOCOL_VERSION;
 use brickcast_tests::process::{NodeProcess, binaries, brickcast, brickcast_ok};
-use brickcast_tests::turn;
+use brickcast_tests::{rig, turn};
 use serde_json::Value;
 
 use crate::site::{Site, said};
@@ -152,6 +155,41 @@ fn a_flood_of_one_refusal_is_summed() {
     // Frames are told only to whoever wants to know more.
     site.render(&teller.node, &["--token-file", "tls/token"]);
     assert!(teller.entries().iter().all(|entry| entry["message"] != "frame"));
+}
+
+/// A question of which only the head comes: it keeps its place.
+fn question(agent: &str) -> http::Request<()> {
+    let question = http::Request::post("http://node/brickcast.v1.Cluster/Describe");
+    let question = question.header("content-type", "application/grpc").header("te", "trailers");
+    question.header("user-agent", agent).body(()).unwrap()
+}
+
+/// A client of another protocol finds out by itself and leaves; both ends are to know why.
+#[test]
+fn limits_that_are_reached_and_clients_of_another_protocol_are_told() {
+    let _turn = turn(module_path!());
+    let site = Site::new(32);
+    let teller = Teller::start(&site, &[]);
+    rig::run(async {
+        let tcp = tokio::net::TcpStream::connect(&teller.node.address).await.unwrap();
+        let (mut send, connection) = h2::client::handshake(tcp).await.unwrap();
+        tokio::spawn(connection);
+        let theirs = format!("brickcast/0.0.1 brickcast.v1/{}", PROTOCOL_VERSION - 1);
+        let ask = |_| send.send_request(question(&theirs), false).unwrap();
+        let held: Vec<_> = (0..=MAX_QUESTIONS).map(ask).collect();
+        assert_eq!(teller.told("client", 1)[0]["version"], theirs.as_str());
+        let foreign = &teller.told("refused: foreign protocol", 1)[0];
+        let detail = format!("protocol {}, this node has {PROTOCOL_VERSION}", PROTOCOL_VERSION - 1);
+        assert_eq!((&foreign["detail"], &foreign["count"]), (&detail.into(), &1.into()));
+        let many = &teller.told("refused: more questions than one client may have", 1)[0];
+        let want = (&"127.0.0.1".into(), &1.into(), &"WARN".into());
+        assert_eq!((&many["client"], &many["count"], &many["level"]), want);
+        drop(held);
+    });
+    let crowd: Vec<_> = (0..=MAX_CONNECTIONS_EACH).map(|_| TcpStream::connect(&teller.node.address).unwrap()).collect();
+    let many = &teller.told("refused: more connections than one client may have open", 1)[0];
+    assert_eq!((&many["client"], &many["level"]), (&"127.0.0.1".into(), &"WARN".into()));
+    drop(crowd);
 }
 
 #[test]
