@@ -1,5 +1,8 @@
 //! Slabs, light, isosurfaces, projections and clips against the referee, which knows no tables and no bricks.
 
+use std::cell::OnceCell;
+
+use brickcast_node::kernel::Raycaster;
 use brickcast_tests::compare::{Tolerance, assert_within_where, compare_where};
 use brickcast_tests::product::{self, Backend};
 use brickcast_tests::referee::{self, LightAt, Mistake, Projection, render_styled};
@@ -142,15 +145,15 @@ fn tolerance(backend: Backend, filter: Filter) -> Tolerance {
     }
 }
 
-fn check_all(backend: Backend, step: f64) {
-    let raycaster = product::raycaster(backend);
+/// The referee is slow: all kernels are held to one picture of it.
+fn check_all(kernels: &[Kernel], step: f64) {
     for scene in scenes_of(step) {
         for Case { name, truth, style, filter } in cases(&scene) {
             let want = render_styled(&scene.truth, &truth);
             let excused = scene.excused(&want);
             let least = if truth.projection.is_some() { 0.01 } else { 0.2 };
             assert!(want.picture.max_alpha() > least, "{name}: {}: nothing to see", scene.name);
-            for brick_size in [8, 64] {
+            for (&(backend, raycaster), brick_size) in kernels.iter().flat_map(|kernel| [(kernel, 8), (kernel, 64)]) {
                 let what = format!("{backend:?}, {name}, bricks of {brick_size}: {}", scene.name);
                 let (picture, _) =
                     product::load_styled(raycaster, &scene, brick_size, &style).with_filter(filter).render(&scene);
@@ -167,35 +170,41 @@ fn check_all(backend: Backend, step: f64) {
     }
 }
 
-#[test]
-fn cpu_styles_agree_at_half_a_step() {
-    check_all(Backend::Cpu, 0.5);
+/// Which it is, and it.
+type Kernel = (Backend, &'static dyn Raycaster);
+
+fn cpu() -> Kernel {
+    (Backend::Cpu, product::raycaster(Backend::Cpu))
+}
+
+fn all() -> Vec<Kernel> {
+    product::raycasters().collect()
 }
 
 #[test]
-fn cpu_styles_agree_at_a_whole_step() {
-    check_all(Backend::Cpu, 1.0);
+fn cpu_styles_agree_at_half_a_step() {
+    check_all(&[cpu()], 0.5);
+}
+
+#[test]
+fn styles_agree_at_a_whole_step() {
+    check_all(&all(), 1.0);
 }
 
 #[test]
 fn cpu_styles_agree_at_two_steps() {
-    check_all(Backend::Cpu, 2.0);
-}
-
-#[test]
-fn gpu_styles_agree_at_a_whole_step() {
-    check_all(Backend::Gpu, 1.0);
+    check_all(&[cpu()], 2.0);
 }
 
 /// Functions that no table of evenly spaced entries carries, in a volume of ramps and in one of alloys: sampled, in
-/// slabs, lit in each way.
-fn check_functions(backend: Backend, step: f64, filter: Filter, tolerance: &Tolerance) {
-    let raycaster = product::raycaster(backend);
+/// slabs, lit in each way. In full precision the maximum bounds hold for all of them.
+fn check_functions(kernels: &[(Kernel, Filter)], step: f64) {
     let mut shown = 0;
     for scene in [scenes::resized(scenes::oblique(step), [40, 32]), scenes::alloys(step)] {
         for (function, transfer) in scenes::functions() {
             let mut scene = scene.clone();
             scene.truth.transfer = transfer;
+            let filter = Filter::Exact;
             let sampled = Case { name: "sampled", truth: referee::Style::default(), style: Style::default(), filter };
             let slabs =
                 cases(&scene).into_iter().filter(|case| case.truth.preintegrated && case.truth.planes.is_empty());
@@ -203,37 +212,36 @@ fn check_functions(backend: Backend, step: f64, filter: Filter, tolerance: &Tole
                 let want = render_styled(&scene.truth, &truth);
                 let excused = scene.excused(&want);
                 shown += usize::from(want.picture.max_alpha() > 0.02);
-                let loaded = product::load_styled(raycaster, &scene, 16, &style).with_filter(filter);
-                let what = format!("{backend:?}, {filter:?}, {function}, {name}: {}", scene.name);
-                let (picture, _) = loaded.render(&scene);
-                // A single sample within rounding (1e-5 voxel) of a jump is on either side of it, and on a peak's flank
-                // elsewhere.
-                let tolerance = if name == "sampled" { &Tolerance::STEEP_HARDWARE_FILTER } else { tolerance };
-                let d = assert_within_where(&what, &want.picture, &picture, tolerance, |i| !excused[i]);
-                eprintln!("{what}: max {:.3}/255, mean {:.4}/255", d.max * 255.0, d.mean * 255.0);
+                for &((backend, raycaster), filter) in kernels {
+                    let loaded = product::load_styled(raycaster, &scene, 16, &style).with_filter(filter);
+                    let what = format!("{backend:?}, {filter:?}, {function}, {name}: {}", scene.name);
+                    let (picture, _) = loaded.render(&scene);
+                    // A single sample within rounding (1e-5 voxel) of a jump is on either side of it, and on a peak's
+                    // flank elsewhere.
+                    let is_steep = name == "sampled" || filter == Filter::Hardware;
+                    let tolerance = if is_steep { &Tolerance::STEEP_HARDWARE_FILTER } else { &STEEP };
+                    let d = assert_within_where(&what, &want.picture, &picture, tolerance, |i| !excused[i]);
+                    eprintln!("{what}: max {:.3}/255, mean {:.4}/255", d.max * 255.0, d.mean * 255.0);
+                }
             }
         }
     }
     assert!(shown > 40, "{shown} pictures show something");
 }
 
-/// In full precision the maximum bounds hold for all functions.
 const STEEP: Tolerance = Tolerance { outlier_share: 2e-3, ..Tolerance::GPU_AGAINST_TWIN };
 
 #[test]
 fn cpu_functions_agree_at_half_a_step() {
-    check_functions(Backend::Cpu, 0.5, Filter::Exact, &STEEP);
+    check_functions(&[(cpu(), Filter::Exact)], 0.5);
 }
 
 #[test]
-fn cpu_functions_agree_at_a_whole_step() {
-    check_functions(Backend::Cpu, 1.0, Filter::Exact, &STEEP);
-}
-
-#[test]
-fn gpu_functions_agree_at_a_whole_step() {
-    check_functions(Backend::Gpu, 1.0, Filter::Exact, &STEEP);
-    check_functions(Backend::Gpu, 1.0, Filter::Hardware, &Tolerance::STEEP_HARDWARE_FILTER);
+fn functions_agree_at_a_whole_step() {
+    let mut kernels: Vec<_> = all().into_iter().map(|kernel| (kernel, Filter::Exact)).collect();
+    let hardware = kernels.iter().filter(|(kernel, _)| kernel.0 == Backend::Gpu).map(|gpu| (gpu.0, Filter::Hardware));
+    kernels.extend(hardware.collect::<Vec<_>>());
+    check_functions(&kernels, 1.0);
 }
 
 /// The comparison would notice what is easily got wrong: each mistake is far outside the tolerance in some case.
@@ -241,6 +249,9 @@ fn gpu_functions_agree_at_a_whole_step() {
 fn mistakes_are_noticed() {
     let all = [scenes::oblique(1.0), scenes::steep(1.0), scenes::holed(scenes::oblique(1.0))];
     let scenes = all.map(|scene| scenes::resized(scene, [40, 32]));
+    let cases: Vec<_> =
+        scenes.iter().flat_map(|scene| cases(scene).into_iter().map(move |case| (scene, case))).collect();
+    let rights: Vec<_> = cases.iter().map(|_| OnceCell::new()).collect();
     for mistake in [
         Mistake::FrontOnly,
         Mistake::Swapped,
@@ -257,12 +268,10 @@ fn mistakes_are_noticed() {
         Mistake::CubicVoxels,
         Mistake::FilledHoles,
     ] {
-        let all =
-            scenes.iter().flat_map(|scene| cases(scene).into_iter().map(move |case| (scene, case.truth, case.filter)));
-        let noticed = all.into_iter().any(|(scene, truth, filter)| {
-            let right = render_styled(&scene.truth, &truth);
-            let wrong = render_styled(&scene.truth, &referee::Style { mistake: Some(mistake), ..truth });
-            let bound = tolerance(Backend::Cpu, filter);
+        let noticed = cases.iter().zip(&rights).any(|((scene, case), right)| {
+            let right = right.get_or_init(|| render_styled(&scene.truth, &case.truth));
+            let wrong = render_styled(&scene.truth, &referee::Style { mistake: Some(mistake), ..case.truth.clone() });
+            let bound = tolerance(Backend::Cpu, case.filter);
             let d = compare_where(&right.picture, &wrong.picture, bound.max, |_| true).unwrap();
             d.mean > bound.mean && d.outliers as f64 > 5.0 * bound.outlier_share * d.pixels as f64
         });
