@@ -163,9 +163,7 @@ fn a_dive_on_three_nodes_needs_copies_and_shared_tiles() {
     one_sided(folder.path());
     let nodes = [(); 3].map(|()| node(folder.path(), &[]));
     let all: Vec<&NodeProcess> = nodes.iter().collect();
-    let dive = ["--frames", "48", "--camera-path", "dive", "--orbit", "90", "--azimuth", "-70", "--size", "256x256"];
-    // Long steps have the ratios of short ones.
-    let path = with(&dive, &["--step", "2"]);
+    let path = ["--frames", "48", "--camera-path", "dive", "--orbit", "90", "--azimuth", "-70", "--size", "256x256"];
     let one = frames(folder.path(), &all[..1], &with(&path, &["--balance", "off"]));
     let fixed = frames(folder.path(), &all, &with(&path, &["--balance", "static"]));
     let bare = frames(folder.path(), &all, &with(&path, &["--replicas", "1", "--no-split"]));

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use brickcast_node::clients::limits::MAX_QUESTIONS;
 use brickcast_node::serve::connections::MAX_CONNECTIONS_EACH;
 use brickcast_proto::PROTOCOL_VERSION;
+use brickcast_tests::patience::ends;
 use brickcast_tests::process::{NodeProcess, binaries, brickcast, brickcast_ok};
 use brickcast_tests::{rig, turn};
 use serde_json::Value;
@@ -74,7 +75,8 @@ fn ask(at: &Path, node: &NodeProcess, extra: &[&str]) -> Output {
 
 fn start(at: &Path, arguments: &[&str], variables: &[(&str, &str)]) -> Output {
     let mut command = Command::new(binaries().join("brickcast-node"));
-    command.current_dir(at).args(arguments).envs(variables.iter().copied()).output().unwrap()
+    // One that starts though it should not would serve for ever.
+    ends(command.current_dir(at).args(arguments).envs(variables.iter().copied()), Duration::from_secs(20))
 }
 
 /// `tls` as it should be, `foreign` with a client of another authority, `guest` with another token.

@@ -154,7 +154,14 @@ fn with_no_flag_materials_are_told_apart_and_lit() {
     for part in ["2 materials", "Otsu", "clear below", "#73ade0 opacity 0.05", "#ed9e40 opacity 0.6", "--look NAME"] {
         assert!(drawn.said.contains(part), "{part}: {}", drawn.said);
     }
-    for flag in ["--window LO,HI", "--shading none", "--opacity-unit", "--azimuth DEG", "--light-from LENGTH"] {
+    for flag in [
+        "--window LO,HI",
+        "lit; change it with",
+        "--shading none",
+        "--opacity-unit",
+        "--azimuth DEG",
+        "--light-from LENGTH",
+    ] {
         assert!(drawn.said.contains(flag), "{flag}: {}", drawn.said);
     }
     // Blue is what is light, orange what is dense: cut open, both show.
