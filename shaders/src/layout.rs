@@ -8,8 +8,6 @@ use brickcast_volume::{OwnedBox, StoredBox};
 use bytemuck::{Pod, Zeroable};
 use glam::IVec3;
 
-use crate::Features;
-
 /// An accumulated opacity that no ray reaches: early termination switched off.
 pub const NEVER: f32 = 2.0;
 
@@ -168,15 +166,6 @@ impl FrameUniform {
 }
 
 impl BrickUniform {
-    /// True where the kernels count reads only, since each position is one.
-    #[must_use]
-    pub const fn reads_every_position(&self, features: Features) -> bool {
-        features.integral.is_none()
-            && !features.leap
-            && !features.regions
-            && (!features.map || self.map_mask <= MAP_EMPTY)
-    }
-
     /// With `bounds`, a part of its owned box, in place of that.
     #[must_use]
     pub fn within(mut self, bounds: &OwnedBox) -> Self {

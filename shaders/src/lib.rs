@@ -3,12 +3,14 @@
 //! Kernels are concatenated from `wgsl/` (no module system: under ten kernels need none). A twin has its kernel's name
 //! and order of operations, so that the two can be read side by side.
 
+pub mod key;
 pub mod layout;
 pub mod style;
 pub mod twin;
 
+pub use key::{BrickTraits, KernelKey, LookTraits, SlabKind, TakeKind};
 pub use layout::{BrickUniform, FrameUniform};
-pub use style::{Kinds, StyleUniform};
+pub use style::StyleUniform;
 
 /// Pixels that a workgroup of the raycast kernel covers, per axis.
 pub const WORKGROUP_PIXELS: u32 = 16;
@@ -20,26 +22,6 @@ pub enum RaycastVariant {
     Hardware,
     /// Loads and own interpolation: no 8-bit weights, and textures need not be filterable.
     Exact,
-}
-
-/// What a kernel can do beyond sampling; each costs something, so each brick gets the kernel that does what it needs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct Features {
-    /// Texels hold leaps.
-    pub leap: bool,
-    /// There is a macrocell map.
-    pub map: bool,
-    /// Samples in regions are hidden, shown alone, or have a table of their own.
-    pub regions: bool,
-    /// Some voxels hold no data.
-    pub holes: bool,
-    /// The integral kernel, and what of it.
-    pub integral: Option<Kinds>,
-}
-
-impl Features {
-    /// Nothing but sampling.
-    pub const PLAIN: Self = Self { leap: false, map: false, regions: false, holes: false, integral: None };
 }
 
 /// The kernel that only samples; entry point `raycast`.

@@ -1,7 +1,7 @@
 //! The uniform of the integral kernel: light, isosurfaces, clip planes.
 
-use brickcast_volume::style::{Lighting, MAX_PLANES, MAX_SURFACES, Style};
-use brickcast_volume::{Geometry, PixelKind};
+use brickcast_volume::Geometry;
+use brickcast_volume::style::{MAX_PLANES, MAX_SURFACES, Style};
 use bytemuck::{Pod, Zeroable};
 
 /// What a scene's style is to the kernel; `tests/layout.rs` compares names and offsets with the WGSL's.
@@ -52,43 +52,5 @@ impl StyleUniform {
             uniform.light_from = phong.light_from_share(range) as f32;
         }
         uniform
-    }
-}
-
-/// What of the integral kernel a scene takes; each costs something.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct Kinds {
-    /// Slabs come from a table over both of their ends.
-    pub preintegrated: bool,
-    pub light: Option<Lighting>,
-    pub surfaces: bool,
-    /// What it leaves in the accumulator.
-    pub pixel: PixelKind,
-}
-
-impl Kinds {
-    /// The kernel's `LIGHT`: 0 without light, else one more than the lighting's place among its kind; named in
-    /// `slab.wgsl`.
-    #[must_use]
-    pub const fn light_number(self) -> u32 {
-        match self.light {
-            None => 0,
-            Some(lighting) => lighting as u32 + 1,
-        }
-    }
-
-    /// True where slabs come from two tables, weighted by either end.
-    #[must_use]
-    pub const fn has_weights(self) -> bool {
-        match self.light {
-            None => false,
-            Some(lighting) => lighting.needs_weights(),
-        }
-    }
-
-    /// As [`Style::has_slabs`].
-    #[must_use]
-    pub const fn has_slabs(self) -> bool {
-        !self.pixel.is_projection() && (self.preintegrated || self.surfaces)
     }
 }

@@ -3,7 +3,7 @@
 use std::any::Any;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
-use brickcast_shaders::layout::{BrickUniform, FrameUniform, MAP_EMPTY, MAP_HOMOGENEOUS};
+use brickcast_shaders::layout::{BrickUniform, FrameUniform};
 use brickcast_shaders::twin::accelerated::{BrickData, RayCounts, Tables, Unwatched, accelerated_ray};
 use brickcast_shaders::twin::integral::{Integrals, integral_ray};
 use brickcast_shaders::twin::macrocell::empty_distances;
@@ -22,8 +22,8 @@ use crate::brick::emptiness::{Emptiness, EmptinessCache, is_same};
 use crate::brick::texels::{BuiltBrick, BuiltCells};
 use crate::brick::worth::LastOccupied;
 use crate::kernel::{
-    BackendInfo, BrickCounts, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, Recipe,
-    ResidentBrick, Watch, check_jobs, new_pixels,
+    BackendInfo, BrickCounts, BrickInput, Job, JobImage, KernelKey, KernelScene, Placed, RaycastError, Raycaster,
+    Recipe, ResidentBrick, Watch, check_jobs, new_pixels,
 };
 
 /// Tile edge in pixels: small enough that threads stay busy to the end, large enough that a brick's voxels are reused
@@ -140,29 +140,19 @@ struct PlacedBrick<'a> {
     brick: &'a CpuBrick,
     projected: PixelRect,
     uniform: BrickUniform,
+    key: KernelKey,
     map: Option<Arc<Vec<u32>>>,
-    /// Nothing but samples: the plain loop does it.
-    is_plain: bool,
 }
 
 impl<'a> PlacedBrick<'a> {
     fn new(brick: &'a CpuBrick, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> Self {
-        let mut uniform = brick.uniform;
-        let has_holes = uniform.holes != 0;
-        let emptiness = emptiness.filter(|_| scene.skips_in(has_holes));
-        let mut skips = false;
-        if let Some((emptiness, cells)) = emptiness.zip(brick.cells.as_ref()) {
-            let occupied = brick.occupancy.ask(emptiness, &brick.owned, &cells.cells);
-            let (bounds, pays) = scene.bounds(occupied, &brick.owned);
-            skips = pays || cells.homogeneous.is_some();
-            uniform = uniform.within(&bounds);
-        }
-        let emptiness = emptiness.filter(|_| skips);
-        let map = brick.map(emptiness);
-        uniform.map_mask = map_mask(emptiness.is_some(), brick.cells.as_ref());
-        let simple = scene.style.is_none() && !scene.tells_regions_apart();
-        let is_plain = simple && !has_holes && brick.means.is_none() && map.is_none();
-        Self { brick, projected: scene.view.project(&uniform.owned()), uniform, map, is_plain }
+        let cells = brick.cells.as_ref();
+        let ask = |(emptiness, built): (_, &BuiltCells)| brick.occupancy.ask(emptiness, &brick.owned, &built.cells);
+        let has_cubes = cells.is_some_and(|built| built.homogeneous.is_some());
+        let has = (brick.means.is_some(), has_cubes);
+        let Placed { uniform, key } = Placed::new(scene, &brick.uniform, has, emptiness.zip(cells).map(ask));
+        let map = brick.map(emptiness.filter(|_| key.skips));
+        Self { brick, projected: scene.view.project(&uniform.owned()), uniform, key, map }
     }
 
     fn data(&self) -> BrickData<'_> {
@@ -174,12 +164,6 @@ impl<'a> PlacedBrick<'a> {
             flags: &self.brick.flags,
         }
     }
-}
-
-/// Which bits of a brick's map count.
-pub(crate) fn map_mask(skips: bool, cells: Option<&BuiltCells>) -> u32 {
-    let leaps = cells.is_some_and(|c| c.homogeneous.is_some());
-    (if skips { MAP_EMPTY } else { 0 }) | (if leaps { MAP_HOMOGENEOUS } else { 0 })
 }
 
 /// A screen tile: its rows borrow from the job's accumulator.
@@ -229,7 +213,7 @@ impl Raycaster for CpuRaycaster {
         Ok(Arc::new(CpuBrick::new(owned, BuiltBrick::uniform(&owned, mean))?))
     }
 
-    fn warm_up(&self, _filter: Filter, _features: Features) -> Result<(), RaycastError> {
+    fn warm_up(&self, _filter: Filter, _keys: &[KernelKey]) -> Result<(), RaycastError> {
         Ok(())
     }
 
@@ -348,7 +332,7 @@ fn render_tile(
                 let pixel = &mut row[x as usize];
                 let before = Premul::from_array(*pixel);
                 let ray = &rays[(y * width + x) as usize];
-                let (sum, took) = if brick.is_plain {
+                let (sum, took) = if brick.key == KernelKey::PLAIN {
                     let (sum, n) = raycast_ray(frame, &brick.uniform, data.texels, tables.table, ray, before);
                     (sum, RayCounts { samples: n, positions: n, ..RayCounts::default() })
                 } else if let Some(with) = integrals.filter(|_| are_slabs_alone) {

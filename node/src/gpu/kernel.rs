@@ -6,7 +6,8 @@ use std::num::NonZeroU64;
 use std::sync::{Mutex, PoisonError};
 
 use brickcast_shaders::{
-    BrickUniform, Features, FrameUniform, RaycastVariant, StyleUniform, accelerated_wgsl, integral_wgsl, raycast_wgsl,
+    BrickUniform, FrameUniform, KernelKey, RaycastVariant, StyleUniform, TakeKind, accelerated_wgsl, integral_wgsl,
+    raycast_wgsl,
 };
 use wgpu::{BindGroupLayoutEntry, BindingType, BufferBindingType, TextureFormat, TextureSampleType};
 
@@ -22,7 +23,7 @@ struct Pipelines {
     pipeline_layout: wgpu::PipelineLayout,
     plain: wgpu::ComputePipeline,
     /// Compiled when first needed: start-up does not wait for what few scenes use.
-    accelerated: Mutex<HashMap<Features, wgpu::ComputePipeline>>,
+    accelerated: Mutex<HashMap<KernelKey, wgpu::ComputePipeline>>,
 }
 
 /// Pipelines of both variants; the hardware one only where voxels can be filtered.
@@ -122,18 +123,18 @@ impl Kernels {
         &self,
         gpu: &Gpu,
         variant: RaycastVariant,
-        features: Features,
+        key: KernelKey,
     ) -> Result<wgpu::ComputePipeline, RaycastError> {
         let kernel = self.kernel(variant);
-        if features == Features::PLAIN {
+        if key == KernelKey::PLAIN {
             return Ok(kernel.plain.clone());
         }
         let mut known = kernel.accelerated.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(pipeline) = known.get(&features) {
+        if let Some(pipeline) = known.get(&key) {
             return Ok(pipeline.clone());
         }
-        let pipeline = gpu.guarded("an accelerated kernel", 0, || kernel.accelerated(gpu, features))?;
-        known.insert(features, pipeline.clone());
+        let pipeline = gpu.guarded("an accelerated kernel", 0, || kernel.accelerated(gpu, key))?;
+        known.insert(key, pipeline.clone());
         Ok(pipeline)
     }
 
@@ -210,19 +211,20 @@ impl Pipelines {
         Self { variant, frame_layout, pipeline_layout, plain, accelerated: Mutex::default() }
     }
 
-    fn accelerated(&self, gpu: &Gpu, features: Features) -> wgpu::ComputePipeline {
-        let Features { leap, map, regions, holes, integral } = features;
-        let switches = [("LEAP", leap), ("MAP", map), ("REGIONS", regions), ("HOLES", holes)];
+    fn accelerated(&self, gpu: &Gpu, key: KernelKey) -> wgpu::ComputePipeline {
+        let KernelKey { leaps, regions, holes, take, .. } = key;
+        let switches = [("LEAP", leaps), ("MAP", key.has_map()), ("REGIONS", regions), ("HOLES", holes)];
         let mut overrides = switches.map(|(name, on)| (name, f64::from(on))).to_vec();
         let layout = Some(&self.pipeline_layout);
-        let Some(kinds) = integral else {
+        if take == TakeKind::Sampled {
             return compute_pipeline(gpu, layout, "accelerated", accelerated_wgsl(self.variant), &overrides);
-        };
+        }
+        let kinds = take.slab_kind();
         overrides.extend([
             ("PREINTEGRATED", f64::from(kinds.preintegrated)),
             ("LIGHT", f64::from(kinds.light_number())),
             ("SURFACES", f64::from(kinds.surfaces)),
-            ("MODE", f64::from(kinds.pixel as u8)),
+            ("MODE", f64::from(take.pixel_kind() as u8)),
         ]);
         compute_pipeline(gpu, layout, "integral", integral_wgsl(self.variant), &overrides)
     }

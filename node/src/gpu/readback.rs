@@ -210,8 +210,8 @@ fn run(
     }
     let mut pipelines = HashMap::new();
     for dispatch in &*dispatches {
-        if let Entry::Vacant(vacant) = pipelines.entry(dispatch.features) {
-            vacant.insert(call.kernels.pipeline(gpu, call.variant, dispatch.features)?);
+        if let Entry::Vacant(vacant) = pipelines.entry(dispatch.key) {
+            vacant.insert(call.kernels.pipeline(gpu, call.variant, dispatch.key)?);
         }
     }
     let runs = submissions(dispatches, gpu.dispatch_samples());
@@ -233,11 +233,11 @@ fn run(
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
                 pass.set_bind_group(0, frame, &[]);
                 // wgpu puts a barrier between dispatches that write the same buffer: bricks blend in this order.
-                let mut features = None;
+                let mut key = None;
                 for (i, dispatch) in dispatches[run].iter().enumerate() {
-                    if features != Some(dispatch.features) {
-                        features = Some(dispatch.features);
-                        pass.set_pipeline(&pipelines[&dispatch.features]);
+                    if key != Some(dispatch.key) {
+                        key = Some(dispatch.key);
+                        pass.set_pipeline(&pipelines[&dispatch.key]);
                     }
                     let [width, height] = dispatch.uniform.rect_size;
                     pass.set_bind_group(1, &buffers.bind_group, &[(i as u64 * stride) as u32]);
@@ -288,7 +288,7 @@ fn collect(
         }
         for (dispatch, counter) in dispatches.iter().zip(counters.as_chunks::<16>().0) {
             let number = |i: usize| u64::from(u32::from_le_bytes(counter.as_chunks::<4>().0[i]));
-            let positions = number(usize::from(!dispatch.uniform.reads_every_position(dispatch.features)));
+            let positions = number(usize::from(dispatch.key.counts_positions()));
             let counts = &mut images[dispatch.job].counts[dispatch.position];
             *counts = counts.plus(BrickCounts { samples: number(0), positions, leapt: number(2), skips: number(3) });
         }

@@ -36,7 +36,7 @@ impl FrameTables {
         let same_slabs = match (&self.slabs, &other.slabs) {
             (None, None) => true,
             (Some((style, slabs)), Some((others, other))) => {
-                style.kinds.light == others.kinds.light && is_same(slabs, other)
+                style.take.slab_kind().light == others.take.slab_kind().light && is_same(slabs, other)
             }
             _ => false,
         };

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use brickcast_shaders::FrameUniform;
+use brickcast_shaders::{FrameUniform, LookTraits, TakeKind};
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::scene::{Filter, RegionView};
 use brickcast_volume::transfer_function::TransferTable;
@@ -41,7 +41,19 @@ impl KernelScene {
     /// What is left in accumulators.
     #[must_use]
     pub fn pixel_kind(&self) -> PixelKind {
-        self.style.as_ref().map_or(PixelKind::Over, |style| style.kinds.pixel)
+        self.take().pixel_kind()
+    }
+
+    /// What its rays add to their pixels.
+    #[must_use]
+    pub fn take(&self) -> TakeKind {
+        self.style.as_ref().map_or(TakeKind::Sampled, |style| style.take)
+    }
+
+    /// What of it says which kernel a brick takes.
+    #[must_use]
+    pub fn look(&self) -> LookTraits {
+        LookTraits { take: self.take(), tells_regions_apart: self.tells_regions_apart() }
     }
 
     /// The uniform of the frame.
@@ -67,12 +79,6 @@ impl KernelScene {
         let reach = glam::UVec3::splat(self.style.as_ref().map_or(0, |style| style.reach));
         let lo = bounds.lo.saturating_sub(reach).max(owned.lo);
         (OwnedBox { lo, hi: (bounds.hi + reach).min(owned.hi).max(lo) }, skips)
-    }
-
-    /// May macrocells be skipped in a brick? In a projection what is skipped counts as a sample of no weight; a place
-    /// that holds no data is none at all.
-    pub(crate) fn skips_in(&self, has_holes: bool) -> bool {
-        !has_holes || !self.pixel_kind().is_projection()
     }
 
     /// True where it matters which samples are in regions.

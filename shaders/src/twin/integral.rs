@@ -21,8 +21,9 @@ use super::processor::cut_off;
 use super::raycast::{FAR, Ray, first_sample, owned_segment};
 use super::slab::{End, SlabTable, add, add_cut, add_flat, add_slab, lit_color};
 use super::surface::{crossing, meet};
+use crate::key::TakeKind;
 use crate::layout::{BrickUniform, FrameUniform, MAP_EMPTY, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
-use crate::style::{Kinds, StyleUniform};
+use crate::style::StyleUniform;
 
 /// What a ray reads that is not its brick's.
 #[derive(Debug, Clone, Copy)]
@@ -32,7 +33,7 @@ pub struct Integrals<'a> {
     /// For slabs outside and inside regions.
     pub slabs: Option<[SlabTable<'a>; 2]>,
     pub style: &'a StyleUniform,
-    pub kinds: Kinds,
+    pub take: TakeKind,
 }
 
 /// What clipping leaves of a ray: `[t_lo, t_hi)`.
@@ -92,7 +93,7 @@ struct Front {
 }
 
 /// The samples and slabs of `brick` along `ray`, into `sum`: the four f32 of an accumulator, whose meaning
-/// [`Kinds::pixel`] says.
+/// [`TakeKind::pixel_kind`] says.
 #[must_use]
 pub fn integral_ray<W: Watch>(
     frame: &FrameUniform,
@@ -104,7 +105,8 @@ pub fn integral_ray<W: Watch>(
     watch: &mut W,
 ) -> (Premul, RayCounts) {
     let mut counts = RayCounts::default();
-    let Integrals { tables, style, kinds, .. } = *with;
+    let Integrals { tables, style, take, .. } = *with;
+    let (kinds, pixel_kind) = (take.slab_kind(), take.pixel_kind());
     // Most rays of a tile miss most bricks.
     let Some(mut owned) = owned_segment(frame, brick, ray) else { return (sum, counts) };
     let (t_lo, t_hi) = if style.plane_count == 0 { (0.0, FAR) } else { clipped(style, ray) };
@@ -123,8 +125,8 @@ pub fn integral_ray<W: Watch>(
     };
     let probe = Probe::new(frame, style, brick, data, ray);
     let k_out = first_outside(frame, owned.k, owned.t_out);
-    let has_slabs = kinds.has_slabs();
-    let is_projection = kinds.pixel.is_projection();
+    let has_slabs = take.ends_beyond();
+    let is_projection = take.is_projection();
     let k_last = if has_slabs { k_out } else { k_out - 1.0 };
     let largest = (0..3).fold(0.0_f32, |m, a| m.max(ray.origin[a].abs()).max(brick.owned_hi[a] as f32));
     let margin = MARGIN.max(MARGIN_SHARE * largest);
@@ -171,7 +173,7 @@ pub fn integral_ray<W: Watch>(
             let k_exit = sample_at(frame, leaves(ray, lo, hi), k_last + 1.0).max(k + 1.0);
             if empty > 0 && is_projection {
                 // Nothing there changes the projection: a run of the code that says so.
-                (code, n) = (f32::from(kinds.pixel.neutral_code()) / 65535.0, k_exit - k);
+                (code, n) = (f32::from(pixel_kind.neutral_code()) / 65535.0, k_exit - k);
                 counts.skips += 1;
             } else if empty > 0 && (!has_slabs || front.is_none_or(|f| f.is_empty)) {
                 // Both ends of all slabs up to the one that leaves.
@@ -247,7 +249,7 @@ pub fn integral_ray<W: Watch>(
         if is_projection {
             if shows(in_region) {
                 let mut pixel = sum.to_array();
-                kinds.pixel.take(&mut pixel, code, n);
+                pixel_kind.take(&mut pixel, code, n);
                 sum = Premul::from_array(pixel);
             }
             look = data.map.is_some() && k + n >= k_look;
@@ -330,7 +332,7 @@ fn slab<W: Watch>(
     (front, back): (&mut End, &mut End),
     watch: &mut W,
 ) -> f32 {
-    let kinds = with.kinds;
+    let kinds = with.take.slab_kind();
     let mut opacity = 0.0;
     if kinds.surfaces {
         let count = with.style.surface_count as usize;

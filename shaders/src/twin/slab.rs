@@ -10,7 +10,7 @@ use super::lanes::{self, entries_at};
 use super::light::{Lit, Probe, UNLIT};
 use super::processor::{cut_off, indices, prefetch, whole};
 use super::raycast::{clamped, entry_at};
-use crate::style::Kinds;
+use crate::key::SlabKind;
 
 /// Pre-integrated slabs: by node of the front value, then of the back value.
 #[derive(Debug, Clone, Copy)]
@@ -138,7 +138,7 @@ pub(super) fn lit_color([r, g, b]: [f32; 3], light: Lit) -> [f32; 3] {
 pub(super) fn add_slab(
     sum: &mut Premul,
     table: &SlabTable<'_>,
-    kinds: Kinds,
+    kinds: SlabKind,
     probe: &Probe<'_>,
     (front, back): (&mut End, &mut End),
     length: f32,
@@ -183,7 +183,7 @@ pub(super) fn add_slab(
 /// A slab, looked up already, under the light of the cut by which the ray enters.
 fn cut_slab(
     table: &SlabTable<'_>,
-    kinds: Kinds,
+    kinds: SlabKind,
     probe: &Probe<'_>,
     (front, back): (f32, f32),
     [r, g, b, a]: [f32; 4],
@@ -199,7 +199,7 @@ fn cut_slab(
 }
 
 /// Adds the first of a run's slabs where it is a cut's, both ends of it deep in one region.
-pub(super) fn add_cut(sum: &mut Premul, table: &SlabTable<'_>, kinds: Kinds, probe: &Probe<'_>, code: f32) {
+pub(super) fn add_cut(sum: &mut Premul, table: &SlabTable<'_>, kinds: SlabKind, probe: &Probe<'_>, code: f32) {
     let slab = table.look_up(table.front, code, code);
     if slab[3] > 0.0 {
         add(sum, cut_slab(table, kinds, probe, (code, code), slab));
@@ -208,7 +208,7 @@ pub(super) fn add_cut(sum: &mut Premul, table: &SlabTable<'_>, kinds: Kinds, pro
 
 /// Adds `n` slabs, both ends of each deep in one region, where nothing is lit.
 #[inline(always)]
-pub(super) fn add_flat(sum: &mut Premul, table: &SlabTable<'_>, kinds: Kinds, code: f32, n: f32) {
+pub(super) fn add_flat(sum: &mut Premul, table: &SlabTable<'_>, kinds: SlabKind, code: f32, n: f32) {
     let mut slab = table.look_up(table.front, code, code);
     if slab[3] <= 0.0 {
         return;

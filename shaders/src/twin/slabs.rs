@@ -1,8 +1,8 @@
 //! What most pictures are made of, by itself: pre-integrated slabs in a brick without leaps. The same as
 //! [`super::integral::integral_ray`], without what that must ask at every sample.
 
+use brickcast_volume::Premul;
 use brickcast_volume::macrocell::MapTexel;
-use brickcast_volume::{PixelKind, Premul};
 use glam::Vec4;
 
 use super::accelerated::{BrickData, RayCounts, first_outside, leaves, sample_at};
@@ -10,8 +10,8 @@ use super::integral::{Integrals, clipped};
 use super::lanes;
 use super::processor::{cut_off, indices};
 use super::raycast::{FAR, Ray, VolumeReader, clamped, first_sample, owned_segment};
+use crate::key::{SlabKind, TakeKind};
 use crate::layout::{BrickUniform, FrameUniform, MAP_EMPTY, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
-use crate::style::Kinds;
 
 /// Values that are read ahead of the slabs that need them, to hide latency: a read and a table look-up are each a chain
 /// of dependent loads, longer than the window in which a processor executes out of order, so that only independent
@@ -21,12 +21,12 @@ const BATCH: usize = 8;
 /// vain.
 const OPEN_BATCH: f32 = 4.0;
 
-const SLABS_ALONE: Kinds = Kinds { preintegrated: true, light: None, surfaces: false, pixel: PixelKind::Over };
+const SLABS_ALONE: TakeKind = TakeKind::Slabs(SlabKind { preintegrated: true, light: None, surfaces: false });
 
 /// True where [`slabs_ray`] will do.
 #[must_use]
 pub fn are_slabs_alone(brick: &BrickUniform, data: &BrickData<'_>, with: &Integrals<'_>) -> bool {
-    with.kinds == SLABS_ALONE
+    with.take == SLABS_ALONE
         && with.slabs.is_some()
         && data.means.is_none()
         && brick.region_flags != RegionFlags::Texture as u32
@@ -234,7 +234,7 @@ mod tests {
             let style = StyleUniform::new(&scene, &geometry, (0.0, 1.0));
             let slab = SlabTable::new(&slabs, [&slabs.total, &[]]);
             let tables = Tables { table: &table.entries, region: None };
-            let with = Integrals { tables, slabs: Some([slab; 2]), style: &style, kinds: SLABS_ALONE };
+            let with = Integrals { tables, slabs: Some([slab; 2]), style: &style, take: SLABS_ALONE };
             for map in [None, Some((map.as_slice(), cells.dims.into()))] {
                 let data = BrickData { texels: &texels, means: None, map, flags: &[] };
                 assert!(are_slabs_alone(&brick, &data, &with));

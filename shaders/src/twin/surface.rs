@@ -48,7 +48,7 @@ pub(super) fn meet<W: Watch>(
     watch.meets(surface, k * step);
     let [r, g, b, alpha] = with.style.colors[surface];
     let mut color = [r, g, b];
-    if with.kinds.light.is_some() {
+    if with.take.slab_kind().light.is_some() {
         color = lit_color(color, light());
     }
     add(sum, [color[0] * alpha, color[1] * alpha, color[2] * alpha, alpha]);

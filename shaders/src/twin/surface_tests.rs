@@ -12,8 +12,9 @@ use super::accelerated::{BrickData, Tables, Watch};
 use super::integral::{Integrals, integral_ray};
 use super::light::Probe;
 use super::raycast::pixel_ray;
+use crate::key::{SlabKind, TakeKind};
 use crate::layout::{BrickUniform, FrameUniform};
-use crate::style::{Kinds, StyleUniform};
+use crate::style::StyleUniform;
 
 /// A field over index space, larger inside, and its surface at 0.
 type Field = fn(DVec3, f64) -> f64;
@@ -132,8 +133,8 @@ fn look(volume: &Volume, step: f64) -> Seen {
     let brick = BrickUniform::of_boxes(&owned, &volume.stored);
     let data = BrickData { texels: &volume.codes, means: None, map: None, flags: &[] };
     let tables = Tables { table: &table.entries, region: None };
-    let kinds = Kinds { surfaces: true, ..Kinds::default() };
-    let with = Integrals { tables, slabs: None, style: &style, kinds };
+    let take = TakeKind::Slabs(SlabKind { surfaces: true, ..SlabKind::default() });
+    let with = Integrals { tables, slabs: None, style: &style, take };
     let mut seen = Seen::default();
     for (x, y) in (0..120).flat_map(|y| (0..120).map(move |x| (x, y))) {
         let ray = pixel_ray(&frame, x, y);

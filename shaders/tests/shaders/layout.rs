@@ -3,7 +3,7 @@
 use std::mem::{offset_of, size_of};
 
 use brickcast_shaders::{
-    BrickUniform, FrameUniform, Kinds, RaycastVariant, StyleUniform, accelerated_wgsl, distance_wgsl,
+    BrickUniform, FrameUniform, RaycastVariant, SlabKind, StyleUniform, accelerated_wgsl, distance_wgsl,
     filter_probe_wgsl, integral_wgsl, macrocell_wgsl, raycast_wgsl,
 };
 use brickcast_volume::scene::{Word, Words};
@@ -86,11 +86,11 @@ fn wgsl_constant(module: &naga::Module, name: &str) -> Option<u32> {
 fn a_lighting_has_one_number_in_both_languages() {
     let module = parse(&integral_wgsl(RaycastVariant::Exact));
     for Word { value, word, .. } in Lighting::WORDS {
-        let kinds = Kinds { light: Some(*value), ..Kinds::default() };
+        let kinds = SlabKind { light: Some(*value), ..SlabKind::default() };
         let name = format!("LIGHT_{}", word.to_uppercase());
         assert_eq!(wgsl_constant(&module, &name), Some(kinds.light_number()), "{name}");
     }
-    assert_eq!(Kinds::default().light_number(), 0);
+    assert_eq!(SlabKind::default().light_number(), 0);
     assert_eq!(wgsl_constant(&module, "LIGHT_OF_NOBODY"), None);
 }
 
