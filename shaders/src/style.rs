@@ -1,4 +1,4 @@
-//! The uniform of the integral kernel: light, isosurfaces, clip planes.
+//! The uniform of a scene's style: light, isosurfaces, clip planes.
 
 use brickcast_volume::Geometry;
 use brickcast_volume::style::{MAX_PLANES, MAX_SURFACES, Style};
@@ -30,10 +30,27 @@ pub struct StyleUniform {
 }
 
 impl StyleUniform {
+    /// Of a scene that has none: no kernel reads it.
+    pub const PLAIN: Self = Self {
+        volume_hi: [0; 3],
+        surface_count: 0,
+        light: [0.0; 3],
+        ambient: 0.0,
+        diffuse: 0.0,
+        specular: 0.0,
+        shininess: 0.0,
+        plane_count: 0,
+        light_from: 0.0,
+        reserved: [0; 3],
+        codes: [[0.0; 4]; MAX_SURFACES],
+        colors: [[0.0; 4]; MAX_SURFACES],
+        planes: [[0.0; 4]; MAX_PLANES],
+    };
+
     /// `range`: data units of codes 0 and 1. A style that is not valid is cut to what fits.
     #[must_use]
     pub fn new(style: &Style, geometry: &Geometry, range: (f64, f64)) -> Self {
-        let mut uniform = Self::zeroed();
+        let mut uniform = Self::PLAIN;
         uniform.volume_hi = geometry.dims().as_ivec3().into();
         for (i, surface) in style.sorted_surfaces().iter().take(MAX_SURFACES).enumerate() {
             let [r, g, b] = surface.color;

@@ -3,11 +3,11 @@
 use std::any::Any;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
-use brickcast_shaders::layout::{BrickUniform, FrameUniform};
-use brickcast_shaders::twin::accelerated::{BrickData, RayCounts, Tables, Unwatched, accelerated_ray};
-use brickcast_shaders::twin::integral::{Integrals, integral_ray};
+use brickcast_shaders::layout::BrickUniform;
+use brickcast_shaders::twin::bindings::{Bindings, BrickData, SceneData};
 use brickcast_shaders::twin::macrocell::empty_distances;
-use brickcast_shaders::twin::raycast::{Ray, pixel_ray, raycast_ray};
+use brickcast_shaders::twin::march::march_ray;
+use brickcast_shaders::twin::ray::{Ray, pixel_ray};
 use brickcast_shaders::twin::slabs::{are_slabs_alone, slabs_ray};
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::macrocell::MapTexel;
@@ -226,10 +226,7 @@ impl Raycaster for CpuRaycaster {
         check_jobs(scene, jobs, u32::MAX)?;
         let frame = scene.frame_uniform();
         let emptiness = self.emptiness.get(scene);
-        let tables =
-            Tables { table: &scene.table.entries, region: scene.region_table.as_ref().map(|t| &t.entries[..]) };
-        let integrals = scene.style.as_ref().map(|style| style.integrals(tables));
-        let reads = Reads { frame: &frame, tables: &tables, integrals: integrals.as_ref(), watch };
+        let reads = Reads { scene: &scene.data(&frame), watch };
         let work = || jobs.par_iter().map(|job| render_job(scene, &reads, emptiness.as_ref(), job)).collect();
         // A system that gives no more threads has those of the others.
         kernel_threads().map_or_else(work, |threads| threads.install(work))
@@ -296,10 +293,7 @@ fn tiles_of<'a>(rect: &PixelRect, pixels: &'a mut [RawPixel], edge: usize) -> Ve
 
 /// What all rays of a job read.
 struct Reads<'a> {
-    frame: &'a FrameUniform,
-    tables: &'a Tables<'a>,
-    /// Where the scene has a style.
-    integrals: Option<&'a Integrals<'a>>,
+    scene: &'a SceneData<'a>,
     watch: Watch<'a>,
 }
 
@@ -309,7 +303,8 @@ fn render_tile(
     bricks: &[PlacedBrick<'_>],
     mut tile: Tile<'_>,
 ) -> Result<Vec<BrickCounts>, RaycastError> {
-    let Reads { frame, tables, integrals, watch } = *reads;
+    let Reads { scene, watch } = *reads;
+    let frame = scene.frame;
     let lo = tile.rect.lo;
     let width = tile.rect.size().x;
     let rays: Vec<Ray> =
@@ -320,8 +315,8 @@ fn render_tile(
         if touched.is_empty() {
             continue;
         }
-        let data = brick.data();
-        let are_slabs_alone = integrals.is_some_and(|with| are_slabs_alone(&brick.uniform, &data, with));
+        let bound = Bindings { scene, brick: &brick.uniform, data: brick.data(), key: brick.key };
+        let are_slabs_alone = are_slabs_alone(&bound);
         let mut finished = true;
         // The pulse is one number for all threads: too dear for every row.
         watch.goes_on()?;
@@ -332,16 +327,8 @@ fn render_tile(
                 let pixel = &mut row[x as usize];
                 let before = Premul::from_array(*pixel);
                 let ray = &rays[(y * width + x) as usize];
-                let (sum, took) = if brick.key == KernelKey::PLAIN {
-                    let (sum, n) = raycast_ray(frame, &brick.uniform, data.texels, tables.table, ray, before);
-                    (sum, RayCounts { samples: n, positions: n, ..RayCounts::default() })
-                } else if let Some(with) = integrals.filter(|_| are_slabs_alone) {
-                    slabs_ray(frame, &brick.uniform, &data, with, ray, before)
-                } else if let Some(with) = integrals {
-                    integral_ray(frame, &brick.uniform, &data, with, ray, before, &mut Unwatched)
-                } else {
-                    accelerated_ray(frame, &brick.uniform, &data, tables, ray, before, &mut Unwatched)
-                };
+                let take = if are_slabs_alone { slabs_ray } else { march_ray };
+                let (sum, took) = take(&bound, ray, before);
                 *pixel = sum.to_array();
                 let [samples, positions] = [took.samples, took.positions].map(u64::from);
                 let [leapt, skips] = [took.leapt, took.skips].map(u64::from);

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use brickcast_shaders::{FrameUniform, LookTraits, TakeKind};
+use brickcast_shaders::twin::bindings::{SceneData, Tables};
+use brickcast_shaders::{FrameUniform, LookTraits, StyleUniform, TakeKind};
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::scene::{Filter, RegionView};
 use brickcast_volume::transfer_function::TransferTable;
@@ -63,6 +64,18 @@ impl KernelScene {
         FrameUniform::new(&self.view.kernel(), &self.table, stop)
             .with_regions(self.region_view, self.region_table.as_deref())
             .with_filter(self.filter)
+    }
+
+    /// What rays on the processor read of it.
+    pub(crate) fn data<'a>(&'a self, frame: &'a FrameUniform) -> SceneData<'a> {
+        let style = self.style.as_ref();
+        let region = self.region_table.as_ref().map(|table| &table.entries[..]);
+        SceneData {
+            frame,
+            style: style.map_or(&StyleUniform::PLAIN, |style| &style.uniform),
+            tables: Tables { table: &self.table.entries, region },
+            slabs: style.and_then(KernelStyle::slab_tables),
+        }
     }
 
     /// The box to which rays are clipped in a brick, and whether empty-space skipping pays within it. The box is the

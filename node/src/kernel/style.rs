@@ -2,8 +2,6 @@
 
 use std::sync::Arc;
 
-use brickcast_shaders::twin::accelerated::Tables;
-use brickcast_shaders::twin::integral::Integrals;
 use brickcast_shaders::twin::slab::SlabTable;
 use brickcast_shaders::{StyleUniform, TakeKind};
 use brickcast_volume::Geometry;
@@ -47,11 +45,9 @@ impl KernelStyle {
         })
     }
 
-    /// What rays on the processor read: `tables` are those for single samples.
-    #[must_use]
-    pub(crate) fn integrals<'a>(&'a self, tables: Tables<'a>) -> Integrals<'a> {
-        let slabs = self.slabs.as_ref().map(|kinds| kinds.each_ref().map(|s| SlabTable::new(s, self.slab_entries(s))));
-        Integrals { tables, slabs, style: &self.uniform, take: self.take }
+    /// For slabs outside and inside regions.
+    pub(crate) fn slab_tables(&self) -> Option<[SlabTable<'_>; 2]> {
+        self.slabs.as_ref().map(|kinds| kinds.each_ref().map(|s| SlabTable::new(s, self.slab_entries(s))))
     }
 
     /// The one or two tables that the kernel reads of `slabs`.
