@@ -3,8 +3,6 @@
 use brickcast_volume::PixelKind;
 use brickcast_volume::style::{Lighting, Style};
 
-use crate::layout::{MAP_EMPTY, MAP_HOMOGENEOUS};
-
 /// What a run of positions adds to a pixel: a file of `wgsl/take/`, and what of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum TakeKind {
@@ -159,12 +157,6 @@ impl KernelKey {
     #[must_use]
     pub const fn has_map(self) -> bool {
         self.skips || self.cubes
-    }
-
-    /// Which bits of the map count.
-    #[must_use]
-    pub const fn map_mask(self) -> u32 {
-        (if self.skips { MAP_EMPTY } else { 0 }) | (if self.cubes { MAP_HOMOGENEOUS } else { 0 })
     }
 
     /// False where each position is one read: the kernel then counts reads only.

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
+use brickcast_shaders::layout::{COUNTERS, Counter};
 use brickcast_shaders::{RaycastVariant, WORKGROUP_PIXELS};
 use brickcast_volume::PixelRect;
 
@@ -17,8 +18,8 @@ use crate::kernel::{BrickCounts, Job, JobImage, KernelScene, RaycastError, Watch
 
 /// The most dispatches of one submission.
 const SUBMIT_DISPATCHES: usize = 1024;
-/// Reads, positions, positions leapt, jumps that read none.
-const COUNTER_BYTES: u64 = 16;
+/// Of a dispatch's counters.
+const COUNTER_BYTES: u64 = COUNTERS as u64 * 4;
 
 /// Buffers that live from call to call.
 #[derive(Debug)]
@@ -286,11 +287,13 @@ fn collect(
             let target: &mut [u8] = bytemuck::cast_slice_mut(&mut image.pixels.raw_mut()[to..to + count]);
             target.copy_from_slice(&pixels[from..from + target.len()]);
         }
-        for (dispatch, counter) in dispatches.iter().zip(counters.as_chunks::<16>().0) {
-            let number = |i: usize| u64::from(u32::from_le_bytes(counter.as_chunks::<4>().0[i]));
-            let positions = number(usize::from(dispatch.key.counts_positions()));
+        for (dispatch, counter) in dispatches.iter().zip(counters.as_chunks::<{ COUNTER_BYTES as usize }>().0) {
+            let number = |which: Counter| u64::from(u32::from_le_bytes(counter.as_chunks::<4>().0[which as usize]));
+            let samples = number(Counter::Reads);
+            let positions = if dispatch.key.counts_positions() { number(Counter::Taken) } else { samples };
+            let (leapt, skips) = (number(Counter::Leapt), number(Counter::Jumps));
             let counts = &mut images[dispatch.job].counts[dispatch.position];
-            *counts = counts.plus(BrickCounts { samples: number(0), positions, leapt: number(2), skips: number(3) });
+            *counts = counts.plus(BrickCounts { samples, positions, leapt, skips });
         }
     })
 }

@@ -3,13 +3,14 @@
 use std::any::Any;
 use std::sync::Arc;
 
+use brickcast_shaders::binding;
 use brickcast_shaders::layout::BrickUniform;
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::regions::code::MAX_SLOTS;
 
 use super::cells::CellTextures;
 use super::device::Gpu;
-use super::kernel::Kernels;
+use super::kernel::{Kernels, bound};
 use crate::brick::bytes::CELL_BYTES;
 use crate::brick::emptiness::Emptiness;
 use crate::brick::texels::BuiltBrick;
@@ -104,9 +105,11 @@ pub(super) fn upload(
         let mut textures = vec![volume, means, map, flags];
         let views = textures.iter().map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
         let views: Vec<_> = views.collect();
-        let entries: Vec<_> = (0..)
+        let order = [binding::VOLUME, binding::MEANS, binding::MAP, binding::FLAGS];
+        let entries: Vec<_> = order
+            .into_iter()
             .zip(&views)
-            .map(|(binding, view)| wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::TextureView(view) })
+            .map(|(at, view)| bound(at, wgpu::BindingResource::TextureView(view)))
             .collect();
         let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("brick"),

@@ -29,8 +29,6 @@ impl Placed {
             (traits.may_skip, traits.skipping_pays) = (true, pays);
             uniform = uniform.within(&bounds);
         }
-        let key = KernelKey::of(scene.look(), traits);
-        uniform.map_mask = key.map_mask();
-        Self { uniform, key }
+        Self { uniform, key: KernelKey::of(scene.look(), traits) }
     }
 }

@@ -4,7 +4,7 @@
 use super::read::{CODE, Reader, between};
 
 /// What a place has in which a voxel of no data has weight; no code is below 0.
-pub(super) const NO_DATA: f32 = -1.0;
+pub const NO_DATA: f32 = -1.0;
 
 /// Has a sample this code?
 #[inline(always)]

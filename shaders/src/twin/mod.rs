@@ -2,7 +2,7 @@
 
 pub mod bindings;
 mod classify;
-mod holes;
+pub mod holes;
 mod jump;
 mod lanes;
 mod light;

@@ -4,8 +4,9 @@ use crate::layout::{BrickUniform, FrameUniform};
 
 /// Slower than this per unit of t, a ray moves by less than 3e-7 voxel over the longest reach: it runs inside the
 /// plane.
-const PARALLEL_TO_PLANE: f32 = 1e-12;
-pub(super) const FAR: f32 = 3e38;
+pub const PARALLEL_TO_PLANE: f32 = 1e-12;
+/// Where no plane ends a ray; t.
+pub const FAR: f32 = 3e38;
 
 /// Index space; t in units of the smallest spacing.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -7,7 +7,7 @@ use super::bindings::{Along, Bindings};
 use super::ray::{Ray, Segment};
 
 pub use plain::Plain;
-pub use styled::Styled;
+pub use styled::{LEAST_CUT, Styled};
 
 /// With or without a style.
 pub trait Scene {

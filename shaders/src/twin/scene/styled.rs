@@ -63,7 +63,7 @@ pub(in super::super) fn clip_span(style: &StyleUniform, ray: &Ray) -> (f32, f32)
 }
 
 /// Clips that end no deeper in the volume than this count as its own faces; in units of t.
-const LEAST_CUT: f32 = 1e-3;
+pub const LEAST_CUT: f32 = 1e-3;
 
 /// Where the ray enters the volume, were it endless; t.
 #[inline(always)]

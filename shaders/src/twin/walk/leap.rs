@@ -10,11 +10,11 @@ pub const ENTRY_PROBES: u32 = 2;
 /// Filtered values that differ by less may both come from guards: 1.25 of 16383.
 pub const NEARLY_EQUAL: f32 = 1.25 / 16383.0;
 /// Voxels that a leap ends before the last place that is known; more where positions are large numbers.
-const MARGIN: f32 = 1e-3;
+pub const MARGIN: f32 = 1e-3;
 /// Of the largest coordinate: what positions and planes may round by, with room.
-const MARGIN_SHARE: f32 = 1e-6;
+pub const MARGIN_SHARE: f32 = 1e-6;
 /// The last value where there is none: far from all codes, so that nothing is like it.
-const NOTHING_YET: f32 = 9.0;
+pub const NOTHING_YET: f32 = 9.0;
 
 #[derive(Debug)]
 pub struct Leap {

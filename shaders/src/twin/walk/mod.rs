@@ -10,7 +10,7 @@ use super::bindings::{Along, Bindings};
 use super::run::{self, Step};
 use super::take::Take;
 
-pub use leap::{ENTRY_PROBES, Leap, NEARLY_EQUAL};
+pub use leap::{ENTRY_PROBES, Leap, MARGIN, MARGIN_SHARE, NEARLY_EQUAL, NOTHING_YET};
 pub use map::Map;
 pub use uncoded::Uncoded;
 pub use unmapped::Unmapped;
