@@ -279,9 +279,11 @@ mod tests {
                 let of_dim = if dim == ImageDimension::D3 { d3 } else { d2 };
                 view_dimension == of_dim && (kind == ScalarKind::Float) == is_float
             }
-            (_, AddressSpace::Storage { access }, BindingType::Buffer { ty: BufferBindingType::Storage { read_only }, .. }) => {
-                read_only != access.contains(StorageAccess::STORE)
-            }
+            (
+                _,
+                AddressSpace::Storage { access },
+                BindingType::Buffer { ty: BufferBindingType::Storage { read_only }, .. },
+            ) => read_only != access.contains(StorageAccess::STORE),
             _ => false,
         }
     }
