@@ -1,7 +1,7 @@
 //! The WGSL kernels, their Rust-side layouts, and a CPU twin of every kernel.
 //!
-//! Kernels are concatenated from `wgsl/` (no module system: under ten kernels need none). A twin has its kernel's files,
-//! names and order of operations, so that the two can be read side by side.
+//! Kernels are concatenated from `wgsl/` (no module system: under ten kernels need none). A twin has its kernel's
+//! files, names and order of operations, so that the two can be read side by side.
 
 pub mod binding;
 pub mod key;

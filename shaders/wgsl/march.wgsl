@@ -1,10 +1,11 @@
-// One brick into the accumulator: the only loop of rays. Where next is the *walk* (walk/), what a place holds the *read*
-// (read/), what a run of positions adds the *take* (take/), which rays and places there are the *scene* (scene/): of
-// each the files that a kernel needs are joined to this one (shaders/src/lib.rs). shaders/src/twin/march.rs is the same
-// on the CPU.
+// One brick into the accumulator: the only loop of rays. Where next is the *walk* (walk/), what a place holds the
+// *read* (read/), what a run of positions adds the *take* (take/), which part of a ray there is the *scene* (scene/):
+// of each the files that a kernel needs are joined to this one (shaders/src/lib.rs). shaders/src/twin/march.rs is the
+// same on the CPU.
 //
 // The invariant: a brick visits the positions that it owns and, where what lies between matters, the first one beyond.
-// Every turn takes one run of positions that have one code, or jumps over some that add nothing (docs/adr/0014-one-loop.md).
+// Every turn takes one run of positions that have one code, or jumps over some that add nothing
+// (docs/adr/0014-one-loop.md).
 //
 // One flat loop: loops within would each run at least once a turn where a driver does not branch around what no lane
 // takes (software ones do not), and share less of what follows.

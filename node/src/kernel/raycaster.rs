@@ -47,7 +47,8 @@ pub trait Raycaster: Send + Sync + std::fmt::Debug {
     /// Out of memory, device lost.
     fn upload_uniform(&self, owned: OwnedBox, mean: Density) -> Result<Arc<dyn ResidentBrick>, RaycastError>;
 
-    /// Compiles what a scene needs whose bricks take these kernels, so that the first frame is not slower than the next.
+    /// Compiles what a scene needs whose bricks take these kernels, so that the first frame is not slower than the
+    /// next.
     ///
     /// # Errors
     /// Device lost.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use brickcast_shaders::twin::slab::SlabTable;
+use brickcast_shaders::twin::bindings::SlabTable;
 use brickcast_shaders::{StyleUniform, TakeKind};
 use brickcast_volume::Geometry;
 use brickcast_volume::preintegration::Preintegrated;

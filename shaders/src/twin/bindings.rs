@@ -1,10 +1,11 @@
 //! What a ray reads, as the kernels find it at module scope; and what it counts.
 
+use brickcast_volume::preintegration::Preintegrated;
+
 use super::ray::Ray;
 use super::read::Reader;
-use super::slab::SlabTable;
 use crate::key::KernelKey;
-use crate::layout::{BrickUniform, FrameUniform};
+use crate::layout::{BrickUniform, FrameUniform, RegionFlags};
 use crate::style::StyleUniform;
 
 /// Group 0: what all bricks of a frame share.
@@ -24,6 +25,25 @@ pub struct SceneData<'a> {
 pub struct Tables<'a> {
     pub table: &'a [[f32; 4]],
     pub region: Option<&'a [[f32; 4]]>,
+}
+
+/// Pre-integrated slabs: by node of the front value, then of the back value.
+#[derive(Debug, Clone, Copy)]
+pub struct SlabTable<'a> {
+    /// Nodes each way.
+    pub size: usize,
+    /// Premultiplied colour and opacity of one step. With interpolated light, what the front end's light counts for,
+    /// and the opacity.
+    pub front: &'a [[f32; 4]],
+    /// What the back end's light counts for, and the part of the opacity that goes with it; empty without interpolated
+    /// light.
+    pub back: &'a [[f32; 4]],
+    /// [`Preintegrated::shown_before`].
+    pub shown_before: &'a [u32],
+    /// [`Preintegrated::warp`].
+    pub warp: &'a [[f32; 2]],
+    /// Blocks of the warp per code (0..=1).
+    pub scale: f32,
 }
 
 /// Group 2: what a brick holds.
@@ -68,6 +88,24 @@ pub struct RayCounts {
     pub leapt: u32,
     /// Jumps by the map alone: turns of the loop that read no texel.
     pub skips: u32,
+}
+
+impl<'a> SlabTable<'a> {
+    /// `tables`: front and back, of `slabs`.
+    #[must_use]
+    pub fn new(slabs: &'a Preintegrated, [front, back]: [&'a [[f32; 4]]; 2]) -> Self {
+        let (size, shown_before, warp) = (slabs.size, &slabs.shown_before[..], &slabs.warp[..]);
+        // All blocks are 65,536 codes.
+        Self { size, front, back, shown_before, warp, scale: warp.len() as f32 * (65535.0 / 65536.0) }
+    }
+}
+
+impl Bindings<'_> {
+    /// Where the brick says of each voxel whether it is in a region.
+    #[inline(always)]
+    pub(super) fn has_flags(&self) -> bool {
+        self.key.regions && self.brick.region_flags == RegionFlags::Texture as u32
+    }
 }
 
 impl<'a> Along<'a> {

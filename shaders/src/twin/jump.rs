@@ -25,10 +25,10 @@ pub(super) fn first_outside(frame: &FrameUniform, k: f32, t_out: f32) -> f32 {
 #[inline(always)]
 pub(super) fn leaves(ray: &Ray, center: [f32; 3], half: f32) -> f32 {
     let mut t_out = FAR;
-    for a in 0..3 {
+    for (a, middle) in center.into_iter().enumerate() {
         let d = ray.direction[a];
         if d != 0.0 {
-            let plane = if d > 0.0 { center[a] + half } else { center[a] - half };
+            let plane = if d > 0.0 { middle + half } else { middle - half };
             t_out = t_out.min((plane - ray.origin[a]) * ray.inverse[a]);
         }
     }

@@ -5,7 +5,7 @@ use super::holes::is_no_data;
 use super::ray::dot;
 use super::read::clamped;
 use super::scene::styled::inside;
-use super::walk::deep_at;
+use super::walk::leap::deep_at;
 
 /// Of a place: what its colour is multiplied by, and how much white is added per opacity.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,5 +1,5 @@
-//! `wgsl/march.wgsl` on the CPU, in f32 with the kernel's order of operations and no fused multiply-add: the only loop of
-//! rays, and the truth for every other.
+//! `wgsl/march.wgsl` on the CPU, in f32 with the kernel's order of operations and no fused multiply-add: the only loop
+//! of rays, and the truth for every other.
 //!
 //! Both filters of the GPU are one here: interpolation is at full precision.
 
@@ -15,12 +15,6 @@ use super::take::{Projection, Sampled, Slabs, Take};
 use super::walk::{CodeWalk, Leap, Map, MapWalk, Uncoded, Unmapped};
 use crate::key::TakeKind;
 use crate::layout::RegionFlags;
-
-/// Where the brick says of each voxel whether it is in a region.
-#[inline(always)]
-pub(super) fn has_flags(bound: &Bindings<'_>) -> bool {
-    bound.key.regions && bound.brick.region_flags == RegionFlags::Texture as u32
-}
 
 /// What a brick adds along `ray` to `sum`: the four f32 of an accumulator, whose meaning [`TakeKind::pixel_kind`] says.
 /// Tables have at least two entries (without them the brick is empty).
@@ -91,7 +85,7 @@ pub fn march<M: MapWalk, C: CodeWalk, T: Take>(
         if !step.is_known {
             code = along.reader.read_volume(p) * brick.code_scale;
             counts.samples += 1;
-            if has_flags(bound) {
+            if bound.has_flags() {
                 in_region = bound.data.flags[along.reader.nearest_index(p)] != 0;
                 counts.samples += 1;
             }

@@ -8,12 +8,13 @@ mod lanes;
 mod light;
 pub mod macrocell;
 pub mod march;
+pub mod part;
 mod processor;
 pub mod ray;
 pub mod read;
 pub mod run;
 pub mod scene;
-pub mod slab;
+mod slab;
 pub mod slabs;
 pub mod surface;
 #[cfg(test)]

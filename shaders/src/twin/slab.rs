@@ -2,33 +2,13 @@
 //! ray.
 
 use brickcast_volume::Premul;
-use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::style::Lighting;
 
-use super::bindings::{Along, Bindings};
+use super::bindings::{Along, Bindings, SlabTable};
 use super::classify::entry_at;
 use super::light::{Lit, UNLIT, light_at, light_of_entry};
 use super::read::{between, clamped};
 use super::scene::styled::place_at;
-
-/// Pre-integrated slabs: by node of the front value, then of the back value.
-#[derive(Debug, Clone, Copy)]
-pub struct SlabTable<'a> {
-    /// Nodes each way.
-    pub size: usize,
-    /// Premultiplied colour and opacity of one step. With interpolated light, what the front end's light counts for,
-    /// and the opacity.
-    pub front: &'a [[f32; 4]],
-    /// What the back end's light counts for, and the part of the opacity that goes with it; empty without interpolated
-    /// light.
-    pub back: &'a [[f32; 4]],
-    /// [`Preintegrated::shown_before`].
-    pub shown_before: &'a [u32],
-    /// [`Preintegrated::warp`].
-    pub warp: &'a [[f32; 2]],
-    /// Blocks of the warp per code (0..=1).
-    pub scale: f32,
-}
 
 /// An end of a slab, or a place between.
 #[derive(Debug, Clone, Copy)]
@@ -43,16 +23,6 @@ pub(super) struct End {
 
 /// A node of a table, and how far on to the next one.
 pub(super) type Node = (usize, f32);
-
-impl<'a> SlabTable<'a> {
-    /// `tables`: front and back, of `slabs`.
-    #[must_use]
-    pub fn new(slabs: &'a Preintegrated, [front, back]: [&'a [[f32; 4]]; 2]) -> Self {
-        let (size, shown_before, warp) = (slabs.size, &slabs.shown_before[..], &slabs.warp[..]);
-        // All blocks are 65,536 codes.
-        Self { size, front, back, shown_before, warp, scale: warp.len() as f32 * (65535.0 / 65536.0) }
-    }
-}
 
 /// Premultiplied, behind what is there.
 #[inline(always)]

@@ -5,14 +5,13 @@ use brickcast_volume::Premul;
 use brickcast_volume::macrocell::MapTexel;
 use glam::Vec4;
 
-use super::bindings::{Bindings, RayCounts};
+use super::bindings::{Bindings, RayCounts, SlabTable};
 use super::jump::{first_outside, leaves};
 use super::lanes::{self, entries_at};
 use super::processor::{cut_off, indices, prefetch, whole};
 use super::ray::{FAR, Ray, first_sample, owned_segment, rounded_up};
 use super::read::{Reader, clamped};
 use super::scene::styled::clip_span;
-use super::slab::SlabTable;
 use crate::key::{SlabKind, TakeKind};
 use crate::layout::{FrameUniform, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
 
@@ -229,7 +228,6 @@ mod tests {
     use super::super::macrocell::empty_distances;
     use super::super::march::march_ray;
     use super::super::ray::pixel_ray;
-    use super::super::slab::SlabTable;
     use super::*;
     use crate::key::KernelKey;
     use crate::layout::BrickUniform;

@@ -1,6 +1,6 @@
-// Where next, by texels that hold leaps (Frey & Ertl 2009): the plain loop of the flattened volume, several positions at
-// once where they are known to have one value (docs/adr/0002-leaping.md). shaders/src/twin/walk/leap.rs is the same on
-// the CPU.
+// Where next, by texels that hold leaps (Frey & Ertl 2009): what is drawn is the flattened volume, several positions
+// at once where they are known to have one value (docs/adr/0002-leaping.md). shaders/src/twin/walk/leap.rs is the same
+// on the CPU.
 
 // Samples of a brick, or after a skip, that are probed whatever their values.
 const ENTRY_PROBES: u32 = 2u;

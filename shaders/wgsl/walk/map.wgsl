@@ -1,8 +1,8 @@
 // Where next, by a map of macrocells (Krueger & Westermann 2003): over what is empty, and through cubes of one value.
 // shaders/src/twin/walk/map.rs is the same on the CPU.
 //
-// Where slabs matter one is left out iff both of its ends lie in empty cells. So a run of empty positions that follows a
-// value is entered by one sample, and one that a value follows is left by going back to its last position.
+// Where slabs matter one is left out iff both of its ends lie in empty cells. So a run of empty positions that follows
+// a value is entered by one sample, and one that a value follows is left by going back to its last position.
 
 const HAS_MAP: bool = true;
 

@@ -1,6 +1,8 @@
 //! `wgsl/scene/plain.wgsl` on the CPU: a scene without clips, whose rays visit no position but those that bricks own.
 
-use super::{Along, Bindings, Ray, Scene, Segment};
+use super::super::bindings::{Along, Bindings};
+use super::super::part::Scene;
+use super::super::ray::{Ray, Segment};
 
 #[derive(Debug)]
 pub struct Plain;

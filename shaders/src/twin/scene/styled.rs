@@ -1,8 +1,9 @@
-//! `wgsl/scene/styled.wgsl` on the CPU: a scene with clips, whose rays may look beyond what a brick owns, and beyond the
-//! volume.
+//! `wgsl/scene/styled.wgsl` on the CPU: a scene with clips, whose rays may look beyond what a brick owns, and beyond
+//! the volume.
 
-use super::super::ray::{FAR, first_sample};
-use super::{Along, Bindings, Ray, Scene, Segment};
+use super::super::bindings::{Along, Bindings};
+use super::super::part::Scene;
+use super::super::ray::{FAR, Ray, Segment, first_sample};
 use crate::layout::FrameUniform;
 use crate::style::StyleUniform;
 

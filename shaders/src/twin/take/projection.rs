@@ -2,9 +2,11 @@
 
 use brickcast_volume::Premul;
 
+use super::super::bindings::{Along, Bindings};
 use super::super::classify::is_shown;
+use super::super::part::Take;
+use super::super::run::Run;
 use super::super::scene::Styled;
-use super::{Along, Bindings, Run, Take};
 
 #[derive(Debug)]
 pub struct Projection;

@@ -2,10 +2,12 @@
 
 use brickcast_volume::Premul;
 
+use super::super::bindings::{Along, Bindings};
 use super::super::classify::{classify, is_shown};
 use super::super::jump::opacity_of;
+use super::super::part::Take;
+use super::super::run::Run;
 use super::super::scene::Plain;
-use super::{Along, Bindings, Run, Take};
 
 #[derive(Debug)]
 pub struct Sampled;

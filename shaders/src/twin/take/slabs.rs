@@ -7,15 +7,17 @@
 
 use brickcast_volume::Premul;
 
+use super::super::bindings::{Along, Bindings};
 use super::super::classify::{classify, is_shown};
 use super::super::jump::opacity_of;
 use super::super::light::{UNLIT, light_at, light_of_entry, lit_color};
+use super::super::part::Take;
 use super::super::ray::first_sample;
+use super::super::run::Run;
 use super::super::scene::Styled;
 use super::super::scene::styled::{clip_span, first_behind_cut, volume_entry};
 use super::super::slab::{End, add, cut_slab, flat_slabs, look_up, nodes_of, slab_between};
 use super::super::surface::{crossing, surface_at};
-use super::{Along, Bindings, Run, Take};
 
 #[derive(Debug)]
 pub struct Slabs {

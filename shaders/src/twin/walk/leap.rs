@@ -3,7 +3,9 @@
 
 use brickcast_volume::regions::code::{CodedTexel, MAX_DENSITY};
 
-use super::{Along, CodeWalk, Step};
+use super::super::bindings::Along;
+use super::super::part::CodeWalk;
+use super::super::run::Step;
 
 /// Samples of a brick, or after a skip, that are probed whatever their values.
 pub const ENTRY_PROBES: u32 = 2;

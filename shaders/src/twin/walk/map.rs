@@ -5,8 +5,9 @@
 
 use brickcast_volume::macrocell::MapTexel;
 
-use super::super::march::has_flags;
-use super::{Bindings, MapWalk, Step, Take};
+use super::super::bindings::Bindings;
+use super::super::part::{MapWalk, Take};
+use super::super::run::Step;
 
 #[derive(Debug)]
 pub struct Map {
@@ -52,7 +53,7 @@ impl MapWalk for Map {
             let texel = MapTexel::unpack(map[at]);
             let empty = if key.skips { texel.empty } else { 0 };
             // Cells know no regions: their samples may need different tables.
-            let alike = if key.cubes && !has_flags(bound) { texel.cube.distance } else { 0 };
+            let alike = if key.cubes && !bound.has_flags() { texel.cube.distance } else { 0 };
             let is_empty = empty > 0;
             let is_alike = !is_empty && alike > 0;
             step.center = std::array::from_fn(|a| ((cell[a] + brick.cell_lo[a]) as f32 + 0.5) * self.edge);

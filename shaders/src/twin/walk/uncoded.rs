@@ -1,6 +1,8 @@
 //! `wgsl/walk/uncoded.wgsl` on the CPU: a brick whose texels are all values.
 
-use super::{Along, CodeWalk, Step};
+use super::super::bindings::Along;
+use super::super::part::CodeWalk;
+use super::super::run::Step;
 
 /// No texel is asked before it is read.
 #[derive(Debug)]

@@ -1,6 +1,8 @@
 //! `wgsl/walk/unmapped.wgsl` on the CPU: a brick without a map of macrocells.
 
-use super::{Bindings, MapWalk, Step, Take};
+use super::super::bindings::Bindings;
+use super::super::part::{MapWalk, Take};
+use super::super::run::Step;
 
 /// Any position may show something.
 #[derive(Debug)]
