@@ -122,7 +122,7 @@ pub(super) fn linear_sampler(gpu: &Gpu) -> wgpu::Sampler {
 }
 
 impl Kernels {
-    /// `norm16`: voxels are R16Unorm, else R32Float. `exact_only`: no hardware variant. Compiles the plain kernels: an
+    /// `norm16`: voxels are R16Unorm, else R32Float. `exact_only`: no hardware variant. Compiles the plain kernel: an
     /// adapter that cannot is told at start-up.
     pub(super) fn new(gpu: &Gpu, norm16: bool, exact_only: bool) -> Result<Self, RaycastError> {
         let kernels = gpu.guarded("the raycast kernels", 0, || {
@@ -138,9 +138,8 @@ impl Kernels {
                 voxel_format: if norm16 { TextureFormat::R16Unorm } else { TextureFormat::R32Float },
             }
         })?;
-        for variant in [RaycastVariant::Hardware, RaycastVariant::Exact] {
-            kernels.pipeline(gpu, variant, KernelKey::PLAIN)?;
-        }
+        let variant = if exact_only { RaycastVariant::Exact } else { RaycastVariant::Hardware };
+        kernels.pipeline(gpu, variant, KernelKey::PLAIN)?;
         Ok(kernels)
     }
 
