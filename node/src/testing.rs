@@ -17,7 +17,7 @@ use brickcast_volume::{
 };
 
 use crate::kernel::{
-    BackendInfo, BrickCounts, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, Recipe,
+    BackendInfo, BrickCounts, BrickInput, Job, JobImage, KernelKey, KernelScene, RaycastError, Raycaster, Recipe,
     ResidentBrick, Watch,
 };
 
@@ -198,7 +198,7 @@ impl Raycaster for FakeRaycaster {
         Ok(Arc::new(FakeBrick { owned, bytes: 0, alive: self.alive.clone() }))
     }
 
-    fn warm_up(&self, _filter: Filter, _features: Features) -> Result<(), RaycastError> {
+    fn warm_up(&self, _filter: Filter, _keys: &[KernelKey]) -> Result<(), RaycastError> {
         Ok(())
     }
 

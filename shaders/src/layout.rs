@@ -1,14 +1,11 @@
 //! Uniforms as both sides see them. `tests/layout.rs` compares names and offsets with the WGSL's.
 
-use brickcast_volume::macrocell::{HomogeneousCube, MapTexel};
 use brickcast_volume::scene::{Filter, RegionView};
 use brickcast_volume::transfer_function::TransferTable;
 use brickcast_volume::visibility::KernelView;
 use brickcast_volume::{OwnedBox, StoredBox};
 use bytemuck::{Pod, Zeroable};
 use glam::IVec3;
-
-use crate::Features;
 
 /// An accumulated opacity that no ray reaches: early termination switched off.
 pub const NEVER: f32 = 2.0;
@@ -58,6 +55,26 @@ pub const SHOWS_RESIDUAL: u32 = 1;
 /// [`FrameUniform::shown`] for samples in regions.
 pub const SHOWS_REGIONS: u32 = 2;
 
+/// Entries of a transfer function's texture to a row, at most: no adapter takes all of them in one.
+pub const TABLE_ROW: u32 = 1024;
+
+/// What each dispatch counts, in this order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Counter {
+    /// Reads of texels.
+    Reads = 0,
+    /// Positions, where [`KernelKey::counts_positions`](crate::KernelKey::counts_positions); else reads are.
+    Taken = 1,
+    /// Positions that leaps covered.
+    Leapt = 2,
+    /// Jumps by the map alone.
+    Jumps = 3,
+}
+
+/// Counters of a dispatch, u32 each.
+pub const COUNTERS: u32 = 4;
+
 /// Where a brick's region flags are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u32)]
@@ -71,11 +88,6 @@ pub enum RegionFlags {
 pub const PLAIN_SCALE: f32 = 1.0;
 /// Multiplies a texel of leaps and densities (0..=1): 14 bits of density above the inner bit.
 pub const CODED_SCALE: f32 = 65535.0 / 32766.0;
-
-/// Bits of a macrocell map's texel that hold [`MapTexel::empty`].
-pub const MAP_EMPTY: u32 = MapTexel { empty: u8::MAX, cube: HomogeneousCube { distance: 0, value: 0 } }.pack();
-/// Those of [`MapTexel::cube`].
-pub const MAP_HOMOGENEOUS: u32 = !MAP_EMPTY;
 
 /// One brick's dispatch over the pixels of one rectangle.
 #[repr(C)]
@@ -103,13 +115,11 @@ pub struct BrickUniform {
     pub cell_lo: [i32; 3],
     /// Binary logarithm of the voxels per edge of a macrocell.
     pub cell_shift: u32,
-    /// Which bits of the map count.
-    pub map_mask: u32,
     /// Code of a texel of 1: [`PLAIN_SCALE`] or [`CODED_SCALE`].
     pub code_scale: f32,
     /// 1 where texels of code 0 hold no data.
     pub holes: u32,
-    pub reserved: u32,
+    pub reserved: [u32; 2],
 }
 
 impl FrameUniform {
@@ -168,15 +178,6 @@ impl FrameUniform {
 }
 
 impl BrickUniform {
-    /// True where the kernels count reads only, since each position is one.
-    #[must_use]
-    pub const fn reads_every_position(&self, features: Features) -> bool {
-        features.integral.is_none()
-            && !features.leap
-            && !features.regions
-            && (!features.map || self.map_mask <= MAP_EMPTY)
-    }
-
     /// With `bounds`, a part of its owned box, in place of that.
     #[must_use]
     pub fn within(mut self, bounds: &OwnedBox) -> Self {

@@ -1,20 +1,23 @@
 //! The WGSL kernels, their Rust-side layouts, and a CPU twin of every kernel.
 //!
-//! Kernels are concatenated from `wgsl/` (no module system: under ten kernels need none). A twin has its kernel's name
-//! and order of operations, so that the two can be read side by side.
+//! Kernels are concatenated from `wgsl/` (no module system: under ten kernels need none). A twin has its kernel's
+//! files, names and order of operations, so that the two can be read side by side.
 
+pub mod binding;
+pub mod key;
 pub mod layout;
 pub mod style;
 pub mod twin;
 
+pub use key::{BrickTraits, KernelKey, LookTraits, SlabKind, TakeKind};
 pub use layout::{BrickUniform, FrameUniform};
-pub use style::{Kinds, StyleUniform};
+pub use style::StyleUniform;
 
-/// Pixels that a workgroup of the raycast kernel covers, per axis.
+/// Pixels that a workgroup of [`march_wgsl`] covers, per axis.
 pub const WORKGROUP_PIXELS: u32 = 16;
 
-/// How the raycast kernel reads volume and transfer function.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// How the loop of rays reads volume and transfer function.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum RaycastVariant {
     /// The adapter's linear filters; needs filterable textures.
     Hardware,
@@ -22,86 +25,78 @@ pub enum RaycastVariant {
     Exact,
 }
 
-/// What a kernel can do beyond sampling; each costs something, so each brick gets the kernel that does what it needs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct Features {
-    /// Texels hold leaps.
-    pub leap: bool,
-    /// There is a macrocell map.
-    pub map: bool,
-    /// Samples in regions are hidden, shown alone, or have a table of their own.
-    pub regions: bool,
-    /// Some voxels hold no data.
-    pub holes: bool,
-    /// The integral kernel, and what of it.
-    pub integral: Option<Kinds>,
+macro_rules! parts {
+    ($($path:literal),* $(,)?) => { [$(include_str!(concat!("../wgsl/", $path))),*] };
 }
 
-impl Features {
-    /// Nothing but sampling.
-    pub const PLAIN: Self = Self { leap: false, map: false, regions: false, holes: false, integral: None };
-}
-
-/// The kernel that only samples; entry point `raycast`.
+/// The loop of rays with the walk and the take of a key; entry point `march`. [`overrides`] are the rest of the key.
 #[must_use]
-pub fn raycast_wgsl(variant: RaycastVariant) -> String {
-    with_shared(variant, &[include_str!("../wgsl/shared/frame.wgsl"), include_str!("../wgsl/raycast.wgsl")].concat())
+pub fn march_wgsl(variant: RaycastVariant, key: KernelKey) -> String {
+    let mut parts = parts![
+        "shared/layout.wgsl",
+        "shared/ray.wgsl",
+        "shared/dispatch.wgsl",
+        "shared/holes.wgsl",
+        "shared/classify.wgsl",
+        "shared/run.wgsl",
+        "shared/jump.wgsl",
+        "shared/texel.wgsl",
+        "march.wgsl",
+    ]
+    .to_vec();
+    parts.extend(match variant {
+        RaycastVariant::Hardware => parts!["read/hardware.wgsl"],
+        RaycastVariant::Exact => parts!["read/exact.wgsl"],
+    });
+    parts.extend(if key.has_map() { parts!["walk/map.wgsl"] } else { parts!["walk/unmapped.wgsl"] });
+    parts.extend(if key.leaps { parts!["walk/leap.wgsl"] } else { parts!["walk/uncoded.wgsl"] });
+    match key.take {
+        TakeKind::Sampled => parts.extend(parts!["scene/plain.wgsl", "take/sampled.wgsl"]),
+        TakeKind::Projection(_) => parts.extend(parts!["scene/styled.wgsl", "take/projection.wgsl"]),
+        TakeKind::Slabs(_) => {
+            parts.extend(parts!["scene/styled.wgsl", "take/slabs.wgsl"]);
+            parts.extend(parts!["shared/slab.wgsl", "shared/light.wgsl", "shared/surface.wgsl"]);
+            parts.extend(match variant {
+                RaycastVariant::Hardware => parts!["read/slab_hardware.wgsl"],
+                RaycastVariant::Exact => parts!["read/slab_exact.wgsl"],
+            });
+        }
+    }
+    parts.concat()
 }
 
-/// The kernel that also leaps, skips, tells regions apart and knows voxels without data, as its overrides `LEAP`,
-/// `MAP`, `REGIONS` and `HOLES` say; entry point `accelerated`.
+/// The overrides of [`march_wgsl`] for a key: all that the module has, and no other.
 #[must_use]
-pub fn accelerated_wgsl(variant: RaycastVariant) -> String {
-    with_shared(
-        variant,
-        &[
-            include_str!("../wgsl/shared/frame.wgsl"),
-            include_str!("../wgsl/shared/jump.wgsl"),
-            include_str!("../wgsl/shared/texel.wgsl"),
-            include_str!("../wgsl/accelerated.wgsl"),
-        ]
-        .concat(),
-    )
-}
-
-/// The kernel that integrates between samples, lights, finds isosurfaces, projects and clips, as its overrides say
-/// (those of [`accelerated_wgsl`], and `PREINTEGRATED`, `LIGHT`, `SURFACES`, `MODE`); entry point `integral`.
-#[must_use]
-pub fn integral_wgsl(variant: RaycastVariant) -> String {
-    let slab = match variant {
-        RaycastVariant::Hardware => include_str!("../wgsl/shared/slab_hardware.wgsl"),
-        RaycastVariant::Exact => include_str!("../wgsl/shared/slab_exact.wgsl"),
-    };
-    let (style, light) = (include_str!("../wgsl/shared/style.wgsl"), include_str!("../wgsl/shared/light.wgsl"));
-    let (jump, texel) = (include_str!("../wgsl/shared/jump.wgsl"), include_str!("../wgsl/shared/texel.wgsl"));
-    let (between, surface) = (include_str!("../wgsl/shared/slab.wgsl"), include_str!("../wgsl/shared/surface.wgsl"));
-    let kernel = include_str!("../wgsl/integral.wgsl");
-    let shared = with_shared(variant, kernel);
-    [&shared, style, jump, texel, slab, light, between, surface].concat()
-}
-
-fn with_shared(variant: RaycastVariant, kernel: &str) -> String {
-    let read = match variant {
-        RaycastVariant::Hardware => include_str!("../wgsl/shared/read_hardware.wgsl"),
-        RaycastVariant::Exact => include_str!("../wgsl/shared/read_exact.wgsl"),
-    };
-    let holes = include_str!("../wgsl/shared/holes.wgsl");
-    let (layout, ray) = (include_str!("../wgsl/shared/layout.wgsl"), include_str!("../wgsl/shared/ray.wgsl"));
-    let (dispatch, classify) =
-        (include_str!("../wgsl/shared/dispatch.wgsl"), include_str!("../wgsl/shared/classify.wgsl"));
-    [layout, ray, dispatch, holes, read, classify, kernel].concat()
+pub fn overrides(key: KernelKey) -> Vec<(&'static str, f64)> {
+    let KernelKey { skips, cubes, regions, holes, take, .. } = key;
+    let on = f64::from;
+    let mut all =
+        vec![("REGIONS", on(regions)), ("HOLES", on(holes)), ("COUNTS_POSITIONS", on(key.counts_positions()))];
+    if key.has_map() {
+        all.extend([("SKIPS", on(skips)), ("CUBES", on(cubes))]);
+    }
+    match take {
+        TakeKind::Sampled => {}
+        TakeKind::Projection(pixel) => all.push(("MODE", f64::from(pixel as u8))),
+        TakeKind::Slabs(kind) => all.extend([
+            ("PREINTEGRATED", on(kind.preintegrated)),
+            ("LIGHT", f64::from(kind.light_number())),
+            ("SURFACES", on(kind.surfaces)),
+        ]),
+    }
+    all
 }
 
 /// Which macrocells are empty; entry point `macrocell`.
 #[must_use]
 pub fn macrocell_wgsl() -> String {
-    [include_str!("../wgsl/shared/cells.wgsl"), include_str!("../wgsl/macrocell.wgsl")].concat()
+    parts!["shared/cells.wgsl", "macrocell.wgsl"].concat()
 }
 
 /// One pass of the distance transform over macrocells, along the axis of its override `AXIS`; entry point `distance`.
 #[must_use]
 pub fn distance_wgsl() -> String {
-    [include_str!("../wgsl/shared/cells.wgsl"), include_str!("../wgsl/distance.wgsl")].concat()
+    parts!["shared/cells.wgsl", "distance.wgsl"].concat()
 }
 
 /// The start-up self-test of the adapter's filter; entry point `filter_probe`.

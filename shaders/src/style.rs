@@ -1,7 +1,7 @@
-//! The uniform of the integral kernel: light, isosurfaces, clip planes.
+//! The uniform of a scene's style: light, isosurfaces, clip planes.
 
-use brickcast_volume::style::{Lighting, MAX_PLANES, MAX_SURFACES, Style};
-use brickcast_volume::{Geometry, PixelKind};
+use brickcast_volume::Geometry;
+use brickcast_volume::style::{MAX_PLANES, MAX_SURFACES, Style};
 use bytemuck::{Pod, Zeroable};
 
 /// What a scene's style is to the kernel; `tests/layout.rs` compares names and offsets with the WGSL's.
@@ -30,10 +30,27 @@ pub struct StyleUniform {
 }
 
 impl StyleUniform {
+    /// Of a scene that has none: no kernel reads it.
+    pub const PLAIN: Self = Self {
+        volume_hi: [0; 3],
+        surface_count: 0,
+        light: [0.0; 3],
+        ambient: 0.0,
+        diffuse: 0.0,
+        specular: 0.0,
+        shininess: 0.0,
+        plane_count: 0,
+        light_from: 0.0,
+        reserved: [0; 3],
+        codes: [[0.0; 4]; MAX_SURFACES],
+        colors: [[0.0; 4]; MAX_SURFACES],
+        planes: [[0.0; 4]; MAX_PLANES],
+    };
+
     /// `range`: data units of codes 0 and 1. A style that is not valid is cut to what fits.
     #[must_use]
     pub fn new(style: &Style, geometry: &Geometry, range: (f64, f64)) -> Self {
-        let mut uniform = Self::zeroed();
+        let mut uniform = Self::PLAIN;
         uniform.volume_hi = geometry.dims().as_ivec3().into();
         for (i, surface) in style.sorted_surfaces().iter().take(MAX_SURFACES).enumerate() {
             let [r, g, b] = surface.color;
@@ -52,43 +69,5 @@ impl StyleUniform {
             uniform.light_from = phong.light_from_share(range) as f32;
         }
         uniform
-    }
-}
-
-/// What of the integral kernel a scene takes; each costs something.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub struct Kinds {
-    /// Slabs come from a table over both of their ends.
-    pub preintegrated: bool,
-    pub light: Option<Lighting>,
-    pub surfaces: bool,
-    /// What it leaves in the accumulator.
-    pub pixel: PixelKind,
-}
-
-impl Kinds {
-    /// The kernel's `LIGHT`: 0 without light, else one more than the lighting's place among its kind; named in
-    /// `slab.wgsl`.
-    #[must_use]
-    pub const fn light_number(self) -> u32 {
-        match self.light {
-            None => 0,
-            Some(lighting) => lighting as u32 + 1,
-        }
-    }
-
-    /// True where slabs come from two tables, weighted by either end.
-    #[must_use]
-    pub const fn has_weights(self) -> bool {
-        match self.light {
-            None => false,
-            Some(lighting) => lighting.needs_weights(),
-        }
-    }
-
-    /// As [`Style::has_slabs`].
-    #[must_use]
-    pub const fn has_slabs(self) -> bool {
-        !self.pixel.is_projection() && (self.preintegrated || self.surfaces)
     }
 }

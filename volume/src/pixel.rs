@@ -18,7 +18,8 @@ pub type RawPixel = [f32; 4];
 /// How far rounding may carry an opacity or a code beyond 0..=1.
 const SLACK: f32 = 1e-3;
 
-/// What the pixels of a frame are. The numbers are the kernels' (`MODE` of `shaders/wgsl/integral.wgsl`).
+/// What the pixels of a frame are. The numbers are the kernels' (`MODE` of
+/// `shaders/wgsl/take/projection.wgsl`).
 ///
 /// A picture of the first thing that a ray meets (its label, its depth) would be one more, `Nearest`: the front one of
 /// two that are there, no colour either. There is none yet.

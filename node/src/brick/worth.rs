@@ -1,6 +1,6 @@
-//! Whether an acceleration pays in a brick. A turn of the accelerated loop costs about one and a half samples of the
-//! plain one (on processors, and more on GPUs that wait for the slowest of their lanes), so that a brick with little to
-//! skip or to leap is faster in the plain loop. The picture is the same either way, within half a density.
+//! Whether an acceleration pays in a brick. A turn that asks a map or a texel first costs about one and a half samples
+//! of the plain one (on processors, and more on GPUs that wait for the slowest of their lanes), so that a brick with
+//! little to skip or to leap is faster in the plain loop. The picture is the same either way, within half a density.
 
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 

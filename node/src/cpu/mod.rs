@@ -3,11 +3,11 @@
 use std::any::Any;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
-use brickcast_shaders::layout::{BrickUniform, FrameUniform, MAP_EMPTY, MAP_HOMOGENEOUS};
-use brickcast_shaders::twin::accelerated::{BrickData, RayCounts, Tables, Unwatched, accelerated_ray};
-use brickcast_shaders::twin::integral::{Integrals, integral_ray};
+use brickcast_shaders::layout::BrickUniform;
+use brickcast_shaders::twin::bindings::{Bindings, BrickData, SceneData};
 use brickcast_shaders::twin::macrocell::empty_distances;
-use brickcast_shaders::twin::raycast::{Ray, pixel_ray, raycast_ray};
+use brickcast_shaders::twin::march::march_ray;
+use brickcast_shaders::twin::ray::{Ray, pixel_ray};
 use brickcast_shaders::twin::slabs::{are_slabs_alone, slabs_ray};
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::macrocell::MapTexel;
@@ -22,8 +22,8 @@ use crate::brick::emptiness::{Emptiness, EmptinessCache, is_same};
 use crate::brick::texels::{BuiltBrick, BuiltCells};
 use crate::brick::worth::LastOccupied;
 use crate::kernel::{
-    BackendInfo, BrickCounts, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, Recipe,
-    ResidentBrick, Watch, check_jobs, new_pixels,
+    BackendInfo, BrickCounts, BrickInput, Job, JobImage, KernelKey, KernelScene, Placed, RaycastError, Raycaster,
+    Recipe, ResidentBrick, Watch, check_jobs, new_pixels,
 };
 
 /// Tile edge in pixels: small enough that threads stay busy to the end, large enough that a brick's voxels are reused
@@ -140,29 +140,19 @@ struct PlacedBrick<'a> {
     brick: &'a CpuBrick,
     projected: PixelRect,
     uniform: BrickUniform,
+    key: KernelKey,
     map: Option<Arc<Vec<u32>>>,
-    /// Nothing but samples: the plain loop does it.
-    is_plain: bool,
 }
 
 impl<'a> PlacedBrick<'a> {
     fn new(brick: &'a CpuBrick, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> Self {
-        let mut uniform = brick.uniform;
-        let has_holes = uniform.holes != 0;
-        let emptiness = emptiness.filter(|_| scene.skips_in(has_holes));
-        let mut skips = false;
-        if let Some((emptiness, cells)) = emptiness.zip(brick.cells.as_ref()) {
-            let occupied = brick.occupancy.ask(emptiness, &brick.owned, &cells.cells);
-            let (bounds, pays) = scene.bounds(occupied, &brick.owned);
-            skips = pays || cells.homogeneous.is_some();
-            uniform = uniform.within(&bounds);
-        }
-        let emptiness = emptiness.filter(|_| skips);
-        let map = brick.map(emptiness);
-        uniform.map_mask = map_mask(emptiness.is_some(), brick.cells.as_ref());
-        let simple = scene.style.is_none() && !scene.tells_regions_apart();
-        let is_plain = simple && !has_holes && brick.means.is_none() && map.is_none();
-        Self { brick, projected: scene.view.project(&uniform.owned()), uniform, map, is_plain }
+        let cells = brick.cells.as_ref();
+        let ask = |(emptiness, built): (_, &BuiltCells)| brick.occupancy.ask(emptiness, &brick.owned, &built.cells);
+        let has_cubes = cells.is_some_and(|built| built.homogeneous.is_some());
+        let has = (brick.means.is_some(), has_cubes);
+        let Placed { uniform, key } = Placed::new(scene, &brick.uniform, has, emptiness.zip(cells).map(ask));
+        let map = brick.map(emptiness.filter(|_| key.skips));
+        Self { brick, projected: scene.view.project(&uniform.owned()), uniform, key, map }
     }
 
     fn data(&self) -> BrickData<'_> {
@@ -174,12 +164,6 @@ impl<'a> PlacedBrick<'a> {
             flags: &self.brick.flags,
         }
     }
-}
-
-/// Which bits of a brick's map count.
-pub(crate) fn map_mask(skips: bool, cells: Option<&BuiltCells>) -> u32 {
-    let leaps = cells.is_some_and(|c| c.homogeneous.is_some());
-    (if skips { MAP_EMPTY } else { 0 }) | (if leaps { MAP_HOMOGENEOUS } else { 0 })
 }
 
 /// A screen tile: its rows borrow from the job's accumulator.
@@ -229,7 +213,7 @@ impl Raycaster for CpuRaycaster {
         Ok(Arc::new(CpuBrick::new(owned, BuiltBrick::uniform(&owned, mean))?))
     }
 
-    fn warm_up(&self, _filter: Filter, _features: Features) -> Result<(), RaycastError> {
+    fn warm_up(&self, _filter: Filter, _keys: &[KernelKey]) -> Result<(), RaycastError> {
         Ok(())
     }
 
@@ -242,10 +226,7 @@ impl Raycaster for CpuRaycaster {
         check_jobs(scene, jobs, u32::MAX)?;
         let frame = scene.frame_uniform();
         let emptiness = self.emptiness.get(scene);
-        let tables =
-            Tables { table: &scene.table.entries, region: scene.region_table.as_ref().map(|t| &t.entries[..]) };
-        let integrals = scene.style.as_ref().map(|style| style.integrals(tables));
-        let reads = Reads { frame: &frame, tables: &tables, integrals: integrals.as_ref(), watch };
+        let reads = Reads { scene: &scene.data(&frame), watch };
         let work = || jobs.par_iter().map(|job| render_job(scene, &reads, emptiness.as_ref(), job)).collect();
         // A system that gives no more threads has those of the others.
         kernel_threads().map_or_else(work, |threads| threads.install(work))
@@ -312,10 +293,7 @@ fn tiles_of<'a>(rect: &PixelRect, pixels: &'a mut [RawPixel], edge: usize) -> Ve
 
 /// What all rays of a job read.
 struct Reads<'a> {
-    frame: &'a FrameUniform,
-    tables: &'a Tables<'a>,
-    /// Where the scene has a style.
-    integrals: Option<&'a Integrals<'a>>,
+    scene: &'a SceneData<'a>,
     watch: Watch<'a>,
 }
 
@@ -325,7 +303,8 @@ fn render_tile(
     bricks: &[PlacedBrick<'_>],
     mut tile: Tile<'_>,
 ) -> Result<Vec<BrickCounts>, RaycastError> {
-    let Reads { frame, tables, integrals, watch } = *reads;
+    let Reads { scene, watch } = *reads;
+    let frame = scene.frame;
     let lo = tile.rect.lo;
     let width = tile.rect.size().x;
     let rays: Vec<Ray> =
@@ -336,8 +315,8 @@ fn render_tile(
         if touched.is_empty() {
             continue;
         }
-        let data = brick.data();
-        let are_slabs_alone = integrals.is_some_and(|with| are_slabs_alone(&brick.uniform, &data, with));
+        let bound = Bindings { scene, brick: &brick.uniform, data: brick.data(), key: brick.key };
+        let are_slabs_alone = are_slabs_alone(&bound);
         let mut finished = true;
         // The pulse is one number for all threads: too dear for every row.
         watch.goes_on()?;
@@ -348,16 +327,8 @@ fn render_tile(
                 let pixel = &mut row[x as usize];
                 let before = Premul::from_array(*pixel);
                 let ray = &rays[(y * width + x) as usize];
-                let (sum, took) = if brick.is_plain {
-                    let (sum, n) = raycast_ray(frame, &brick.uniform, data.texels, tables.table, ray, before);
-                    (sum, RayCounts { samples: n, positions: n, ..RayCounts::default() })
-                } else if let Some(with) = integrals.filter(|_| are_slabs_alone) {
-                    slabs_ray(frame, &brick.uniform, &data, with, ray, before)
-                } else if let Some(with) = integrals {
-                    integral_ray(frame, &brick.uniform, &data, with, ray, before, &mut Unwatched)
-                } else {
-                    accelerated_ray(frame, &brick.uniform, &data, tables, ray, before, &mut Unwatched)
-                };
+                let take = if are_slabs_alone { slabs_ray } else { march_ray };
+                let (sum, took) = take(&bound, ray, before);
                 *pixel = sum.to_array();
                 let [samples, positions] = [took.samples, took.positions].map(u64::from);
                 let [leapt, skips] = [took.leapt, took.skips].map(u64::from);

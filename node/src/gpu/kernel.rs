@@ -5,24 +5,22 @@ use std::collections::HashMap;
 use std::num::NonZeroU64;
 use std::sync::{Mutex, PoisonError};
 
-use brickcast_shaders::{
-    BrickUniform, Features, FrameUniform, RaycastVariant, StyleUniform, accelerated_wgsl, integral_wgsl, raycast_wgsl,
-};
+use brickcast_shaders::binding::{self, Binding};
+use brickcast_shaders::{BrickUniform, FrameUniform, KernelKey, RaycastVariant, StyleUniform, march_wgsl, overrides};
 use wgpu::{BindGroupLayoutEntry, BindingType, BufferBindingType, TextureFormat, TextureSampleType};
 
 use super::device::Gpu;
 pub(super) use super::tables::FrameTables;
 use crate::kernel::RaycastError;
 
-/// One variant's plain pipeline, and what all its pipelines have in common.
+/// One variant's pipelines, and what they have in common.
 #[derive(Debug)]
 struct Pipelines {
     variant: RaycastVariant,
     frame_layout: wgpu::BindGroupLayout,
     pipeline_layout: wgpu::PipelineLayout,
-    plain: wgpu::ComputePipeline,
     /// Compiled when first needed: start-up does not wait for what few scenes use.
-    accelerated: Mutex<HashMap<Features, wgpu::ComputePipeline>>,
+    built: Mutex<HashMap<KernelKey, wgpu::ComputePipeline>>,
 }
 
 /// Pipelines of both variants; the hardware one only where voxels can be filtered.
@@ -65,6 +63,50 @@ pub(super) fn integers(view_dimension: wgpu::TextureViewDimension) -> BindingTyp
     BindingType::Texture { sample_type: TextureSampleType::Uint, view_dimension, multisampled: false }
 }
 
+/// Group 0: the frame. Tables of samples and warps are loaded, whatever the variant.
+fn frame_entries(variant: RaycastVariant) -> Vec<BindGroupLayoutEntry> {
+    let filtered = variant == RaycastVariant::Hardware;
+    let d2 = wgpu::TextureViewDimension::D2;
+    let mut entries = vec![at(binding::SCENE, constants(SCENE_BYTES, false))];
+    let loaded = [binding::TABLE, binding::REGION_TABLE, binding::WARP, binding::REGION_WARP];
+    entries.extend(loaded.map(|binding| at(binding, texture(d2, false))));
+    let slabs = [binding::SLAB_FRONT, binding::SLAB_BACK, binding::REGION_SLAB_FRONT, binding::REGION_SLAB_BACK];
+    entries.extend(slabs.map(|binding| at(binding, texture(d2, filtered))));
+    if filtered {
+        entries.push(at(binding::SAMPLER, BindingType::Sampler(wgpu::SamplerBindingType::Filtering)));
+    }
+    entries
+}
+
+/// Group 1: the accumulator and the dispatch.
+fn dispatch_entries() -> Vec<BindGroupLayoutEntry> {
+    vec![
+        at(binding::BRICK, constants(DISPATCH_BYTES, true)),
+        at(binding::ACCUMULATOR, storage(false)),
+        at(binding::COUNTERS, storage(false)),
+    ]
+}
+
+/// Group 2: a brick, in the order of its textures.
+fn brick_entries(norm16: bool) -> Vec<BindGroupLayoutEntry> {
+    let (d2, d3) = (wgpu::TextureViewDimension::D2, wgpu::TextureViewDimension::D3);
+    vec![
+        at(binding::VOLUME, texture(d3, norm16)),
+        at(binding::MEANS, texture(d2, false)),
+        at(binding::MAP, integers(d3)),
+        at(binding::FLAGS, integers(d3)),
+    ]
+}
+
+fn at(binding: Binding, ty: BindingType) -> BindGroupLayoutEntry {
+    entry(binding.number, ty)
+}
+
+/// What is bound there.
+pub(super) fn bound(binding: Binding, resource: wgpu::BindingResource<'_>) -> wgpu::BindGroupEntry<'_> {
+    wgpu::BindGroupEntry { binding: binding.number, resource }
+}
+
 pub(super) fn layout(gpu: &Gpu, label: &str, entries: &[BindGroupLayoutEntry]) -> wgpu::BindGroupLayout {
     gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
 }
@@ -80,20 +122,12 @@ pub(super) fn linear_sampler(gpu: &Gpu) -> wgpu::Sampler {
 }
 
 impl Kernels {
-    /// `norm16`: voxels are R16Unorm, else R32Float. `exact_only`: no hardware variant.
+    /// `norm16`: voxels are R16Unorm, else R32Float. `exact_only`: no hardware variant. Compiles the plain kernel: an
+    /// adapter that cannot is told at start-up.
     pub(super) fn new(gpu: &Gpu, norm16: bool, exact_only: bool) -> Result<Self, RaycastError> {
-        gpu.guarded("the raycast kernels", 0, || {
-            let d3 = wgpu::TextureViewDimension::D3;
-            let means = texture(wgpu::TextureViewDimension::D2, false);
-            // Plain kernels read the first only.
-            let brick = [texture(d3, norm16), means, integers(d3), integers(d3)];
-            let entries: Vec<_> = brick.into_iter().zip(0..).map(|(ty, binding)| entry(binding, ty)).collect();
-            let volume_layout = layout(gpu, "brick", &entries);
-            let dispatch_layout = layout(
-                gpu,
-                "dispatch",
-                &[entry(0, constants(DISPATCH_BYTES, true)), entry(1, storage(false)), entry(2, storage(false))],
-            );
+        let kernels = gpu.guarded("the raycast kernels", 0, || {
+            let volume_layout = layout(gpu, "brick", &brick_entries(norm16));
+            let dispatch_layout = layout(gpu, "dispatch", &dispatch_entries());
             let build = |variant| Pipelines::new(gpu, variant, &dispatch_layout, &volume_layout);
             Self {
                 hardware: (!exact_only).then(|| build(RaycastVariant::Hardware)),
@@ -103,7 +137,10 @@ impl Kernels {
                 sampler: linear_sampler(gpu),
                 voxel_format: if norm16 { TextureFormat::R16Unorm } else { TextureFormat::R32Float },
             }
-        })
+        })?;
+        let variant = if exact_only { RaycastVariant::Exact } else { RaycastVariant::Hardware };
+        kernels.pipeline(gpu, variant, KernelKey::PLAIN)?;
+        Ok(kernels)
     }
 
     pub(super) fn voxel_bytes(&self) -> u64 {
@@ -122,18 +159,15 @@ impl Kernels {
         &self,
         gpu: &Gpu,
         variant: RaycastVariant,
-        features: Features,
+        key: KernelKey,
     ) -> Result<wgpu::ComputePipeline, RaycastError> {
         let kernel = self.kernel(variant);
-        if features == Features::PLAIN {
-            return Ok(kernel.plain.clone());
-        }
-        let mut known = kernel.accelerated.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(pipeline) = known.get(&features) {
+        let mut known = kernel.built.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(pipeline) = known.get(&key) {
             return Ok(pipeline.clone());
         }
-        let pipeline = gpu.guarded("an accelerated kernel", 0, || kernel.accelerated(gpu, features))?;
-        known.insert(features, pipeline.clone());
+        let pipeline = gpu.guarded("a kernel", 0, || kernel.build(gpu, key))?;
+        known.insert(key, pipeline.clone());
         Ok(pipeline)
     }
 
@@ -146,15 +180,11 @@ impl Kernels {
         tables: &FrameTables,
     ) -> wgpu::BindGroup {
         let filtered = variant == RaycastVariant::Hardware && self.hardware.is_some();
-        let mut entries = vec![wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() }];
         let views = tables.views(gpu, filtered);
-        entries.extend(views.iter().map(|(binding, view)| wgpu::BindGroupEntry {
-            binding: *binding,
-            resource: wgpu::BindingResource::TextureView(view),
-        }));
+        let mut entries = vec![bound(binding::SCENE, frame.as_entire_binding())];
+        entries.extend(views.iter().map(|(at, view)| bound(*at, wgpu::BindingResource::TextureView(view))));
         if filtered {
-            let resource = wgpu::BindingResource::Sampler(&self.sampler);
-            entries.push(wgpu::BindGroupEntry { binding: 2, resource });
+            entries.push(bound(binding::SAMPLER, wgpu::BindingResource::Sampler(&self.sampler)));
         }
         gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("frame"),
@@ -176,9 +206,9 @@ impl Kernels {
             label: Some("dispatch"),
             layout: &self.dispatch_layout,
             entries: &[
-                wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::Buffer(uniform) },
-                wgpu::BindGroupEntry { binding: 1, resource: accumulator.as_entire_binding() },
-                wgpu::BindGroupEntry { binding: 2, resource: counters.as_entire_binding() },
+                bound(binding::BRICK, wgpu::BindingResource::Buffer(uniform)),
+                bound(binding::ACCUMULATOR, accumulator.as_entire_binding()),
+                bound(binding::COUNTERS, counters.as_entire_binding()),
             ],
         })
     }
@@ -191,40 +221,18 @@ impl Pipelines {
         dispatch_layout: &wgpu::BindGroupLayout,
         volume_layout: &wgpu::BindGroupLayout,
     ) -> Self {
-        let filtered = variant == RaycastVariant::Hardware;
-        let d2 = wgpu::TextureViewDimension::D2;
-        let mut entries = vec![entry(0, constants(SCENE_BYTES, false))];
-        // Tables of samples and warps are loaded, whatever the variant.
-        entries.extend([1, 3, 9, 10].map(|binding| entry(binding, texture(d2, false))));
-        entries.extend((5..9).map(|binding| entry(binding, texture(d2, filtered))));
-        if filtered {
-            entries.push(entry(2, BindingType::Sampler(wgpu::SamplerBindingType::Filtering)));
-        }
-        let frame_layout = layout(gpu, "frame", &entries);
+        let frame_layout = layout(gpu, "frame", &frame_entries(variant));
         let pipeline_layout = gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("raycast"),
             bind_group_layouts: &[Some(&frame_layout), Some(dispatch_layout), Some(volume_layout)],
             immediate_size: 0,
         });
-        let plain = compute_pipeline(gpu, Some(&pipeline_layout), "raycast", raycast_wgsl(variant), &[]);
-        Self { variant, frame_layout, pipeline_layout, plain, accelerated: Mutex::default() }
+        Self { variant, frame_layout, pipeline_layout, built: Mutex::default() }
     }
 
-    fn accelerated(&self, gpu: &Gpu, features: Features) -> wgpu::ComputePipeline {
-        let Features { leap, map, regions, holes, integral } = features;
-        let switches = [("LEAP", leap), ("MAP", map), ("REGIONS", regions), ("HOLES", holes)];
-        let mut overrides = switches.map(|(name, on)| (name, f64::from(on))).to_vec();
-        let layout = Some(&self.pipeline_layout);
-        let Some(kinds) = integral else {
-            return compute_pipeline(gpu, layout, "accelerated", accelerated_wgsl(self.variant), &overrides);
-        };
-        overrides.extend([
-            ("PREINTEGRATED", f64::from(kinds.preintegrated)),
-            ("LIGHT", f64::from(kinds.light_number())),
-            ("SURFACES", f64::from(kinds.surfaces)),
-            ("MODE", f64::from(kinds.pixel as u8)),
-        ]);
-        compute_pipeline(gpu, layout, "integral", integral_wgsl(self.variant), &overrides)
+    fn build(&self, gpu: &Gpu, key: KernelKey) -> wgpu::ComputePipeline {
+        let source = march_wgsl(self.variant, key);
+        compute_pipeline(gpu, Some(&self.pipeline_layout), "march", source, &overrides(key))
     }
 }
 
@@ -248,4 +256,74 @@ pub(super) fn compute_pipeline(
         compilation_options: wgpu::PipelineCompilationOptions { constants, ..Default::default() },
         cache: None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use brickcast_shaders::{SlabKind, TakeKind};
+    use brickcast_volume::PixelKind;
+    use brickcast_volume::style::Lighting;
+    use naga::{AddressSpace, ImageClass, ImageDimension, ScalarKind, StorageAccess, TypeInner};
+
+    use super::*;
+
+    /// Does a layout's entry bind what the kernel declares?
+    fn fits(module: &naga::Module, variable: &naga::GlobalVariable, ty: BindingType) -> bool {
+        let (d2, d3) = (wgpu::TextureViewDimension::D2, wgpu::TextureViewDimension::D3);
+        match (&module.types[variable.ty].inner, variable.space, ty) {
+            (TypeInner::Sampler { comparison: false }, _, BindingType::Sampler(_)) => true,
+            (&TypeInner::Image { dim, class: ImageClass::Sampled { kind, multi: false }, .. }, _, ty) => {
+                let BindingType::Texture { sample_type, view_dimension, .. } = ty else { return false };
+                let is_float = matches!(sample_type, TextureSampleType::Float { .. });
+                let of_dim = if dim == ImageDimension::D3 { d3 } else { d2 };
+                view_dimension == of_dim && (kind == ScalarKind::Float) == is_float
+            }
+            (
+                _,
+                AddressSpace::Storage { access },
+                BindingType::Buffer { ty: BufferBindingType::Storage { read_only }, .. },
+            ) => read_only != access.contains(StorageAccess::STORE),
+            _ => false,
+        }
+    }
+
+    /// What of a kernel the pipelines' layouts do not bind, or bind as something else.
+    fn unbound(source: &str, groups: &[Vec<BindGroupLayoutEntry>; 3]) -> Vec<String> {
+        let module = naga::front::wgsl::parse_str(source).unwrap();
+        let bound = |at: naga::ResourceBinding| groups[at.group as usize].iter().find(|e| e.binding == at.binding);
+        let variables = module.global_variables.iter().filter_map(|(_, v)| Some((v, v.binding?)));
+        let wrong = variables.filter(|(v, at)| !bound(*at).is_some_and(|entry| fits(&module, v, entry.ty)));
+        wrong.map(|(v, _)| v.name.clone().unwrap_or_default()).collect()
+    }
+
+    fn groups(variant: RaycastVariant) -> [Vec<BindGroupLayoutEntry>; 3] {
+        [frame_entries(variant), dispatch_entries(), brick_entries(true)]
+    }
+
+    const ALL_OF_SLABS: TakeKind =
+        TakeKind::Slabs(SlabKind { preintegrated: true, light: Some(Lighting::Centroid), surfaces: true });
+
+    #[test]
+    fn layouts_bind_what_kernels_declare() {
+        for variant in [RaycastVariant::Hardware, RaycastVariant::Exact] {
+            for take in [TakeKind::Sampled, ALL_OF_SLABS, TakeKind::Projection(PixelKind::Mean)] {
+                for (skips, leaps) in [(false, false), (true, false), (false, true), (true, true)] {
+                    let key = KernelKey { skips, leaps, take, ..KernelKey::PLAIN };
+                    assert_eq!(unbound(&march_wgsl(variant, key), &groups(variant)), [""; 0], "{key:?}");
+                }
+            }
+        }
+    }
+
+    /// A buffer that is written but bound for reading, a texture of another dimension, a missing sampler.
+    #[test]
+    fn what_is_bound_as_something_else_is_noticed() {
+        let key = KernelKey { take: ALL_OF_SLABS, ..KernelKey::PLAIN };
+        let source = march_wgsl(RaycastVariant::Hardware, key);
+        assert_eq!(unbound(&source, &groups(RaycastVariant::Exact)), ["linear_clamped"]);
+        let other = "@group(2) @binding(0) var volume: texture_2d<f32>;";
+        assert_eq!(unbound(other, &groups(RaycastVariant::Exact)), ["volume"]);
+        let written = "@group(1) @binding(0) var<storage, read_write> brick_data: array<f32>;";
+        assert_eq!(unbound(written, &groups(RaycastVariant::Exact)), ["brick_data"]);
+    }
 }

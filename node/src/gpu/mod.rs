@@ -27,7 +27,7 @@ use crate::brick::bytes::{CELL_BYTES, expected_bytes};
 use crate::brick::emptiness::EmptinessCache;
 use crate::brick::texels::BuiltBrick;
 use crate::kernel::{
-    BackendInfo, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, Recipe, ResidentBrick,
+    BackendInfo, BrickInput, Job, JobImage, KernelKey, KernelScene, RaycastError, Raycaster, Recipe, ResidentBrick,
     Watch, check_jobs,
 };
 use device::Gpu;
@@ -123,24 +123,17 @@ impl Raycaster for GpuRaycaster {
         Ok(Arc::new(upload::upload(&self.gpu, &self.kernels, owned, prepared)?))
     }
 
-    fn warm_up(&self, filter: Filter, features: Features) -> Result<(), RaycastError> {
+    fn warm_up(&self, filter: Filter, keys: &[KernelKey]) -> Result<(), RaycastError> {
         let broken = |reason: String| RaycastError::Gpu { what: "warming up", reason };
         let (scene, owned) = smallest_scene(filter).map_err(broken)?;
         let stored = owned.stored(brickcast_volume::brick::GHOST_SAMPLED);
         let codes = vec![u16::MAX; stored.voxel_count() as usize];
         let bricks = vec![self.upload(owned, &BrickInput::plain(&BrickVoxels { stored, codes, has_holes: false }))?];
         self.render(&scene, &[Job { bricks, rect: scene.view.size().full_rect() }])?;
-        if features.map {
+        if keys.iter().any(|key| key.has_map()) {
             self.scratch.lock().unwrap_or_else(PoisonError::into_inner).warm_up_maps(&self.gpu)?;
         }
-        // A scene's bricks need not all have what some have.
-        for leap in [false, features.leap] {
-            for map in [false, features.map] {
-                let needed = Features { leap, map, ..features };
-                self.kernels.pipeline(&self.gpu, self.variant(filter), needed)?;
-            }
-        }
-        Ok(())
+        keys.iter().try_for_each(|&key| self.kernels.pipeline(&self.gpu, self.variant(filter), key).map(drop))
     }
 
     fn render_watched(

@@ -1,10 +1,11 @@
 //! What a call dispatches, worked out before anything is recorded: bands that fit the accumulator buffer, and
 //! dispatches that end before a driver's watchdog does.
 
-use brickcast_shaders::Features;
 use brickcast_shaders::layout::BrickUniform;
 use brickcast_volume::{OwnedBox, PixelRect, View};
 use glam::UVec2;
+
+use crate::kernel::{KernelKey, Placed};
 
 /// Bytes of an accumulator's pixel: four f32.
 pub(super) const PIXEL_BYTES: u64 = 16;
@@ -31,7 +32,7 @@ pub(super) struct Dispatch {
     /// Of its brick in the job's list.
     pub(super) position: usize,
     pub(super) uniform: BrickUniform,
-    pub(super) features: Features,
+    pub(super) key: KernelKey,
     /// Upper bound.
     pub(super) samples: f64,
 }
@@ -70,12 +71,8 @@ pub(super) fn batches(rects: &[PixelRect], capacity: u32) -> Vec<Batch> {
 
 /// The dispatches of one brick over a band: the projection of the uniform's owned box, cut where the samples could be
 /// too many.
-pub(super) fn dispatches(
-    view: &View,
-    band: &Band,
-    (position, most): (usize, f64),
-    (boxes, features): (BrickUniform, Features),
-) -> Vec<Dispatch> {
+pub(super) fn dispatches(view: &View, band: &Band, (position, most): (usize, f64), placed: Placed) -> Vec<Dispatch> {
+    let Placed { uniform: boxes, key } = placed;
     let owned = &boxes.owned();
     let rect = view.project(owned).intersect(&band.rect);
     if rect.is_empty() || owned.voxel_count() == 0 {
@@ -97,7 +94,7 @@ pub(super) fn dispatches(
                 ..boxes
             };
             let samples = per_pixel * f64::from(size.x) * f64::from(size.y);
-            pieces.push(Dispatch { job: band.job, position, uniform, features, samples });
+            pieces.push(Dispatch { job: band.job, position, uniform, key, samples });
         }
     }
     pieces
@@ -157,8 +154,8 @@ mod tests {
         let view = View::new(&geometry, &camera, PictureSize::new(8192, 8192).unwrap(), 0.05).unwrap();
         let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(512) };
         let band = Band { job: 0, rect: rect([0, 1000], [8192, 1900]), base: 77 };
-        let boxes = BrickUniform::of_boxes(&owned, &owned.stored(1));
-        let pieces = dispatches(&view, &band, (3, DISPATCH_SAMPLES), (boxes, Features::PLAIN));
+        let placed = Placed { uniform: BrickUniform::of_boxes(&owned, &owned.stored(1)), key: KernelKey::PLAIN };
+        let pieces = dispatches(&view, &band, (3, DISPATCH_SAMPLES), placed);
         assert!(pieces.len() > 10);
         let covered = view.project(&owned).intersect(&band.rect);
         let mut pixels = 0;

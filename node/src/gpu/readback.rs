@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::collections::hash_map::Entry;
 use std::sync::Arc;
 
+use brickcast_shaders::layout::{COUNTERS, Counter};
 use brickcast_shaders::{RaycastVariant, WORKGROUP_PIXELS};
 use brickcast_volume::PixelRect;
 
@@ -17,8 +18,8 @@ use crate::kernel::{BrickCounts, Job, JobImage, KernelScene, RaycastError, Watch
 
 /// The most dispatches of one submission.
 const SUBMIT_DISPATCHES: usize = 1024;
-/// Reads, positions, positions leapt, jumps that read none.
-const COUNTER_BYTES: u64 = 16;
+/// Of a dispatch's counters.
+const COUNTER_BYTES: u64 = COUNTERS as u64 * 4;
 
 /// Buffers that live from call to call.
 #[derive(Debug)]
@@ -210,8 +211,8 @@ fn run(
     }
     let mut pipelines = HashMap::new();
     for dispatch in &*dispatches {
-        if let Entry::Vacant(vacant) = pipelines.entry(dispatch.features) {
-            vacant.insert(call.kernels.pipeline(gpu, call.variant, dispatch.features)?);
+        if let Entry::Vacant(vacant) = pipelines.entry(dispatch.key) {
+            vacant.insert(call.kernels.pipeline(gpu, call.variant, dispatch.key)?);
         }
     }
     let runs = submissions(dispatches, gpu.dispatch_samples());
@@ -233,11 +234,11 @@ fn run(
                 let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
                 pass.set_bind_group(0, frame, &[]);
                 // wgpu puts a barrier between dispatches that write the same buffer: bricks blend in this order.
-                let mut features = None;
+                let mut key = None;
                 for (i, dispatch) in dispatches[run].iter().enumerate() {
-                    if features != Some(dispatch.features) {
-                        features = Some(dispatch.features);
-                        pass.set_pipeline(&pipelines[&dispatch.features]);
+                    if key != Some(dispatch.key) {
+                        key = Some(dispatch.key);
+                        pass.set_pipeline(&pipelines[&dispatch.key]);
                     }
                     let [width, height] = dispatch.uniform.rect_size;
                     pass.set_bind_group(1, &buffers.bind_group, &[(i as u64 * stride) as u32]);
@@ -286,11 +287,13 @@ fn collect(
             let target: &mut [u8] = bytemuck::cast_slice_mut(&mut image.pixels.raw_mut()[to..to + count]);
             target.copy_from_slice(&pixels[from..from + target.len()]);
         }
-        for (dispatch, counter) in dispatches.iter().zip(counters.as_chunks::<16>().0) {
-            let number = |i: usize| u64::from(u32::from_le_bytes(counter.as_chunks::<4>().0[i]));
-            let positions = number(usize::from(!dispatch.uniform.reads_every_position(dispatch.features)));
+        for (dispatch, counter) in dispatches.iter().zip(counters.as_chunks::<{ COUNTER_BYTES as usize }>().0) {
+            let number = |which: Counter| u64::from(u32::from_le_bytes(counter.as_chunks::<4>().0[which as usize]));
+            let samples = number(Counter::Reads);
+            let positions = if dispatch.key.counts_positions() { number(Counter::Taken) } else { samples };
+            let (leapt, skips) = (number(Counter::Leapt), number(Counter::Jumps));
             let counts = &mut images[dispatch.job].counts[dispatch.position];
-            *counts = counts.plus(BrickCounts { samples: number(0), positions, leapt: number(2), skips: number(3) });
+            *counts = counts.plus(BrickCounts { samples, positions, leapt, skips });
         }
     })
 }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use brickcast_shaders::binding::{self, Binding};
 use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::transfer_function::TransferTable;
 use half::f16;
@@ -9,6 +10,11 @@ use wgpu::TextureFormat;
 
 use super::device::Gpu;
 use crate::kernel::{KernelScene, KernelStyle};
+
+/// Slabs outside regions, front and back.
+const OUTER: [Binding; 2] = [binding::SLAB_FRONT, binding::SLAB_BACK];
+/// The same in regions.
+const INNER: [Binding; 2] = [binding::REGION_SLAB_FRONT, binding::REGION_SLAB_BACK];
 
 /// Bytes of an entry: four f32.
 const ENTRY_BYTES: u64 = 16;
@@ -36,7 +42,7 @@ impl FrameTables {
         let same_slabs = match (&self.slabs, &other.slabs) {
             (None, None) => true,
             (Some((style, slabs)), Some((others, other))) => {
-                style.kinds.light == others.kinds.light && is_same(slabs, other)
+                style.take.slab_kind().light == others.take.slab_kind().light && is_same(slabs, other)
             }
             _ => false,
         };
@@ -50,18 +56,18 @@ impl FrameTables {
         (samples + slabs) as u64 * ENTRY_BYTES
     }
 
-    /// Views by binding of group 0; slabs `filtered` for the hardware variant.
-    pub(super) fn views(&self, gpu: &Gpu, filtered: bool) -> Vec<(u32, wgpu::TextureView)> {
+    /// Views and where they are bound; slabs `filtered` for the hardware variant.
+    pub(super) fn views(&self, gpu: &Gpu, filtered: bool) -> Vec<(Binding, wgpu::TextureView)> {
         let samples = |table: &TransferTable| line(gpu, TextureFormat::Rgba32Float, &table.entries);
         let [outside, inside] = &self.samples;
         let first = samples(outside);
         let second = if Arc::ptr_eq(outside, inside) { first.clone() } else { samples(inside) };
-        let mut views = vec![(1, first), (3, second)];
+        let mut views = vec![(binding::TABLE, first), (binding::REGION_TABLE, second)];
         let nothing = square(gpu, filtered, 1, &[[0.0; 4]]);
         let Some((style, [outside, inside])) = &self.slabs else {
-            views.extend((5..9).map(|binding| (binding, nothing.clone())));
+            views.extend(OUTER.into_iter().chain(INNER).map(|binding| (binding, nothing.clone())));
             let straight = line(gpu, TextureFormat::Rg32Float, &[[0.0_f32; 2]]);
-            views.extend([(9, straight.clone()), (10, straight)]);
+            views.extend([(binding::WARP, straight.clone()), (binding::REGION_WARP, straight)]);
             return views;
         };
         let all = |slabs: &Preintegrated| {
@@ -73,14 +79,15 @@ impl FrameTables {
         let [front, back, warp] = all(outside);
         let inner =
             if Arc::ptr_eq(outside, inside) { [front.clone(), back.clone(), warp.clone()] } else { all(inside) };
-        views.extend([(5, front), (6, back), (9, warp)]);
-        views.extend([7, 8, 10].into_iter().zip(inner));
+        let bound = |slabs: [Binding; 2], warp| slabs.into_iter().chain([warp]);
+        views.extend(bound(OUTER, binding::WARP).zip([front, back, warp]));
+        views.extend(bound(INNER, binding::REGION_WARP).zip(inner));
         views
     }
 }
 
-/// Texels of a line to a row, at most: no adapter takes all of them in one. Kernels know it.
-pub(super) const ROW: usize = 1024;
+/// Texels of a line to a row, at most.
+pub(super) const ROW: usize = brickcast_shaders::layout::TABLE_ROW as usize;
 
 /// A line of texels, cut into rows; the last one is filled up.
 fn line<T: bytemuck::Pod>(gpu: &Gpu, format: TextureFormat, texels: &[T]) -> wgpu::TextureView {

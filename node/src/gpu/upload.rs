@@ -3,18 +3,19 @@
 use std::any::Any;
 use std::sync::Arc;
 
-use brickcast_shaders::layout::{BrickUniform, MAP_EMPTY, MAP_HOMOGENEOUS};
+use brickcast_shaders::binding;
+use brickcast_shaders::layout::BrickUniform;
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::regions::code::MAX_SLOTS;
 
 use super::cells::CellTextures;
 use super::device::Gpu;
-use super::kernel::Kernels;
+use super::kernel::{Kernels, bound};
 use crate::brick::bytes::CELL_BYTES;
 use crate::brick::emptiness::Emptiness;
 use crate::brick::texels::BuiltBrick;
 use crate::brick::worth::LastOccupied;
-use crate::kernel::{Features, KernelScene, RaycastError, ResidentBrick};
+use crate::kernel::{KernelScene, Placed, RaycastError, ResidentBrick};
 
 /// A brick's textures, bound once.
 #[derive(Debug)]
@@ -36,30 +37,12 @@ impl GpuBrick {
         Arc::ptr_eq(&self.gpu, gpu)
     }
 
-    /// What the brick needs in this scene: its uniform and its kernel. The uniform's owned box is what may show
-    /// something.
-    pub(super) fn in_scene(&self, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> (BrickUniform, Features) {
-        let leaps = self.cells.as_ref().is_some_and(CellTextures::has_homogeneous);
-        let has_holes = self.uniform.holes != 0;
-        let emptiness = emptiness.filter(|_| scene.skips_in(has_holes));
-        let mut uniform = self.uniform;
-        let mut skips = false;
-        if let Some((emptiness, cells)) = emptiness.zip(self.cells.as_ref()) {
-            let occupied = self.occupancy.ask(emptiness, &self.owned, &cells.cells);
-            let (bounds, pays) = scene.bounds(occupied, &self.owned);
-            skips = leaps || pays;
-            uniform = uniform.within(&bounds);
-        }
-        uniform.map_mask = (if skips { MAP_EMPTY } else { 0 }) | (if leaps { MAP_HOMOGENEOUS } else { 0 });
-        let map = self.cells.is_some() && uniform.map_mask != 0;
-        let features = Features {
-            leap: self.has_leaps,
-            map,
-            regions: scene.tells_regions_apart(),
-            holes: has_holes,
-            integral: scene.style.as_ref().map(|style| style.kinds),
-        };
-        (uniform, features)
+    /// What the brick needs in this scene.
+    pub(super) fn in_scene(&self, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> Placed {
+        let cells = self.cells.as_ref();
+        let ask = |(emptiness, cells): (_, &CellTextures)| self.occupancy.ask(emptiness, &self.owned, &cells.cells);
+        let has_cubes = cells.is_some_and(CellTextures::has_homogeneous);
+        Placed::new(scene, &self.uniform, (self.has_leaps, has_cubes), emptiness.zip(cells).map(ask))
     }
 
     /// The cells whose map is not that of `emptiness`; afterwards it counts as such.
@@ -122,9 +105,11 @@ pub(super) fn upload(
         let mut textures = vec![volume, means, map, flags];
         let views = textures.iter().map(|t| t.create_view(&wgpu::TextureViewDescriptor::default()));
         let views: Vec<_> = views.collect();
-        let entries: Vec<_> = (0..)
+        let order = [binding::VOLUME, binding::MEANS, binding::MAP, binding::FLAGS];
+        let entries: Vec<_> = order
+            .into_iter()
             .zip(&views)
-            .map(|(binding, view)| wgpu::BindGroupEntry { binding, resource: wgpu::BindingResource::TextureView(view) })
+            .map(|(at, view)| bound(at, wgpu::BindingResource::TextureView(view)))
             .collect();
         let bind_group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("brick"),

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use brickcast_shaders::Features;
+use brickcast_shaders::KernelKey;
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::regions::Density;
 use brickcast_volume::scene::Filter;
@@ -47,12 +47,12 @@ pub trait Raycaster: Send + Sync + std::fmt::Debug {
     /// Out of memory, device lost.
     fn upload_uniform(&self, owned: OwnedBox, mean: Density) -> Result<Arc<dyn ResidentBrick>, RaycastError>;
 
-    /// Compiles what a scene needs whose bricks have up to these features, so that the first frame is not slower than
-    /// the next.
+    /// Compiles what a scene needs whose bricks take these kernels, so that the first frame is not slower than the
+    /// next.
     ///
     /// # Errors
     /// Device lost.
-    fn warm_up(&self, filter: Filter, features: Features) -> Result<(), RaycastError>;
+    fn warm_up(&self, filter: Filter, keys: &[KernelKey]) -> Result<(), RaycastError>;
 
     /// Renders every job into an accumulator of its own, from zero, with early termination. Pixels do not depend on how
     /// a picture is cut into jobs' rectangles.

@@ -1,6 +1,6 @@
 //! What of a brick is put into the backend's memory. Bricks of different recipes are different resident bricks.
 
-use brickcast_shaders::Features;
+use brickcast_shaders::BrickTraits;
 use brickcast_volume::brick::RANGE_MARGIN;
 use brickcast_volume::regions::guard_width;
 use brickcast_volume::scene::{Filter, Leap, Scene};
@@ -57,25 +57,23 @@ impl Recipe {
         self.macrocell.or(self.homogeneous.map(|_| 4))
     }
 
-    /// What of the kernel such a brick takes; some bricks take less (those without leap voxels).
+    /// All that bricks of this recipe can be to a kernel: those without leap voxels do not leap, those with little that
+    /// is empty do not skip; where voxels of the store may lack data, some have holes, and these never leap.
     #[must_use]
-    pub fn features(&self) -> Features {
-        Features {
-            leap: self.guard.is_some(),
-            map: self.macrocell.is_some(),
-            regions: self.region_flags,
-            // What a store lacks is no recipe's business.
-            holes: false,
-            integral: None,
+    pub fn traits(&self, may_lack_data: bool) -> Vec<BrickTraits> {
+        let cubes = self.homogeneous.is_some();
+        let mut all = Vec::new();
+        for holes in [false, true] {
+            for leaps in [false, true] {
+                for skipping_pays in [false, true] {
+                    let lacks = holes && !may_lack_data || leaps && (holes || self.guard.is_none());
+                    if !lacks && (!skipping_pays || self.macrocell.is_some()) {
+                        let may_skip = self.macrocell.is_some();
+                        all.push(BrickTraits { leaps, holes, may_skip, skipping_pays, cubes: cubes && !holes });
+                    }
+                }
+            }
         }
-    }
-
-    /// The same of bricks with and without holes, where voxels of the store may lack data; bricks with holes never
-    /// leap.
-    #[must_use]
-    pub fn all_features(&self, may_lack_data: bool) -> Vec<Features> {
-        let whole = self.features();
-        let holed = may_lack_data.then_some(Features { holes: true, leap: false, ..whole });
-        std::iter::once(whole).chain(holed).collect()
+        all
     }
 }

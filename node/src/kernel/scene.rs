@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use brickcast_shaders::FrameUniform;
+use brickcast_shaders::twin::bindings::{SceneData, Tables};
+use brickcast_shaders::{FrameUniform, LookTraits, StyleUniform, TakeKind};
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::scene::{Filter, RegionView};
 use brickcast_volume::transfer_function::TransferTable;
@@ -41,7 +42,19 @@ impl KernelScene {
     /// What is left in accumulators.
     #[must_use]
     pub fn pixel_kind(&self) -> PixelKind {
-        self.style.as_ref().map_or(PixelKind::Over, |style| style.kinds.pixel)
+        self.take().pixel_kind()
+    }
+
+    /// What its rays add to their pixels.
+    #[must_use]
+    pub fn take(&self) -> TakeKind {
+        self.style.as_ref().map_or(TakeKind::Sampled, |style| style.take)
+    }
+
+    /// What of it says which kernel a brick takes.
+    #[must_use]
+    pub fn look(&self) -> LookTraits {
+        LookTraits { take: self.take(), tells_regions_apart: self.tells_regions_apart() }
     }
 
     /// The uniform of the frame.
@@ -51,6 +64,18 @@ impl KernelScene {
         FrameUniform::new(&self.view.kernel(), &self.table, stop)
             .with_regions(self.region_view, self.region_table.as_deref())
             .with_filter(self.filter)
+    }
+
+    /// What rays on the processor read of it.
+    pub(crate) fn data<'a>(&'a self, frame: &'a FrameUniform) -> SceneData<'a> {
+        let style = self.style.as_ref();
+        let region = self.region_table.as_ref().map(|table| &table.entries[..]);
+        SceneData {
+            frame,
+            style: style.map_or(&StyleUniform::PLAIN, |style| &style.uniform),
+            tables: Tables { table: &self.table.entries, region },
+            slabs: style.and_then(KernelStyle::slab_tables),
+        }
     }
 
     /// The box to which rays are clipped in a brick, and whether empty-space skipping pays within it. The box is the
@@ -67,12 +92,6 @@ impl KernelScene {
         let reach = glam::UVec3::splat(self.style.as_ref().map_or(0, |style| style.reach));
         let lo = bounds.lo.saturating_sub(reach).max(owned.lo);
         (OwnedBox { lo, hi: (bounds.hi + reach).min(owned.hi).max(lo) }, skips)
-    }
-
-    /// May macrocells be skipped in a brick? In a projection what is skipped counts as a sample of no weight; a place
-    /// that holds no data is none at all.
-    pub(crate) fn skips_in(&self, has_holes: bool) -> bool {
-        !has_holes || !self.pixel_kind().is_projection()
     }
 
     /// True where it matters which samples are in regions.

@@ -1,11 +1,9 @@
-//! What a scene's style is to the integral kernel.
+//! What a scene's style is to the kernels.
 
 use std::sync::Arc;
 
-use brickcast_shaders::twin::accelerated::Tables;
-use brickcast_shaders::twin::integral::Integrals;
-use brickcast_shaders::twin::slab::SlabTable;
-use brickcast_shaders::{Kinds, StyleUniform};
+use brickcast_shaders::twin::bindings::SlabTable;
+use brickcast_shaders::{StyleUniform, TakeKind};
 use brickcast_volume::Geometry;
 use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::style::Style;
@@ -14,7 +12,7 @@ use brickcast_volume::style::Style;
 #[derive(Debug, Clone)]
 pub struct KernelStyle {
     pub uniform: StyleUniform,
-    pub kinds: Kinds,
+    pub take: TakeKind,
     /// For slabs outside and inside regions, where slabs are pre-integrated; with light tables where light is
     /// interpolated.
     pub slabs: Option<[Arc<Preintegrated>; 2]>,
@@ -38,29 +36,24 @@ impl KernelStyle {
         if style.is_plain() {
             return None;
         }
-        let light = style.shading.map(|phong| phong.lighting);
-        let (surfaces, pixel) = (!style.surfaces.is_empty(), style.mode.pixel_kind());
-        let kinds = Kinds { preintegrated: slabs.is_some(), light, surfaces, pixel };
         Some(Self {
             uniform: StyleUniform::new(style, geometry, range),
-            kinds,
+            take: TakeKind::of(style),
             slabs,
             reach: style.reach(step),
             lowest_surface: style.surface_codes(range).first().copied(),
         })
     }
 
-    /// What rays on the processor read: `tables` are those for single samples.
-    #[must_use]
-    pub(crate) fn integrals<'a>(&'a self, tables: Tables<'a>) -> Integrals<'a> {
-        let slabs = self.slabs.as_ref().map(|kinds| kinds.each_ref().map(|s| SlabTable::new(s, self.slab_entries(s))));
-        Integrals { tables, slabs, style: &self.uniform, kinds: self.kinds }
+    /// For slabs outside and inside regions.
+    pub(crate) fn slab_tables(&self) -> Option<[SlabTable<'_>; 2]> {
+        self.slabs.as_ref().map(|kinds| kinds.each_ref().map(|s| SlabTable::new(s, self.slab_entries(s))))
     }
 
     /// The one or two tables that the kernel reads of `slabs`.
     pub(crate) fn slab_entries<'a>(&self, slabs: &'a Preintegrated) -> [&'a [[f32; 4]]; 2] {
         match &slabs.lit {
-            Some(lit) if self.kinds.has_weights() => [&lit.front, &lit.back],
+            Some(lit) if self.take.slab_kind().has_weights() => [&lit.front, &lit.back],
             _ => [&slabs.total, &[]],
         }
     }

@@ -10,7 +10,7 @@ use super::Node;
 use crate::brick::residency::Wanted;
 use crate::clients::Caller;
 use crate::error::NodeError;
-use crate::kernel::Features;
+use crate::kernel::{BrickTraits, KernelKey};
 use crate::render::{BrickChoice, LoadMeter, load_bricks};
 use crate::stores::OpenStore;
 
@@ -22,7 +22,8 @@ struct Wish {
     /// As many as the budget holds, in the order asked.
     bricks: Vec<Wanted>,
     fits: bool,
-    features: HashSet<Features>,
+    /// The kernels that they may take.
+    keys: HashSet<KernelKey>,
 }
 
 /// Tells work that goes on by itself when the call that it is for is dropped.
@@ -61,10 +62,10 @@ impl Node {
             node.residency.release(session, request.store, &request.release);
             Ok((store, wish))
         };
-        let (store, Wish { bricks, fits, features }) = self.aside(&caller, wish).await?;
+        let (store, Wish { bricks, fits, keys }) = self.aside(&caller, wish).await?;
         let warm_up = move |node: &Self| {
-            features.into_iter().try_for_each(|features| node.raycaster.warm_up(filter, features))?;
-            Ok(())
+            let keys: Vec<_> = keys.into_iter().collect();
+            Ok(node.raycaster.warm_up(filter, &keys)?)
         };
         self.in_turn(&caller, warm_up).await?;
         let mut load = LoadMeter::default();
@@ -108,10 +109,10 @@ impl Node {
                 bricks.push(chosen.wanted);
             }
         }
-        let integral = choice.kinds();
-        let with = move |features| Features { integral, ..features };
+        let look = choice.look_traits();
         let may_lack = store.store.manifest().no_data.is_some();
-        let features = bricks.iter().flat_map(|w| w.key.recipe.all_features(may_lack)).chain([Features::PLAIN]);
-        Ok(Wish { features: features.map(with).collect(), bricks, fits: bytes <= self.config.memory_budget })
+        let traits = bricks.iter().flat_map(|w| w.key.recipe.traits(may_lack)).chain([BrickTraits::default()]);
+        let keys = traits.map(|brick| KernelKey::of(look, brick)).collect();
+        Ok(Wish { keys, bricks, fits: bytes <= self.config.memory_budget })
     }
 }

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use brickcast_shaders::Kinds;
 use brickcast_volume::BrickIndex;
 use brickcast_volume::look_on::{BricksOf, LookOn};
 use brickcast_volume::preintegration::Preintegrated;
@@ -13,7 +12,7 @@ use brickcast_volume::store::BrickSource;
 use super::tables::TableCache;
 use crate::brick::residency::{BrickKey, Wanted};
 use crate::error::NodeError;
-use crate::kernel::{KernelStyle, Raycaster, Recipe, knows_only_region};
+use crate::kernel::{LookTraits, Raycaster, Recipe, TakeKind, knows_only_region};
 
 /// Decides for one scene on one store.
 #[derive(Debug)]
@@ -47,12 +46,10 @@ impl<'a> BrickChoice<'a> {
         Ok(Self { store, scene, look, slabs })
     }
 
-    /// What of the integral kernel the scene takes.
-    pub(crate) fn kinds(&self) -> Option<Kinds> {
-        let manifest = self.store.manifest();
-        let style = &self.scene.look.style;
-        KernelStyle::new(style, self.scene.quality.step, &manifest.geometry, manifest.range, self.slabs.clone())
-            .map(|s| s.kinds)
+    /// What of the scene says which kernel a brick takes.
+    pub(crate) fn look_traits(&self) -> LookTraits {
+        let look = &self.scene.look;
+        LookTraits { take: TakeKind::of(&look.style), tells_regions_apart: look.tells_regions_apart() }
     }
 
     /// `None` where the brick shows nothing.

@@ -1,11 +1,10 @@
 //! `wgsl/shared/holes.wgsl` on the CPU: reads of bricks in which some voxels hold no data. Other bricks never come
 //! here.
 
-use super::processor::cut_off;
-use super::raycast::{CODE, VolumeReader, between};
+use super::read::{CODE, Reader, between};
 
 /// What a place has in which a voxel of no data has weight; no code is below 0.
-pub(super) const NO_DATA: f32 = -1.0;
+pub const NO_DATA: f32 = -1.0;
 
 /// Has a sample this code?
 #[inline(always)]
@@ -13,30 +12,11 @@ pub(super) fn is_no_data(code: f32) -> bool {
     code < 0.0
 }
 
-impl VolumeReader<'_> {
-    /// The code at a place of any brick; negative where it holds no data.
-    #[inline(always)]
-    pub(super) fn read_data(&self, p_voxel: [f32; 3]) -> f32 {
-        if self.has_holes { self.read_with_holes(p_voxel) } else { self.read(p_voxel) }
-    }
-
+impl Reader<'_> {
     /// The code at a place, or [`NO_DATA`] where a texel of code 0 has weight. With data everywhere the very bits of
-    /// [`VolumeReader::read`].
+    /// [`Reader::read_volume`].
     pub(super) fn read_with_holes(&self, p_voxel: [f32; 3]) -> f32 {
-        if self.is_nearest {
-            let texel = self.nearest(p_voxel);
-            return if texel == 0 { NO_DATA } else { f32::from(texel) * CODE };
-        }
-        let mut w = [0.0; 3];
-        let mut corner = [0; 3];
-        for a in 0..3 {
-            let p = p_voxel[a] + 0.5;
-            let whole = cut_off(p);
-            w[a] = p - whole as f32;
-            corner[a] =
-                (whole.wrapping_sub(self.first_texel[a]).max(0) as u32).min(self.last_corner[a] as u32) as usize;
-        }
-        let at = corner[0] + corner[1] * self.row + corner[2] * self.slice;
+        let (at, w) = self.corner(p_voxel);
         let Some(support) = self.codes.get(at..at + self.slice + self.row + 2) else { return NO_DATA };
         let mut codes = [0.0; 8];
         for (i, code) in codes.iter_mut().enumerate() {
@@ -77,7 +57,7 @@ mod tests {
         let mut codes: Vec<u16> = (0..stored.voxel_count()).map(|i| 1 + (i * 7919 % 60_000) as u16).collect();
         let at = hole + 1;
         codes[(at.x + dims.x * (at.y + dims.y * at.z)) as usize] = 0;
-        let volume = VolumeReader::new(&FrameUniform::zeroed(), &brick, &codes);
+        let volume = Reader::new(&FrameUniform::zeroed(), &brick, &codes);
         let (mut with, mut without) = (0, 0);
         let quarters: Vec<f32> = (0..20).map(|i| i as f32 * 0.25).collect();
         for (&x, &y, &z) in quarters
@@ -90,13 +70,13 @@ mod tests {
             let code = volume.read_with_holes(p);
             assert_eq!(is_no_data(code), has_weight, "{p:?}: {code}");
             if !has_weight {
-                assert_eq!(code.to_bits(), volume.read(p).to_bits(), "{p:?}");
+                assert_eq!(code.to_bits(), volume.read_volume(p).to_bits(), "{p:?}");
             }
             with += u32::from(!has_weight);
             without += u32::from(has_weight);
         }
         assert!(with > 7000 && without == 7 * 7 * 7, "{with} {without}");
         // Texels that are missing are no data either.
-        assert!(is_no_data(VolumeReader::new(&FrameUniform::zeroed(), &brick, &codes[..10]).read_with_holes([4.0; 3])));
+        assert!(is_no_data(Reader::new(&FrameUniform::zeroed(), &brick, &codes[..10]).read_with_holes([4.0; 3])));
     }
 }

@@ -4,18 +4,18 @@
 use glam::Vec4;
 
 use super::processor::{indices, pairs, whole};
-use super::raycast::{CODE, VolumeReader, between};
+use super::read::{CODE, Reader, between};
 
 /// Positions of four samples, an axis each.
 pub(super) type Places = [Vec4; 3];
 
-/// [`super::raycast::clamped`] in every lane.
+/// [`super::read::clamped`] in every lane.
 #[inline(always)]
 pub(super) fn clamped(x: Vec4, last: f32) -> Vec4 {
     x.max(Vec4::ZERO).min(Vec4::splat(last))
 }
 
-/// [`super::raycast::entry_at`] in every lane; entries as whole numbers.
+/// [`super::classify::entry_at`] in every lane; entries as whole numbers.
 #[inline(always)]
 pub(super) fn entries_at(position: Vec4, last: usize) -> (Vec4, Vec4) {
     let entry = clamped(position, last as f32);
@@ -23,14 +23,14 @@ pub(super) fn entries_at(position: Vec4, last: usize) -> (Vec4, Vec4) {
     (i, entry - i)
 }
 
-impl VolumeReader<'_> {
-    /// [`VolumeReader::read`] in every lane.
+impl Reader<'_> {
+    /// [`Reader::read_volume`] in every lane.
     #[inline(always)]
     pub(super) fn read_lanes(&self, at: Places) -> Vec4 {
         if self.is_whole && !self.is_nearest {
             return self.read_whole(at);
         }
-        Vec4::from_array(std::array::from_fn(|lane| self.read(at.map(|p| p[lane]))))
+        Vec4::from_array(std::array::from_fn(|lane| self.read_volume(at.map(|p| p[lane]))))
     }
 
     /// Of a brick that has all its texels, two or more along each axis.
@@ -66,7 +66,7 @@ mod tests {
     use bytemuck::Zeroable;
     use glam::UVec3;
 
-    use super::super::raycast::entry_at;
+    use super::super::classify::entry_at;
     use super::*;
     use crate::layout::{BrickUniform, FrameUniform};
 
@@ -95,7 +95,7 @@ mod tests {
                 numbers(7).take(dims.iter().product::<u32>() as usize).map(|x| (x * 65535.0) as u16).collect();
             // All texels, and a brick that lacks some.
             for texels in [&codes[..], &codes[..codes.len() - 1]] {
-                let volume = VolumeReader::new(&FrameUniform::zeroed(), &brick, texels);
+                let volume = Reader::new(&FrameUniform::zeroed(), &brick, texels);
                 let mut number = numbers(3);
                 for _ in 0..2000 {
                     let places: Places = std::array::from_fn(|a| {
@@ -108,7 +108,7 @@ mod tests {
                     let (entry, weight) = entries_at(position, last);
                     let entries = indices(entry);
                     for lane in 0..4 {
-                        let want = volume.read(places.map(|p| p[lane]));
+                        let want = volume.read_volume(places.map(|p| p[lane]));
                         assert_eq!(read[lane].to_bits(), want.to_bits(), "{dims:?} {places:?} lane {lane}");
                         let (i, w) = entry_at(position[lane], last);
                         assert_eq!((entries[lane], weight[lane].to_bits()), (i, w.to_bits()), "{position}");
@@ -124,7 +124,7 @@ mod tests {
     fn lanes_stay_in_the_brick_whatever_the_position() {
         let codes = [65535_u16; 27];
         let brick = brick(UVec3::ZERO, UVec3::splat(3));
-        let volume = VolumeReader::new(&FrameUniform::zeroed(), &brick, &codes);
+        let volume = Reader::new(&FrameUniform::zeroed(), &brick, &codes);
         for p in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, 1e30, -1e30, 3e9, -3e9] {
             for axis in 0..3 {
                 let mut places = [Vec4::splat(1.2); 3];

@@ -1,15 +1,26 @@
-//! The kernels on the CPU: plain, in their WGSL's order of operations.
+//! The kernels on the CPU: scalar, in their WGSL's files, names and order of operations.
 
-pub mod accelerated;
-mod holes;
-pub mod integral;
+pub mod bindings;
+mod classify;
+pub mod holes;
+mod jump;
 mod lanes;
 mod light;
 pub mod macrocell;
+pub mod march;
+pub mod part;
 mod processor;
-pub mod raycast;
-pub mod slab;
+pub mod ray;
+pub mod read;
+pub mod run;
+pub mod scene;
+mod slab;
 pub mod slabs;
-mod surface;
+pub mod surface;
 #[cfg(test)]
 mod surface_tests;
+pub mod take;
+pub mod walk;
+
+/// What it was called while there was a loop for plain bricks.
+pub use self::ray as raycast;

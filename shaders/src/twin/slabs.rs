@@ -1,17 +1,19 @@
 //! What most pictures are made of, by itself: pre-integrated slabs in a brick without leaps. The same as
-//! [`super::integral::integral_ray`], without what that must ask at every sample.
+//! [`super::march::march_ray`], without what that must ask at every sample.
 
+use brickcast_volume::Premul;
 use brickcast_volume::macrocell::MapTexel;
-use brickcast_volume::{PixelKind, Premul};
 use glam::Vec4;
 
-use super::accelerated::{BrickData, RayCounts, first_outside, leaves, sample_at};
-use super::integral::{Integrals, clipped};
-use super::lanes;
-use super::processor::{cut_off, indices};
-use super::raycast::{FAR, Ray, VolumeReader, clamped, first_sample, owned_segment};
-use crate::layout::{BrickUniform, FrameUniform, MAP_EMPTY, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
-use crate::style::Kinds;
+use super::bindings::{Bindings, RayCounts, SlabTable};
+use super::jump::{first_outside, leaves};
+use super::lanes::{self, entries_at};
+use super::processor::{cut_off, indices, prefetch, whole};
+use super::ray::{FAR, Ray, first_sample, owned_segment, rounded_up};
+use super::read::{Reader, clamped};
+use super::scene::styled::clip_span;
+use crate::key::{SlabKind, TakeKind};
+use crate::layout::{FrameUniform, RegionFlags, SHOWS_REGIONS, SHOWS_RESIDUAL};
 
 /// Values that are read ahead of the slabs that need them, to hide latency: a read and a table look-up are each a chain
 /// of dependent loads, longer than the window in which a processor executes out of order, so that only independent
@@ -21,34 +23,75 @@ const BATCH: usize = 8;
 /// vain.
 const OPEN_BATCH: f32 = 4.0;
 
-const SLABS_ALONE: Kinds = Kinds { preintegrated: true, light: None, surfaces: false, pixel: PixelKind::Over };
+const SLABS_ALONE: TakeKind = TakeKind::Slabs(SlabKind { preintegrated: true, light: None, surfaces: false });
 
 /// True where [`slabs_ray`] will do.
 #[must_use]
-pub fn are_slabs_alone(brick: &BrickUniform, data: &BrickData<'_>, with: &Integrals<'_>) -> bool {
-    with.kinds == SLABS_ALONE
-        && with.slabs.is_some()
-        && data.means.is_none()
-        && brick.region_flags != RegionFlags::Texture as u32
-        && brick.map_mask <= MAP_EMPTY
-        && brick.holes == 0
+pub fn are_slabs_alone(bound: &Bindings<'_>) -> bool {
+    let key = bound.key;
+    key.take == SLABS_ALONE
+        && bound.scene.slabs.is_some()
+        && !key.leaps
+        && !key.cubes
+        && !key.holes
+        && bound.brick.region_flags != RegionFlags::Texture as u32
 }
 
-/// The slabs of `brick` along `ray`, into `sum`; where [`are_slabs_alone`].
+/// The first sample at or behind `t`, but for rounding: never more than `most`.
+#[inline(always)]
+fn sample_at(frame: &FrameUniform, t: f32, most: f32) -> f32 {
+    rounded_up((t / frame.step).min(most))
+}
+
+impl SlabTable<'_> {
+    /// [`super::slab::node_of`] in every lane.
+    #[inline(always)]
+    fn entries(&self, codes: Vec4) -> (Vec4, Vec4) {
+        let blocks = self.warp.len() as f32;
+        let at = lanes::clamped(codes * Vec4::splat(self.scale), blocks);
+        let i = whole(at).min(Vec4::splat(blocks - 1.0));
+        let of = indices(i).map(|i| self.warp.get(i).copied().unwrap_or_default());
+        let start = Vec4::new(of[0][0], of[1][0], of[2][0], of[3][0]);
+        let growth = Vec4::new(of[0][1], of[1][1], of[2][1], of[3][1]);
+        entries_at(start + (at - i) * growth, self.size - 1)
+    }
+
+    /// Do slabs from entries within lo..=hi to such show anything?
+    #[inline(always)]
+    fn shows(&self, lo: usize, hi: usize) -> bool {
+        self.shown_before.get(hi + 2).is_none_or(|after| *after != self.shown_before[lo])
+    }
+
+    /// Says that the slab between two entries will be looked up.
+    #[inline(always)]
+    fn prefetch(&self, i: usize, j: usize) {
+        for row in [i, i + 1] {
+            prefetch(self.front.as_ptr().wrapping_add(row * self.size + j));
+        }
+    }
+
+    /// Bilinear.
+    #[inline(always)]
+    fn between(&self, table: &[[f32; 4]], (i, u): (usize, f32), (j, v): (usize, f32)) -> Vec4 {
+        let at = i * self.size + j;
+        let Some(support) = table.get(at..at + self.size + 2) else { return Vec4::ZERO };
+        let [a, b] = [support[0], support[1]].map(Vec4::from_array);
+        let [c, d] = [support[self.size], support[self.size + 1]].map(Vec4::from_array);
+        let (near, far) = (a + (b - a) * v, c + (d - c) * v);
+        near + (far - near) * u
+    }
+}
+
+/// The slabs of a brick along `ray`, into `sum`; where [`are_slabs_alone`].
 #[must_use]
-pub fn slabs_ray(
-    frame: &FrameUniform,
-    brick: &BrickUniform,
-    data: &BrickData<'_>,
-    with: &Integrals<'_>,
-    ray: &Ray,
-    sum: Premul,
-) -> (Premul, RayCounts) {
+pub fn slabs_ray(bound: &Bindings<'_>, ray: &Ray, sum: Premul) -> (Premul, RayCounts) {
     let mut counts = RayCounts::default();
-    let (Some(mut owned), Some(slabs)) = (owned_segment(frame, brick, ray), &with.slabs) else { return (sum, counts) };
-    let style = with.style;
+    let (frame, style, brick, data) = (bound.scene.frame, bound.scene.style, bound.brick, bound.data);
+    let (Some(mut owned), Some(slabs)) = (owned_segment(frame, brick, ray), &bound.scene.slabs) else {
+        return (sum, counts);
+    };
     if style.plane_count > 0 {
-        let (t_lo, t_hi) = clipped(style, ray);
+        let (t_lo, t_hi) = clip_span(style, ray);
         owned.t_out = owned.t_out.min(t_hi);
         if t_lo > 0.0 {
             owned.k = owned.k.max(first_sample(frame, t_lo));
@@ -57,12 +100,10 @@ pub fn slabs_ray(
     if sum.a >= frame.stop_alpha || owned.k * frame.step >= owned.t_out {
         return (sum, counts);
     }
-    let in_region = brick.region_flags == RegionFlags::EveryVoxel as u32;
-    let tells_apart = frame.shown != SHOWS_RESIDUAL | SHOWS_REGIONS || with.tables.region.is_some();
-    let kind = in_region && tells_apart;
+    let kind = bound.key.regions && brick.region_flags == RegionFlags::EveryVoxel as u32;
     let shows = frame.shown & if kind { SHOWS_REGIONS } else { SHOWS_RESIDUAL } != 0;
     let table = &slabs[usize::from(kind)];
-    let volume = VolumeReader::new(frame, brick, data.texels);
+    let volume = Reader::new(frame, brick, data.texels);
     let hi = style.volume_hi.map(|n| n as f32);
     let ([ox, oy, oz], [dx, dy, dz]) = (ray.origin, ray.direction);
     let k_out = first_outside(frame, owned.k, owned.t_out);
@@ -100,11 +141,11 @@ pub fn slabs_ray(
                 ((cut_off(p[a]) >> brick.cell_shift) - brick.cell_lo[a]).clamp(0, dims[a] as i32 - 1)
             });
             let at = cell[0] as usize + dims[0] as usize * (cell[1] as usize + dims[1] as usize * cell[2] as usize);
-            let empty = i32::from(MapTexel::unpack(map[at] & brick.map_mask).empty);
+            let empty = i32::from(MapTexel::unpack(map[at]).empty);
             is_empty = empty > 0;
-            let reach = empty.max(1) - 1;
-            let corner = |far: i32| std::array::from_fn(|a| (cell[a] + brick.cell_lo[a] + far) as f32 * edge);
-            let k_exit = sample_at(frame, leaves(ray, corner(-reach), corner(1 + reach)), k_out + 1.0).max(k + 1.0);
+            let center = std::array::from_fn(|a| ((cell[a] + brick.cell_lo[a]) as f32 + 0.5) * edge);
+            let half = (empty.max(1) as f32 - 0.5) * edge;
+            let k_exit = sample_at(frame, leaves(ray, center, half), k_out + 1.0).max(k + 1.0);
             if is_empty && (!has_front || front_is_empty) {
                 counts.skips += 1;
                 (k, has_front, has_skipped) = (k_exit, false, true);
@@ -183,12 +224,13 @@ mod tests {
     use brickcast_volume::{Camera, Geometry, Orbit, OwnedBox, PictureSize, View};
     use glam::{DVec3, UVec3};
 
-    use super::super::accelerated::{Tables, Unwatched};
-    use super::super::integral::integral_ray;
+    use super::super::bindings::{BrickData, SceneData, Tables};
     use super::super::macrocell::empty_distances;
-    use super::super::raycast::pixel_ray;
-    use super::super::slab::SlabTable;
+    use super::super::march::march_ray;
+    use super::super::ray::pixel_ray;
     use super::*;
+    use crate::key::KernelKey;
+    use crate::layout::BrickUniform;
     use crate::style::StyleUniform;
 
     /// A few balls in air that is not quite empty.
@@ -230,19 +272,20 @@ mod tests {
             let view = View::new(&geometry, &camera, PictureSize::new(80, 80).unwrap(), step).unwrap();
             let frame = FrameUniform::new(&view.kernel(), &table, 0.999);
             let mut brick = BrickUniform::of_boxes(&owned, &stored);
-            (brick.cell_lo, brick.cell_shift, brick.map_mask) = (cells.lo.into(), 2, MAP_EMPTY);
+            (brick.cell_lo, brick.cell_shift) = (cells.lo.into(), 2);
             let style = StyleUniform::new(&scene, &geometry, (0.0, 1.0));
             let slab = SlabTable::new(&slabs, [&slabs.total, &[]]);
             let tables = Tables { table: &table.entries, region: None };
-            let with = Integrals { tables, slabs: Some([slab; 2]), style: &style, kinds: SLABS_ALONE };
+            let scene = SceneData { frame: &frame, style: &style, tables, slabs: Some([slab; 2]) };
             for map in [None, Some((map.as_slice(), cells.dims.into()))] {
                 let data = BrickData { texels: &texels, means: None, map, flags: &[] };
-                assert!(are_slabs_alone(&brick, &data, &with));
+                let key = KernelKey { skips: map.is_some(), take: SLABS_ALONE, ..KernelKey::PLAIN };
+                let bound = Bindings { scene: &scene, brick: &brick, data, key };
+                assert!(are_slabs_alone(&bound));
                 for (x, y) in (0..80).flat_map(|y| (0..80).map(move |x| (x, y))) {
                     let ray = pixel_ray(&frame, x, y);
-                    let (sum, counts) = slabs_ray(&frame, &brick, &data, &with, &ray, Premul::CLEAR);
-                    let (want, counted) =
-                        integral_ray(&frame, &brick, &data, &with, &ray, Premul::CLEAR, &mut Unwatched);
+                    let (sum, counts) = slabs_ray(&bound, &ray, Premul::CLEAR);
+                    let (want, counted) = march_ray(&bound, &ray, Premul::CLEAR);
                     let worst =
                         sum.to_array().iter().zip(want.to_array()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
                     // Positions on the volume's faces are clamped by the one and not by the other.
@@ -260,5 +303,30 @@ mod tests {
         }
         assert!(skips > 1000 && opaque > 1000, "{skips} {opaque}");
         assert!(in_vain > 0 && in_vain * 4 < samples, "{in_vain} {samples}");
+    }
+
+    #[test]
+    fn what_is_not_looked_up_shows_nothing() {
+        let color = |x: f64| ColorPoint { x, rgb: [0.5, 0.25, 1.0] };
+        // A ramp, two spikes, and a last one that rises.
+        let opacity = |(x, opacity): (f64, f64)| OpacityPoint { x, opacity };
+        let points =
+            [(0.0, 0.3), (10.0, 0.0), (20.2, 0.0), (20.5, 0.9), (20.8, 0.0), (40.0, 0.0), (41.0, 0.2), (42.0, 0.0)];
+        let points = points.into_iter().chain([(62.5, 0.0), (63.0, 0.5)]);
+        let function = TransferFunction::new(vec![color(0.0), color(63.0)], points.map(opacity).collect()).unwrap();
+        let slabs = Preintegrated::with_entries(&function, (0.0, 63.0), 1.0, 64, false);
+        let n = slabs.size;
+        let table = SlabTable::new(&slabs, [&slabs.total, &[]]);
+        let (mut dark, mut shown) = (0, 0);
+        for (front, back) in (0..n - 1).flat_map(|front| (0..n - 1).map(move |back| (front, back))) {
+            let entries = [(0, 0), (0, 1), (1, 0), (1, 1)];
+            let is_dark = entries.iter().all(|(i, j)| slabs.total[(front + i) * n + back + j] == [0.0; 4]);
+            let shows = table.shows(front.min(back), front.max(back));
+            assert!(is_dark || shows, "slab from entry {front} to {back}");
+            dark += u32::from(is_dark);
+            shown += u32::from(is_dark && shows);
+        }
+        // Those that end just before something shows are looked up for nothing.
+        assert!(dark > 100 && shown * 5 < dark, "{shown} of {dark} of {n} nodes");
     }
 }

@@ -8,12 +8,18 @@ use brickcast_volume::transfer_function::{TransferFunction, TransferTable};
 use brickcast_volume::{Camera, Geometry, Orbit, OwnedBox, PictureSize, Premul, View};
 use glam::{DVec3, UVec3};
 
-use super::accelerated::{BrickData, Tables, Watch};
-use super::integral::{Integrals, integral_ray};
-use super::light::Probe;
-use super::raycast::pixel_ray;
+use super::bindings::{Along, Bindings, BrickData, SceneData, Tables};
+use super::light::gradient_at;
+use super::march::march;
+use super::ray::pixel_ray;
+use super::run::Run;
+use super::scene::Styled;
+use super::surface::crossing;
+use super::take::{Slabs, Take};
+use super::walk::{Uncoded, Unmapped};
+use crate::key::{KernelKey, SlabKind, TakeKind};
 use crate::layout::{BrickUniform, FrameUniform};
-use crate::style::{Kinds, StyleUniform};
+use crate::style::StyleUniform;
 
 /// A field over index space, larger inside, and its surface at 0.
 type Field = fn(DVec3, f64) -> f64;
@@ -85,12 +91,39 @@ impl Volume {
     }
 }
 
-#[derive(Default)]
-struct FirstHit(Option<f32>);
+/// The kernel's take, watched: at how many steps the ray met the first surface.
+struct FirstHit {
+    slabs: Slabs,
+    k: Option<f32>,
+}
 
-impl Watch for FirstHit {
-    fn meets(&mut self, _surface: usize, t: f32) {
-        self.0.get_or_insert(t);
+impl Take for FirstHit {
+    type Scene = Styled;
+    const TAKES_EMPTY: bool = Slabs::TAKES_EMPTY;
+
+    fn ends_beyond(bound: &Bindings<'_>) -> bool {
+        Slabs::ends_beyond(bound)
+    }
+
+    fn neutral_code(bound: &Bindings<'_>) -> f32 {
+        Slabs::neutral_code(bound)
+    }
+
+    fn enter_take(along: &Along<'_>) -> Self {
+        Self { slabs: Slabs::enter_take(along), k: None }
+    }
+
+    fn take(&mut self, along: &Along<'_>, p: [f32; 3], run: Run, sum: &mut Premul) -> bool {
+        let (before, front) = (sum.a, self.slabs.front);
+        let shows = self.slabs.take(along, p, run, sum);
+        if sum.a > before && self.k.is_none() {
+            let value = along.bound.scene.style.codes[0][0];
+            let back = self.slabs.front;
+            let crosses = run.follows && (front.code >= value) != (back.code >= value);
+            // Else it was met with the entry.
+            self.k = if crosses { crossing(along, &front, &back, value) } else { Some(run.k) };
+        }
+        shows
     }
 }
 
@@ -132,15 +165,16 @@ fn look(volume: &Volume, step: f64) -> Seen {
     let brick = BrickUniform::of_boxes(&owned, &volume.stored);
     let data = BrickData { texels: &volume.codes, means: None, map: None, flags: &[] };
     let tables = Tables { table: &table.entries, region: None };
-    let kinds = Kinds { surfaces: true, ..Kinds::default() };
-    let with = Integrals { tables, slabs: None, style: &style, kinds };
+    let take = TakeKind::Slabs(SlabKind { surfaces: true, ..SlabKind::default() });
+    let scene = SceneData { frame: &frame, style: &style, tables, slabs: None };
+    let bound = Bindings { scene: &scene, brick: &brick, data, key: KernelKey { take, ..KernelKey::PLAIN } };
     let mut seen = Seen::default();
     for (x, y) in (0..120).flat_map(|y| (0..120).map(move |x| (x, y))) {
         let ray = pixel_ray(&frame, x, y);
-        let mut hit = FirstHit::default();
-        let (sum, _) = integral_ray(&frame, &brick, &data, &with, &ray, Premul::CLEAR, &mut hit);
-        assert_eq!(sum.a > 0.0, hit.0.is_some());
-        let Some(t) = hit.0.map(f64::from) else { continue };
+        let mut sum = Premul::CLEAR;
+        let hit = march::<Unmapped, Uncoded, FirstHit>(&bound, &ray, &mut sum).and_then(|(take, _)| take.k);
+        assert_eq!(sum.a > 0.0, hit.is_some());
+        let Some(t) = hit.map(|k| f64::from(k * frame.step)) else { continue };
         let at = |t: f64| DVec3::from(ray.origin.map(f64::from)) + t * DVec3::from(ray.direction.map(f64::from));
         let p = at(t);
         // A body that the volume's face cuts is met there, at no root.
@@ -159,8 +193,8 @@ fn look(volume: &Volume, step: f64) -> Seen {
         } else {
             seen.analytic = f64::INFINITY;
         }
-        let probe = Probe::new(&frame, &style, &brick, &data, &ray);
-        let gradient = DVec3::from(probe.gradient(p.as_vec3().into()).unwrap().map(f64::from)).normalize();
+        let along = Along::new(&bound, &ray);
+        let gradient = DVec3::from(gradient_at(&along, p.as_vec3().into()).unwrap().map(f64::from)).normalize();
         seen.angle = seen.angle.max(gradient.dot(normal).clamp(-1.0, 1.0).acos().to_degrees());
     }
     seen

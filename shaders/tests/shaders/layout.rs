@@ -1,14 +1,13 @@
-//! Uniforms must lie where the kernels read them: names and offsets, from naga's view of the WGSL.
+//! What stands in Rust and in WGSL must be the same: where the members of uniforms lie, constants, numbers of bindings,
+//! overrides; from naga's view of the WGSL.
 
+use std::collections::BTreeSet;
 use std::mem::{offset_of, size_of};
 
-use brickcast_shaders::{
-    BrickUniform, FrameUniform, Kinds, RaycastVariant, StyleUniform, accelerated_wgsl, distance_wgsl,
-    filter_probe_wgsl, integral_wgsl, macrocell_wgsl, raycast_wgsl,
-};
-use brickcast_volume::scene::{Word, Words};
-use brickcast_volume::style::Lighting;
-use naga::{Expression, Literal, TypeInner};
+use brickcast_shaders::{BrickUniform, FrameUniform, KernelKey, RaycastVariant, StyleUniform};
+use naga::TypeInner;
+
+use super::modules::{all_keys, march, parse, sources};
 
 type Members = Vec<(String, u32)>;
 
@@ -37,7 +36,7 @@ fn frame() -> (Members, u32) {
 
 fn brick() -> (Members, u32) {
     rust_struct!(BrickUniform: owned_lo accumulator_base owned_hi accumulator_stride stored_lo counter stored_dims
-        region_flags rect_lo rect_size cell_lo cell_shift map_mask code_scale holes reserved)
+        region_flags rect_lo rect_size cell_lo cell_shift code_scale holes reserved)
 }
 
 fn style() -> (Members, u32) {
@@ -45,18 +44,18 @@ fn style() -> (Members, u32) {
         reserved codes colors planes)
 }
 
-fn parse(source: &str) -> naga::Module {
-    naga::front::wgsl::parse_str(source).unwrap_or_else(|e| panic!("{}", e.emit_to_string(source)))
+/// Of a key whose module has all uniforms.
+fn styled() -> KernelKey {
+    all_keys().into_iter().find(|key| !key.take.is_projection() && key.take.ends_beyond()).unwrap()
 }
 
 #[test]
 fn members_lie_where_the_kernels_read_them() {
-    for variant in [RaycastVariant::Hardware, RaycastVariant::Exact] {
-        assert_eq!(wgsl_struct(&parse(&integral_wgsl(variant)), "StyleUniform"), style());
-        for source in [raycast_wgsl(variant), accelerated_wgsl(variant), integral_wgsl(variant)] {
-            let module = parse(&source);
-            assert_eq!(wgsl_struct(&module, "FrameUniform"), frame());
-            assert_eq!(wgsl_struct(&module, "BrickUniform"), brick());
+    for (key, module) in all_keys().into_iter().map(|key| (key, march(RaycastVariant::Exact, key))) {
+        assert_eq!(wgsl_struct(&module, "FrameUniform"), frame());
+        assert_eq!(wgsl_struct(&module, "BrickUniform"), brick());
+        if key.take != KernelKey::PLAIN.take {
+            assert_eq!(wgsl_struct(&module, "StyleUniform"), style());
         }
     }
 }
@@ -64,7 +63,7 @@ fn members_lie_where_the_kernels_read_them() {
 /// The comparison itself must notice two swapped members and a member that moved.
 #[test]
 fn the_comparison_can_fail() {
-    let good = raycast_wgsl(RaycastVariant::Exact);
+    let good = brickcast_shaders::march_wgsl(RaycastVariant::Exact, styled());
     let swapped = good.replace("width: i32,\n    height: i32,", "height: i32,\n    width: i32,");
     assert_ne!(swapped, good);
     assert_ne!(wgsl_struct(&parse(&swapped), "FrameUniform"), frame());
@@ -73,41 +72,37 @@ fn the_comparison_can_fail() {
     assert_ne!(wgsl_struct(&parse(&moved), "BrickUniform"), brick());
 }
 
-/// The value of a constant; `None` where there is none of that name.
-fn wgsl_constant(module: &naga::Module, name: &str) -> Option<u32> {
-    let (_, constant) = module.constants.iter().find(|(_, constant)| constant.name.as_deref() == Some(name))?;
-    match module.global_expressions[constant.init] {
-        Expression::Literal(Literal::U32(value)) => Some(value),
-        _ => None,
-    }
+/// Names of the overrides of a module.
+fn wgsl_overrides(module: &naga::Module) -> BTreeSet<String> {
+    module.overrides.iter().filter_map(|(_, o)| o.name.clone()).collect()
+}
+
+fn rust_overrides(key: KernelKey) -> BTreeSet<String> {
+    brickcast_shaders::overrides(key).into_iter().map(|(name, _)| name.to_owned()).collect()
 }
 
 #[test]
-fn a_lighting_has_one_number_in_both_languages() {
-    let module = parse(&integral_wgsl(RaycastVariant::Exact));
-    for Word { value, word, .. } in Lighting::WORDS {
-        let kinds = Kinds { light: Some(*value), ..Kinds::default() };
-        let name = format!("LIGHT_{}", word.to_uppercase());
-        assert_eq!(wgsl_constant(&module, &name), Some(kinds.light_number()), "{name}");
+fn a_key_gives_every_override_of_its_module_and_no_other() {
+    for key in all_keys() {
+        for variant in [RaycastVariant::Exact, RaycastVariant::Hardware] {
+            assert_eq!(wgsl_overrides(&march(variant, key)), rust_overrides(key), "{key:?}");
+        }
     }
-    assert_eq!(Kinds::default().light_number(), 0);
-    assert_eq!(wgsl_constant(&module, "LIGHT_OF_NOBODY"), None);
+}
+
+/// One more and one less are noticed.
+#[test]
+fn the_comparison_of_overrides_can_fail() {
+    let key = styled();
+    let good = brickcast_shaders::march_wgsl(RaycastVariant::Exact, key);
+    let more = format!("override MORE: bool;\n{good}");
+    assert_ne!(wgsl_overrides(&parse(&more)), rust_overrides(key));
+    assert_ne!(wgsl_overrides(&march(RaycastVariant::Exact, KernelKey::PLAIN)), rust_overrides(key));
 }
 
 #[test]
 fn kernels_are_valid() {
-    let sources = [
-        raycast_wgsl(RaycastVariant::Hardware),
-        raycast_wgsl(RaycastVariant::Exact),
-        accelerated_wgsl(RaycastVariant::Hardware),
-        accelerated_wgsl(RaycastVariant::Exact),
-        integral_wgsl(RaycastVariant::Hardware),
-        integral_wgsl(RaycastVariant::Exact),
-        macrocell_wgsl(),
-        distance_wgsl(),
-        filter_probe_wgsl().to_owned(),
-    ];
-    for source in sources {
+    for source in sources() {
         let flags = naga::valid::ValidationFlags::all();
         let capabilities = naga::valid::Capabilities::empty();
         naga::valid::Validator::new(flags, capabilities)

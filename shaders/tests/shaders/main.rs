@@ -1,6 +1,9 @@
-//! The kernels' layouts, and what their leaps may change.
+//! What stands in Rust and in WGSL, which kernel a brick takes, and what leaps may change.
 
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
+mod constants;
+mod keys;
 mod layout;
 mod leaping;
+mod modules;

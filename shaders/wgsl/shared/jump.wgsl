@@ -1,12 +1,4 @@
-// How far a ray may jump; used by all kernels that do.
-
-// Samples of a brick, or after a skip, that are probed whatever their values.
-const ENTRY_PROBES: u32 = 2u;
-// Filtered values that differ by less may both come from guards: 1.25 of 16383.
-const NEARLY_EQUAL: f32 = 1.25 / 16383.0;
-// Voxels that a leap ends before the last place that is known; more where positions are large numbers.
-const MARGIN: f32 = 1e-3;
-const MARGIN_SHARE: f32 = 1e-6;
+// How far a ray may go at once. shaders/src/twin/jump.rs is the same on the CPU.
 
 // The first sample that the brick does not own: the first k with k * step >= t_out.
 fn first_outside(step: f32, k: f32, t_out: f32) -> f32 {

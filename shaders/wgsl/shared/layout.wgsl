@@ -37,8 +37,14 @@ struct BrickUniform {
     rect_size: vec2<u32>,
     cell_lo: vec3<i32>,
     cell_shift: u32,
-    map_mask: u32,
     code_scale: f32,
     holes: u32,
-    reserved: u32,
+    reserved: array<u32, 2>,
 }
+
+// FrameUniform.shown: samples outside regions, in regions.
+const SHOWS_RESIDUAL: u32 = 1u;
+const SHOWS_REGIONS: u32 = 2u;
+// BrickUniform.region_flags: every voxel is in a region, or a texture says which are.
+const FLAGS_EVERY_VOXEL: u32 = 1u;
+const FLAGS_TEXTURE: u32 = 2u;

@@ -1,36 +1,7 @@
 // Values anywhere on a ray, gradients, and Phong's factors. shaders/src/twin/light.rs is the same on the CPU.
 
-// Texels hold leaps.
-override LEAP: bool;
-
-// By slot; one row.
-@group(2) @binding(1) var means: texture_2d<f32>;
-
-// The volume's upper corner. A copy: read once, not in loops.
-var<private> volume_hi: vec3<f32>;
-
 // factor, glint: what a colour is multiplied by, and how much white is added per opacity.
 const UNLIT: vec2<f32> = vec2(1.0, 0.0);
-
-// The place at k steps, which need not be whole; index space, clamped to the volume.
-fn place_at(ray: Ray, k: f32) -> vec3<f32> {
-    let t = k * frame.step;
-    return clamp(ray.origin + t * ray.direction, vec3(0.0), volume_hi);
-}
-
-// The mean of the region that a place is deep inside of in x; y = 1 where it is.
-fn deep_at(p: vec3<f32>) -> vec2<f32> {
-    if !LEAP {
-        return vec2(0.0);
-    }
-    let last_texel = vec3<i32>(brick.stored_dims) - 1;
-    let at = clamp(vec3<i32>(p) - brick.stored_lo, vec3(0), last_texel);
-    let texel = coded_texel(textureLoad(volume, at, 0).r);
-    if texel.is_leap {
-        return vec2(textureLoad(means, vec2<u32>(texel.slot, 0u), 0).r, 1.0);
-    }
-    return vec2(texel.code, select(0.0, 1.0, texel.is_inner));
-}
 
 // The code of V' anywhere.
 fn value_at(reader: Reader, p: vec3<f32>) -> f32 {
@@ -45,8 +16,8 @@ fn value_at(reader: Reader, p: vec3<f32>) -> f32 {
 var<private> lacks_gradient: bool;
 
 fn rise_along(reader: Reader, p: vec3<f32>, axis: vec3<f32>) -> f32 {
-    let ahead = read_volume(reader, min(p + axis, volume_hi));
-    let behind = read_volume(reader, max(p - axis, vec3(0.0)));
+    let ahead = read_volume(reader, min(p + axis, volume_hi)) * brick.code_scale;
+    let behind = read_volume(reader, max(p - axis, vec3(0.0))) * brick.code_scale;
     lacks_gradient = lacks_gradient || is_no_data(min(ahead, behind));
     return ahead - behind;
 }
@@ -64,7 +35,7 @@ fn light_at(reader: Reader, ray: Ray, p: vec3<f32>) -> vec2<f32> {
     if HOLES && lacks_gradient {
         return UNLIT;
     }
-    let gradient = rise * (0.5 * brick.code_scale) * frame.voxels_per_unit;
+    let gradient = rise * 0.5 * frame.voxels_per_unit;
     let steepness = sqrt(dot(gradient, gradient));
     // Homogeneous material is not lit by its noise.
     let part = clamp(steepness / scene_data.style.light_from - 1.0, 0.0, 1.0);

@@ -1,7 +1,5 @@
 // What lies between two places of a ray. shaders/src/twin/slab.rs is the same on the CPU.
 
-// Samples in regions are hidden, shown alone, or have tables of their own.
-override REGIONS: bool;
 // Slabs come from a table over both of their ends.
 override PREINTEGRATED: bool;
 // Where slabs and samples take their light: one of those below, or 0 without light.
@@ -11,8 +9,18 @@ const LIGHT_INTERPOLATED: u32 = 1u;
 const LIGHT_CENTER: u32 = 2u;
 const LIGHT_CENTROID: u32 = 3u;
 override SURFACES: bool;
-// What the accumulator holds (PixelKind of volume/src/pixel.rs): 0: over, 1: largest, 2: smallest, 3: mean.
-override MODE: u32;
+
+// Slabs by node of the back value (x) and of the front value (y): premultiplied colour and opacity of one step. With
+// interpolated light the first is the front end's, with the whole opacity, the second the back end's, with its part of
+// it.
+@group(0) @binding(5) var slab_front: texture_2d<f32>;
+@group(0) @binding(6) var slab_back: texture_2d<f32>;
+// The same for slabs in regions.
+@group(0) @binding(7) var region_slab_front: texture_2d<f32>;
+@group(0) @binding(8) var region_slab_back: texture_2d<f32>;
+// By block of codes: the node coordinate at its start (r), and what it grows by to its end (g).
+@group(0) @binding(9) var warp: texture_2d<f32>;
+@group(0) @binding(10) var region_warp: texture_2d<f32>;
 
 // An end of a slab, or a place between.
 struct End {
@@ -25,8 +33,9 @@ struct End {
     is_cut: bool,
 }
 
-fn is_shown(in_region: bool) -> bool {
-    return (frame.shown & select(1u, 2u, in_region)) != 0u;
+// Premultiplied, behind what is there.
+fn add(sum: ptr<function, vec4<f32>>, premul: vec4<f32>) {
+    *sum += premul * (1.0 - (*sum).a);
 }
 
 // Premultiplied, of a slab, as of one that is `length` times as long.

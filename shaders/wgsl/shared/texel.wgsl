@@ -1,8 +1,5 @@
 // What the bits of texels say. volume/src/macrocell.rs and volume/src/regions/code.rs are the same on the CPU.
 
-// The last value where there is none: far from all codes, so that nothing is like it.
-const NOTHING_YET: f32 = 9.0;
-
 // Bits of a map's texel that hold the distance to the nearest cell that is not empty.
 const MAP_EMPTY: u32 = 0xffu;
 

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use brickcast_node::cpu::CpuRaycaster;
 use brickcast_node::kernel::{
-    BackendInfo, BrickInput, Features, Job, JobImage, KernelScene, RaycastError, Raycaster, Recipe, ResidentBrick,
+    BackendInfo, BrickInput, Job, JobImage, KernelKey, KernelScene, RaycastError, Raycaster, Recipe, ResidentBrick,
     Watch,
 };
 use brickcast_node::serve::probe::probe;
@@ -255,8 +255,8 @@ impl Raycaster for Hanging {
         self.kernel.upload_uniform(owned, mean)
     }
 
-    fn warm_up(&self, filter: Filter, features: Features) -> Result<(), RaycastError> {
-        self.kernel.warm_up(filter, features)
+    fn warm_up(&self, filter: Filter, keys: &[KernelKey]) -> Result<(), RaycastError> {
+        self.kernel.warm_up(filter, keys)
     }
 
     fn render_watched(

@@ -1,5 +1,5 @@
-//! Every kernel parses and validates. Kernels are the files of `shaders/wgsl/`; parts that they share lie in
-//! `shaders/wgsl/shared/` and are joined to them by text, so that a part alone need not be complete.
+//! Every kernel parses and validates. Kernels are the files of `shaders/wgsl/`; parts that they are joined with by text
+//! lie in its folders, so that a part alone need not be complete.
 
 use std::collections::BTreeSet;
 
@@ -11,13 +11,12 @@ use crate::tree::{SourceFile, Tree};
 
 pub(super) const CHECK: Check = Check {
     name: "shaders",
-    law: "every kernel of shaders/wgsl/ parses and validates with every choice of the shared parts that it names",
+    law: "every kernel of shaders/wgsl/ parses and validates with every choice of the parts that it names",
     remedy: "mend the WGSL at the line named; a part that no kernel names can go",
     run: |tree| Ok(run(tree)),
 };
 
 const KERNELS: &str = "shaders/wgsl/";
-const PARTS: &str = "shaders/wgsl/shared/";
 
 /// More ways to join one kernel than this would be a module system of its own.
 const MAX_CHOICES: usize = 64;
@@ -37,8 +36,9 @@ impl<'a> Part<'a> {
 }
 
 fn run(tree: &Tree) -> Vec<String> {
+    let is_part = |f: &&SourceFile| f.path[KERNELS.len()..].contains('/');
     let (shared, kernels): (Vec<_>, Vec<_>) =
-        tree.with_extension("wgsl").filter(|f| f.path.starts_with(KERNELS)).partition(|f| f.path.starts_with(PARTS));
+        tree.with_extension("wgsl").filter(|f| f.path.starts_with(KERNELS)).partition(is_part);
     let shared: Vec<_> = shared.into_iter().map(Part::new).collect();
     let mut problems = BTreeSet::new();
     let mut used = BTreeSet::new();

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use brickcast_node::gpu::GpuOptions;
-use brickcast_node::kernel::{BrickInput, Features, JobImage, KernelScene, Raycaster, Recipe};
+use brickcast_node::kernel::{BrickInput, JobImage, KernelKey, KernelScene, LookTraits, Raycaster, Recipe};
 use brickcast_volume::BrickGrid;
 use brickcast_volume::regions::code::{MAX_DENSITY, code_of_density};
 use brickcast_volume::scene::{Filter, RegionView};
@@ -286,8 +286,11 @@ fn maps_follow_the_transfer_function() {
 #[test]
 fn everything_warms_up() {
     let gpu = gpu();
-    for filter in BOTH_FILTERS {
-        gpu.warm_up(filter, Features { leap: true, map: true, regions: true, holes: false, integral: None }).unwrap();
-        gpu.warm_up(filter, Features { leap: true, map: true, regions: false, holes: false, integral: None }).unwrap();
+    let recipe = Recipe { guard: Some(2), macrocell: Some(4), ..Recipe::default() };
+    for tells_regions_apart in [false, true] {
+        let look = LookTraits { tells_regions_apart, ..LookTraits::default() };
+        let keys: Vec<_> = recipe.traits(true).into_iter().map(|brick| KernelKey::of(look, brick)).collect();
+        assert!(keys.iter().any(|key| key.leaps && key.skips) && keys.iter().any(|key| key.holes));
+        BOTH_FILTERS.iter().for_each(|&filter| gpu.warm_up(filter, &keys).unwrap());
     }
 }

@@ -6,7 +6,7 @@ use brickcast_harness::{ignore, leave_out};
 use brickcast_node::backend::{BackendChoice, open};
 use brickcast_node::cpu::CpuRaycaster;
 use brickcast_node::gpu::{GpuError, GpuOptions, GpuRaycaster};
-use brickcast_node::kernel::{BrickInput, Features, Job, RaycastError, Raycaster, Recipe};
+use brickcast_node::kernel::{BrickInput, Job, KernelKey, RaycastError, Raycaster, Recipe};
 use brickcast_volume::OwnedBox;
 use brickcast_volume::scene::Filter;
 use glam::UVec3;
@@ -157,7 +157,7 @@ fn a_lost_device_is_an_error() {
         for error in [
             gpu.upload(owned, &BrickInput::plain(&voxels)).map(drop).unwrap_err(),
             gpu.render(&scene, std::slice::from_ref(&job)).map(drop).unwrap_err(),
-            gpu.warm_up(Filter::Exact, Features::PLAIN).unwrap_err(),
+            gpu.warm_up(Filter::Exact, &[KernelKey::PLAIN]).unwrap_err(),
         ] {
             assert!(matches!(error, RaycastError::DeviceLost { .. }) && !error.is_retryable(), "{error}");
         }
@@ -207,6 +207,6 @@ fn the_chosen_backend_opens_and_warms_up() {
         Err(why) => leave_out(why),
     }
     for raycaster in [cpu, auto] {
-        BOTH_FILTERS.iter().for_each(|&filter| raycaster.warm_up(filter, Features::PLAIN).unwrap());
+        BOTH_FILTERS.iter().for_each(|&filter| raycaster.warm_up(filter, &[KernelKey::PLAIN]).unwrap());
     }
 }

@@ -1,4 +1,5 @@
-//! The integral kernel: GPU against twin, acceleration on against off, one brick against many, for every style.
+//! Slabs, light, surfaces, projections: GPU against twin, acceleration on against off, one brick against many, for
+//! every style.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};

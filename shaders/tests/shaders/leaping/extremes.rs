@@ -1,6 +1,6 @@
 //! Steps and distances far beyond the usual: guards of many voxels, and positions whose last place is large.
 
-use brickcast_shaders::twin::raycast::Ray;
+use brickcast_shaders::twin::ray::Ray;
 use glam::{DVec3, IVec3};
 
 use super::field::Field;

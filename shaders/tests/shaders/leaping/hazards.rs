@@ -4,7 +4,7 @@ use glam::{DVec3, IVec3};
 
 use super::field::Field;
 use super::march::{Broken, Comparison, compare, ray};
-use brickcast_shaders::twin::raycast::Ray;
+use brickcast_shaders::twin::ray::Ray;
 
 /// Half a 14-bit code, by the inner bit that takes part in interpolation, and what f32 weights err by at full contrast.
 pub(crate) const HALF_CODE: f64 = 0.5 + 0.1;

@@ -1,8 +1,13 @@
-//! Rays through a field's bricks: what the accelerated loop takes, and what the plain raycast of V' has there.
+//! Rays through a field's bricks: what the loop takes that leaps, and what the plain raycast of V' has there.
 
 use brickcast_shaders::layout::{BrickUniform, CODED_SCALE, FrameUniform, NEVER};
-use brickcast_shaders::twin::accelerated::{BrickData, RayCounts, Tables, Watch, accelerated_ray};
-use brickcast_shaders::twin::raycast::{Ray, owned_segment};
+use brickcast_shaders::twin::bindings::{Along, Bindings, BrickData, RayCounts, SceneData, Tables};
+use brickcast_shaders::twin::march::march;
+use brickcast_shaders::twin::ray::{Ray, owned_segment};
+use brickcast_shaders::twin::run::Step;
+use brickcast_shaders::twin::take::Sampled;
+use brickcast_shaders::twin::walk::{CodeWalk, Leap, Uncoded, Unmapped};
+use brickcast_shaders::{KernelKey, StyleUniform};
 use brickcast_volume::Premul;
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::regions::code::{CodedTexel, MAX_DENSITY};
@@ -11,6 +16,7 @@ use bytemuck::Zeroable;
 use glam::DVec3;
 
 use super::field::Field;
+use super::watch::Watched;
 
 /// The rule that a march breaks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,26 +43,39 @@ pub(crate) struct Taken {
     pub(crate) runs: Vec<(f32, f32, f32)>,
 }
 
-macro_rules! watches {
-    ($($name:ident: $($rule:ident = $value:expr),*;)*) => {$(
-        struct $name(Taken);
-        impl Watch for $name {
-            $(const $rule: watches!(@ $rule) = $value;)*
-            fn takes(&mut self, k: f32, n: f32, code: f32) {
-                self.0.runs.push((k, n, code * f32::from(MAX_DENSITY)));
+/// Leaps that break a rule.
+macro_rules! walks {
+    ($($name:ident: $change:expr, $exit:expr;)*) => {$(
+        struct $name(Leap);
+        impl CodeWalk for $name {
+            fn enter_code(along: &Along<'_>) -> Self {
+                let change: fn(Leap) -> Leap = $change;
+                Self(change(Leap::enter_code(along)))
+            }
+            fn ask_code(&mut self, along: &Along<'_>, step: &mut Step, p: [f32; 3]) -> u32 {
+                self.0.ask_code(along, step, p)
+            }
+            fn leave_code(&mut self, step: &Step, code: f32) {
+                self.0.leave_code(step, code);
+            }
+            fn exit_of(&self, along: &Along<'_>, step: &Step, k: f32) -> f32 {
+                let exit: fn(&Leap, &Along<'_>, &Step, f32) -> f32 = $exit;
+                exit(&self.0, along, step, k)
             }
         }
     )*};
-    (@ ENTRY_PROBES) => { u32 };
-    (@ LEAP_EXTRA) => { f32 };
-    (@ ISOTROPIC) => { bool };
 }
 
-watches! {
-    Sound: ;
-    Long: LEAP_EXTRA = 1.0;
-    Unprobed: ENTRY_PROBES = 0;
-    Isotropic: ISOTROPIC = true;
+walks! {
+    Long: |leap| leap, |leap, along, step, k| leap.exit_of(along, step, k) + 1.0;
+    Unprobed: |leap| Leap { probes: 0, ..leap }, |leap, along, step, k| leap.exit_of(along, step, k);
+    Isotropic: |leap| leap, isotropic_exit;
+}
+
+/// The paper's length, isotropic, whatever the direction.
+fn isotropic_exit(_: &Leap, along: &Along<'_>, step: &Step, k: f32) -> f32 {
+    let h = (0..3).fold(0.0_f32, |m, a| m.max((along.bound.scene.frame.step * along.ray.direction[a]).abs()));
+    k + ((step.half - 0.5) / h).floor().max(1.0)
 }
 
 /// A brick ready to be marched through.
@@ -95,21 +114,26 @@ impl Brick {
     pub(crate) fn march(&self, frame: &FrameUniform, ray: &Ray, broken: Broken) -> (Taken, RayCounts) {
         let table = [[1.0, 0.5, 0.25, 1e-4]; 2];
         let tables = Tables { table: &table, region: None };
+        let scene = SceneData { frame, style: &StyleUniform::PLAIN, tables, slabs: None };
         let data = BrickData { texels: &self.texels, means: self.means.as_deref(), map: None, flags: &[] };
-        macro_rules! watched {
-            ($watch:ident) => {{
-                let mut watch = $watch(Taken::default());
-                let (_, counts) = accelerated_ray(frame, &self.uniform, &data, &tables, ray, Premul::CLEAR, &mut watch);
-                (watch.0, counts)
-            }};
-        }
+        let key = KernelKey { leaps: self.means.is_some(), ..KernelKey::PLAIN };
+        let bound = Bindings { scene: &scene, brick: &self.uniform, data, key };
         match broken {
-            Broken::LongLeap => watched!(Long),
-            Broken::NoEntryProbes => watched!(Unprobed),
-            Broken::Isotropic => watched!(Isotropic),
-            _ => watched!(Sound),
+            _ if !key.leaps => watched::<Uncoded>(&bound, ray),
+            Broken::LongLeap => watched::<Long>(&bound, ray),
+            Broken::NoEntryProbes => watched::<Unprobed>(&bound, ray),
+            Broken::Isotropic => watched::<Isotropic>(&bound, ray),
+            _ => watched::<Leap>(&bound, ray),
         }
     }
+}
+
+/// What a ray takes by a walk.
+fn watched<C: CodeWalk>(bound: &Bindings<'_>, ray: &Ray) -> (Taken, RayCounts) {
+    let marched = march::<Unmapped, C, Watched<Sampled>>(bound, ray, &mut Premul::CLEAR.clone());
+    let Some((watched, counts)) = marched else { return <_>::default() };
+    let runs = watched.runs.iter().map(|run| (run.k, run.n, run.code * f32::from(MAX_DENSITY)));
+    (Taken { runs: runs.collect() }, counts)
 }
 
 /// Only what a ray reads of a frame: samples at multiples of `step`, in units of t.
@@ -132,7 +156,7 @@ pub(crate) struct Comparison {
     pub(crate) samples: u64,
     pub(crate) positions: u64,
     pub(crate) leapt: u64,
-    /// Calls of [`accelerated_ray`] that took anything.
+    /// Rays through bricks that took anything.
     pub(crate) segments: u64,
 }
 

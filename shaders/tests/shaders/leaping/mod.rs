@@ -1,5 +1,5 @@
 //! Rays that leap see the flattened volume V', sample by sample, wherever a brick or a ray starts: the twin's
-//! production loop, watched, against the plain raycast of V'.
+//! only loop, its take watched, against the plain raycast of V'.
 
 mod extremes;
 mod field;
@@ -7,3 +7,4 @@ mod hazards;
 mod march;
 mod property;
 mod skipping;
+mod watch;

@@ -1,6 +1,6 @@
 //! Random volumes, rays, steps and brick sizes; and each rule broken, to show that the comparison notices.
 
-use brickcast_shaders::twin::raycast::Ray;
+use brickcast_shaders::twin::ray::Ray;
 use glam::{DVec3, IVec3};
 use proptest::prelude::*;
 

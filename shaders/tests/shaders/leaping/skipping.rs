@@ -1,9 +1,14 @@
 //! Skipping takes nothing away, and skips.
 
-use brickcast_shaders::layout::{BrickUniform, FrameUniform, MAP_EMPTY, MAP_HOMOGENEOUS};
-use brickcast_shaders::twin::accelerated::{BrickData, RayCounts, Tables, Unwatched, Watch, accelerated_ray};
+use brickcast_shaders::layout::{BrickUniform, FrameUniform};
+use brickcast_shaders::twin::bindings::{Bindings, BrickData, RayCounts, SceneData, Tables};
 use brickcast_shaders::twin::macrocell::{empty_distances, is_empty};
-use brickcast_shaders::twin::raycast::{Ray, raycast_ray};
+use brickcast_shaders::twin::march::{march, march_ray};
+use brickcast_shaders::twin::ray::Ray;
+use brickcast_shaders::twin::run::Run;
+use brickcast_shaders::twin::take::Sampled;
+use brickcast_shaders::twin::walk::{Map, Uncoded};
+use brickcast_shaders::{KernelKey, StyleUniform};
 use brickcast_volume::Premul;
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::macrocell::{Macrocells, MapTexel};
@@ -13,6 +18,7 @@ use glam::{DVec3, IVec3};
 use super::field::Field;
 use super::hazards::rays;
 use super::march::frame;
+use super::watch::Watched;
 
 /// Opaque from `from` (share of the range) on.
 fn table(from: f64) -> TransferTable {
@@ -43,6 +49,7 @@ struct Mapped<'a> {
     codes: Vec<u16>,
     map: Vec<u32>,
     dims: [u32; 3],
+    key: KernelKey,
 }
 
 impl<'a> Mapped<'a> {
@@ -64,23 +71,27 @@ impl<'a> Mapped<'a> {
         let dims = cells.dims.into();
         let distances = empty_distances(counts, &cells.ranges, dims);
         let mut map: Vec<MapTexel> = distances.iter().map(|&empty| MapTexel { empty, ..MapTexel::default() }).collect();
-        uniform.map_mask = MAP_EMPTY;
         if let Some(width) = width {
-            uniform.map_mask = MAP_HOMOGENEOUS;
             map.iter_mut().zip(cells.homogeneous(width)).for_each(|(texel, cube)| texel.cube = cube);
         }
         let map = map.into_iter().map(MapTexel::pack).collect();
-        Self { table, frame: frame_of(table, step), uniform, codes, map, dims }
+        let key = KernelKey { skips: width.is_none(), cubes: width.is_some(), ..KernelKey::PLAIN };
+        Self { table, frame: frame_of(table, step), uniform, codes, map, dims, key }
     }
 
-    /// A ray, plain and by the map.
-    fn both(&self, ray: &Ray, watch: &mut impl Watch) -> [(Premul, RayCounts); 2] {
-        let Self { table, frame, uniform, codes, map, dims } = self;
+    /// A ray, plain and by the map; with the runs of the latter.
+    fn both(&self, ray: &Ray) -> ([(Premul, RayCounts); 2], Vec<Run>) {
+        let Self { table, frame, uniform: brick, codes, map, dims, key } = self;
         let data = BrickData { texels: codes, means: None, map: Some((map, *dims)), flags: &[] };
         let tables = Tables { table: &table.entries, region: None };
-        let (plain, n) = raycast_ray(frame, uniform, codes, &table.entries, ray, Premul::CLEAR);
-        let counts = RayCounts { samples: n, positions: n, ..RayCounts::default() };
-        [(plain, counts), accelerated_ray(frame, uniform, &data, &tables, ray, Premul::CLEAR, watch)]
+        let scene = &SceneData { frame, style: &StyleUniform::PLAIN, tables, slabs: None };
+        let plain = march_ray(&Bindings { scene, brick, data, key: KernelKey::PLAIN }, ray, Premul::CLEAR);
+        let bound = Bindings { scene, brick, data, key: *key };
+        let mut sum = Premul::CLEAR;
+        let (counts, runs) = march::<Map, Uncoded, Watched<Sampled>>(&bound, ray, &mut sum)
+            .map_or_else(Default::default, |(watched, counts)| (counts, watched.runs));
+        assert_eq!((sum, counts), march_ray(&bound, ray, Premul::CLEAR), "who is watched does the same");
+        ([plain, (sum, counts)], runs)
     }
 }
 
@@ -97,7 +108,7 @@ fn skipping_changes_no_bit() {
             for owned in field.bricks(size) {
                 let brick = Mapped::new(&field, &owned, (&table, &counts), step, edge, None);
                 for ray in &rays {
-                    let [plain, skipping] = brick.both(ray, &mut Unwatched);
+                    let ([plain, skipping], _) = brick.both(ray);
                     assert_eq!(plain.0, skipping.0, "from {from}, step {step}, cells of {edge}");
                     let left_out = plain.1.samples - skipping.1.samples;
                     // A skip leaves out at least one sample, and may leave out many.
@@ -141,16 +152,6 @@ fn empty_cells_are_empty_by_brute_force() {
     }
 }
 
-/// Values taken through a homogeneous cube.
-#[derive(Default)]
-struct Values(Vec<(f32, f32, f32)>);
-
-impl Watch for Values {
-    fn takes(&mut self, k: f32, n: f32, code: f32) {
-        self.0.push((k, n, code * 65535.0));
-    }
-}
-
 /// No sample of the rival is further from its own value than the cells may span.
 #[test]
 fn homogeneous_cells_err_by_no_more_than_their_width() {
@@ -164,13 +165,13 @@ fn homogeneous_cells_err_by_no_more_than_their_width() {
         for owned in field.bricks(16) {
             let brick = Mapped::new(&field, &owned, (&table, &counts), 0.5, 4, Some(width));
             for ray in &rays {
-                let mut values = Values::default();
-                let [plain, leaping] = brick.both(ray, &mut values);
+                let ([plain, leaping], runs) = brick.both(ray);
                 assert_eq!(leaping.1.positions, plain.1.positions);
                 leapt += leaping.1.leapt;
                 // Every turn of the loop takes a value: it was read, or jumped over by the map alone.
-                assert_eq!(leaping.1.samples + leaping.1.skips, values.0.len() as u32);
-                for (k, n, value) in values.0 {
+                assert_eq!(leaping.1.samples + leaping.1.skips, runs.len() as u32);
+                for Run { k, n, code, .. } in runs {
+                    let value = code * 65535.0;
                     for k in (0..n as u32).map(|i| k + i as f32) {
                         let t = k * 0.5;
                         let p = std::array::from_fn(|a| f64::from(ray.origin[a] + t * ray.direction[a]));
