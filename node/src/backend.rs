@@ -24,11 +24,11 @@ pub enum BackendChoice {
 pub fn open(choice: BackendChoice) -> Result<Arc<dyn Raycaster>, GpuError> {
     let gpu = |real_only| GpuRaycaster::new(GpuOptions { real_only, ..GpuOptions::from_env() });
     match choice {
-        BackendChoice::Cpu => Ok(Arc::new(CpuRaycaster::new())),
+        BackendChoice::Cpu => Ok(Arc::new(CpuRaycaster::from_env())),
         BackendChoice::Gpu => Ok(Arc::new(gpu(false)?)),
         BackendChoice::Auto => match gpu(true) {
             Ok(raycaster) => Ok(Arc::new(raycaster)),
-            Err(error) => Ok(Arc::new(CpuRaycaster::with_note(format!("rendering on the CPU: {error}")))),
+            Err(error) => Ok(Arc::new(CpuRaycaster::from_env().with_note(format!("rendering on the CPU: {error}")))),
         },
     }
 }

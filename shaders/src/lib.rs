@@ -3,6 +3,8 @@
 //! Kernels are concatenated from `wgsl/` (no module system: under ten kernels need none). A twin has its kernel's
 //! files, names and order of operations, so that the two can be read side by side.
 
+#![forbid(unsafe_code)]
+
 pub mod binding;
 pub mod key;
 pub mod layout;

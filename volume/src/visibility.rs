@@ -179,7 +179,7 @@ impl View {
         let aspect = f64::from(size.width) / f64::from(size.height);
         let unit = geometry.min_spacing();
         let (half_height, parallel) = match camera.projection() {
-            Projection::Perspective { view_angle } => ((view_angle.to_radians() * 0.5).tan(), false),
+            Projection::Perspective { view_angle } => (libm::tan(view_angle.to_radians() * 0.5), false),
             Projection::Parallel { parallel_scale } => (parallel_scale / unit, true),
         };
         let mut view = Self {

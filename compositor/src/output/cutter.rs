@@ -1,6 +1,6 @@
 //! Animations that end before all their frames are there.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::animation::ApngCutter;
 use super::error::OutputError;
@@ -26,13 +26,4 @@ impl Cutter {
             Self::Film(cutter) => cutter.cut(park),
         }
     }
-}
-
-/// Where a part of what is to be at `path` goes: there, or beside what is there, as `x.partial.apng` for `x.apng`.
-pub(super) fn place_of_part(path: &Path) -> PathBuf {
-    if !path.exists() {
-        return path.to_owned();
-    }
-    let ending = path.extension().map(|ending| ending.to_string_lossy().into_owned()).unwrap_or_default();
-    path.with_extension(format!("partial.{ending}"))
 }

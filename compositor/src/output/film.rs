@@ -11,8 +11,8 @@ use brickcast_volume::PictureSize;
 
 use super::animation::{check_size, frame_delay};
 use super::atomic::AtomicFile;
-use super::cutter::place_of_part;
 use super::error::OutputError;
+use super::place::place_of_part;
 use super::png::opaque;
 use crate::picture::Picture;
 

@@ -15,6 +15,7 @@ pub mod likeness;
 mod limits;
 pub mod manifest;
 pub mod picture_manifest;
+mod place;
 pub mod png;
 mod reel;
 mod writer;

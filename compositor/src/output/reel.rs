@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use super::atomic::AtomicFile;
-use super::cutter::place_of_part;
 use super::error::OutputError;
+use super::place::place_of_part;
 
 /// A handle to the file; all are of one.
 #[derive(Debug, Clone)]

@@ -1,19 +1,18 @@
-//! The raycaster on the processor: the kernel's CPU twin over screen tiles.
+//! The raycaster on the processor: jobs over screen tiles, by the ray loop of `brickcast_cpu`.
 
 use std::any::Any;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
+pub use brickcast_cpu::InstructionSet;
+use brickcast_cpu::{Pause, PlacedBrick, Reader, Tile, render_tile};
 use brickcast_shaders::layout::BrickUniform;
 use brickcast_shaders::twin::bindings::{Bindings, BrickData, SceneData};
 use brickcast_shaders::twin::macrocell::empty_distances;
-use brickcast_shaders::twin::march::march_ray;
-use brickcast_shaders::twin::ray::{Ray, pixel_ray};
-use brickcast_shaders::twin::slabs::{are_slabs_alone, slabs_ray};
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::macrocell::MapTexel;
 use brickcast_volume::regions::Density;
 use brickcast_volume::scene::Filter;
-use brickcast_volume::{PixelRect, Premul, RawPixel};
+use brickcast_volume::{PixelRect, RawPixel};
 use glam::UVec2;
 use rayon::prelude::*;
 
@@ -22,8 +21,8 @@ use crate::brick::emptiness::{Emptiness, EmptinessCache, is_same};
 use crate::brick::texels::{BuiltBrick, BuiltCells};
 use crate::brick::worth::LastOccupied;
 use crate::kernel::{
-    BackendInfo, BrickCounts, BrickInput, Job, JobImage, KernelKey, KernelScene, Placed, RaycastError, Raycaster,
-    Recipe, ResidentBrick, Watch, check_jobs, new_pixels,
+    BackendInfo, BrickCounts, BrickInput, Cancelled, Job, JobImage, KernelKey, KernelScene, Placed, RaycastError,
+    Raycaster, Recipe, ResidentBrick, Watch, check_jobs, new_pixels,
 };
 
 /// Tile edge in pixels: small enough that threads stay busy to the end, large enough that a brick's voxels are reused
@@ -46,6 +45,9 @@ fn kernel_threads() -> Option<&'static rayon::ThreadPool> {
 #[derive(Debug)]
 pub struct CpuRaycaster {
     info: BackendInfo,
+    set: InstructionSet,
+    /// All by the twin, ray by ray.
+    by_twin: bool,
     emptiness: EmptinessCache,
 }
 
@@ -136,7 +138,7 @@ impl CpuBrick {
 }
 
 /// A brick in a job: where it shows, and what it needs for this scene.
-struct PlacedBrick<'a> {
+struct SceneBrick<'a> {
     brick: &'a CpuBrick,
     projected: PixelRect,
     uniform: BrickUniform,
@@ -144,7 +146,7 @@ struct PlacedBrick<'a> {
     map: Option<Arc<Vec<u32>>>,
 }
 
-impl<'a> PlacedBrick<'a> {
+impl<'a> SceneBrick<'a> {
     fn new(brick: &'a CpuBrick, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> Self {
         let cells = brick.cells.as_ref();
         let ask = |(emptiness, built): (_, &BuiltCells)| brick.occupancy.ask(emptiness, &brick.owned, &built.cells);
@@ -153,6 +155,12 @@ impl<'a> PlacedBrick<'a> {
         let Placed { uniform, key } = Placed::new(scene, &brick.uniform, has, emptiness.zip(cells).map(ask));
         let map = brick.map(emptiness.filter(|_| key.skips));
         Self { brick, projected: scene.view.project(&uniform.owned()), uniform, key, map }
+    }
+
+    fn placed<'b>(&'b self, reads: &Reads<'b>) -> PlacedBrick<'b> {
+        let bound = Bindings { scene: reads.scene, brick: &self.uniform, data: self.data(), key: self.key };
+        let reader = if reads.by_twin { None } else { Reader::new(&bound) };
+        PlacedBrick { projected: self.projected, bound, reader }
     }
 
     fn data(&self) -> BrickData<'_> {
@@ -166,27 +174,53 @@ impl<'a> PlacedBrick<'a> {
     }
 }
 
-/// A screen tile: its rows borrow from the job's accumulator.
-struct Tile<'a> {
-    rect: PixelRect,
-    rows: Vec<&'a mut [RawPixel]>,
-}
-
 impl CpuRaycaster {
     #[must_use]
     pub fn new() -> Self {
-        let threads = rayon::current_num_threads() as u32;
-        let adapter = format!("CPU ({}), {threads} threads", std::env::consts::ARCH);
-        let info = BackendInfo { backend: "cpu", adapter, notes: Vec::new(), threads, is_on_processor: true };
-        Self { info, emptiness: EmptinessCache::default() }
+        Self::with_set(InstructionSet::best())
     }
 
-    /// With a note that says why the CPU renders.
+    /// By an instruction set: pictures are the same by all, to the bit.
     #[must_use]
-    pub fn with_note(note: String) -> Self {
-        let mut raycaster = Self::new();
-        raycaster.info.notes.push(note);
+    pub fn with_set(set: InstructionSet) -> Self {
+        let threads = rayon::current_num_threads() as u32;
+        let (arch, name, width) = (std::env::consts::ARCH, set.name(), set.width());
+        let adapter = format!("CPU ({arch}, {name}, {width} rays side by side), {threads} threads");
+        let info = BackendInfo { backend: "cpu", adapter, notes: Vec::new(), threads, is_on_processor: true };
+        Self { info, set, by_twin: false, emptiness: EmptinessCache::default() }
+    }
+
+    /// By the kernel's twin, ray by ray: slow, and what every set equals to the bit.
+    #[must_use]
+    pub fn twin() -> Self {
+        let mut raycaster = Self::with_set(InstructionSet::Portable);
+        raycaster.by_twin = true;
+        raycaster.info.adapter = format!("CPU ({}), the kernel's twin", std::env::consts::ARCH);
         raycaster
+    }
+
+    /// By the set that `BRICKCAST_CPU` names, else by the best one that the processor has.
+    #[must_use]
+    pub fn from_env() -> Self {
+        let Some(name) = std::env::var_os("BRICKCAST_CPU") else { return Self::new() };
+        let name = name.to_string_lossy();
+        match InstructionSet::named(&name) {
+            Some(set) if set.is_here() => Self::with_set(set),
+            _ if name == "twin" => Self::twin(),
+            known => {
+                let here = InstructionSet::ALL.iter().filter(|set| set.is_here()).map(|set| set.name());
+                let here = here.collect::<Vec<_>>().join(", ");
+                let why = known.map_or("no instruction set is called so", |_| "this processor does not have it");
+                Self::new().with_note(format!("BRICKCAST_CPU={name} is not heeded: {why}; there are {here}, and twin"))
+            }
+        }
+    }
+
+    /// With a note, such as why the CPU renders.
+    #[must_use]
+    pub fn with_note(mut self, note: String) -> Self {
+        self.info.notes.push(note);
+        self
     }
 }
 
@@ -226,7 +260,7 @@ impl Raycaster for CpuRaycaster {
         check_jobs(scene, jobs, u32::MAX)?;
         let frame = scene.frame_uniform();
         let emptiness = self.emptiness.get(scene);
-        let reads = Reads { scene: &scene.data(&frame), watch };
+        let reads = Reads { scene: &scene.data(&frame), set: self.set, by_twin: self.by_twin, watch };
         let work = || jobs.par_iter().map(|job| render_job(scene, &reads, emptiness.as_ref(), job)).collect();
         // A system that gives no more threads has those of the others.
         kernel_threads().map_or_else(work, |threads| threads.install(work))
@@ -239,16 +273,26 @@ fn render_job(
     emptiness: Option<&Arc<Emptiness>>,
     job: &Job,
 ) -> Result<JobImage, RaycastError> {
-    let bricks: Vec<PlacedBrick<'_>> = job
+    let bricks: Vec<SceneBrick<'_>> = job
         .bricks
         .par_iter()
-        .map(|b| b.as_any().downcast_ref::<CpuBrick>().map(|b| PlacedBrick::new(b, scene, emptiness)))
+        .map(|b| b.as_any().downcast_ref::<CpuBrick>().map(|b| SceneBrick::new(b, scene, emptiness)))
         .collect::<Option<_>>()
         .ok_or(RaycastError::ForeignBrick { backend: "cpu" })?;
+    let placed: Vec<PlacedBrick<'_>> = bricks.iter().map(|brick| brick.placed(reads)).collect();
     let mut pixels = new_pixels(scene.pixel_kind(), &job.rect)?;
     let edge = tile_edge(job.rect.pixel_count(), rayon::current_num_threads());
     let tiles = tiles_of(&job.rect, pixels.raw_mut(), edge).into_par_iter();
-    let counts = tiles.map(|tile| render_tile(reads, &bricks, tile)).try_reduce(
+    let is_wanted = |pause: Pause| match pause {
+        // The pulse is one number for all threads: too dear for every row.
+        Pause::Brick => reads.watch.goes_on().is_ok(),
+        Pause::Row => reads.watch.is_wanted().is_ok(),
+    };
+    let render = |tile| {
+        let counts = render_tile(reads.set, reads.scene.frame, &placed, &is_wanted, tile).ok_or(Cancelled)?;
+        Ok::<Vec<BrickCounts>, RaycastError>(counts.into_iter().map(BrickCounts::from).collect())
+    };
+    let counts = tiles.map(render).try_reduce(
         || vec![BrickCounts::default(); bricks.len()],
         |mut a, b| {
             a.iter_mut().zip(b).for_each(|(a, b)| *a = a.plus(b));
@@ -256,6 +300,14 @@ fn render_job(
         },
     )?;
     Ok(JobImage { rect: job.rect, pixels, counts })
+}
+
+/// What all rays of a job read, by which set, and how they are watched.
+struct Reads<'a> {
+    scene: &'a SceneData<'a>,
+    set: InstructionSet,
+    by_twin: bool,
+    watch: Watch<'a>,
 }
 
 /// The largest edge that leaves every thread some tiles.
@@ -289,59 +341,6 @@ fn tiles_of<'a>(rect: &PixelRect, pixels: &'a mut [RawPixel], edge: usize) -> Ve
         }
     }
     tiles
-}
-
-/// What all rays of a job read.
-struct Reads<'a> {
-    scene: &'a SceneData<'a>,
-    watch: Watch<'a>,
-}
-
-/// All bricks front to back into one tile; returns what each took.
-fn render_tile(
-    reads: &Reads<'_>,
-    bricks: &[PlacedBrick<'_>],
-    mut tile: Tile<'_>,
-) -> Result<Vec<BrickCounts>, RaycastError> {
-    let Reads { scene, watch } = *reads;
-    let frame = scene.frame;
-    let lo = tile.rect.lo;
-    let width = tile.rect.size().x;
-    let rays: Vec<Ray> =
-        (lo.y..tile.rect.hi.y).flat_map(|y| (lo.x..tile.rect.hi.x).map(move |x| pixel_ray(frame, x, y))).collect();
-    let mut counts = vec![BrickCounts::default(); bricks.len()];
-    for (brick, counts) in bricks.iter().zip(&mut counts) {
-        let touched = tile.rect.intersect(&brick.projected);
-        if touched.is_empty() {
-            continue;
-        }
-        let bound = Bindings { scene, brick: &brick.uniform, data: brick.data(), key: brick.key };
-        let are_slabs_alone = are_slabs_alone(&bound);
-        let mut finished = true;
-        // The pulse is one number for all threads: too dear for every row.
-        watch.goes_on()?;
-        for y in touched.lo.y - lo.y..touched.hi.y - lo.y {
-            watch.is_wanted()?;
-            let row = &mut tile.rows[y as usize];
-            for x in touched.lo.x - lo.x..touched.hi.x - lo.x {
-                let pixel = &mut row[x as usize];
-                let before = Premul::from_array(*pixel);
-                let ray = &rays[(y * width + x) as usize];
-                let take = if are_slabs_alone { slabs_ray } else { march_ray };
-                let (sum, took) = take(&bound, ray, before);
-                *pixel = sum.to_array();
-                let [samples, positions] = [took.samples, took.positions].map(u64::from);
-                let [leapt, skips] = [took.leapt, took.skips].map(u64::from);
-                *counts = counts.plus(BrickCounts { samples, positions, leapt, skips });
-                finished &= sum.a >= frame.stop_alpha;
-            }
-        }
-        // Only where the brick covers the tile does it see all pixels finished.
-        if finished && touched == tile.rect {
-            break;
-        }
-    }
-    Ok(counts)
 }
 
 #[cfg(test)]

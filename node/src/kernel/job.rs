@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use brickcast_shaders::twin::bindings::RayCounts;
 use brickcast_volume::{PixelKind, PixelRect, Pixels, RawPixel};
 
 use super::brick::ResidentBrick;
@@ -55,6 +56,14 @@ impl BrickCounts {
             leapt: self.leapt.saturating_add(more.leapt),
             skips: self.skips.saturating_add(more.skips),
         }
+    }
+}
+
+impl From<RayCounts> for BrickCounts {
+    fn from(counts: RayCounts) -> Self {
+        let RayCounts { samples, positions, leapt, skips } = counts;
+        let [samples, positions, leapt, skips] = [samples, positions, leapt, skips].map(u64::from);
+        Self { samples, positions, leapt, skips }
     }
 }
 

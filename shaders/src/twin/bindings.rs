@@ -90,6 +90,19 @@ pub struct RayCounts {
     pub skips: u32,
 }
 
+impl RayCounts {
+    /// Of two rays, or more.
+    #[must_use]
+    pub const fn plus(self, more: Self) -> Self {
+        Self {
+            samples: self.samples.saturating_add(more.samples),
+            positions: self.positions.saturating_add(more.positions),
+            leapt: self.leapt.saturating_add(more.leapt),
+            skips: self.skips.saturating_add(more.skips),
+        }
+    }
+}
+
 impl<'a> SlabTable<'a> {
     /// `tables`: front and back, of `slabs`.
     #[must_use]

@@ -2,6 +2,7 @@
 
 use super::bindings::Along;
 use super::holes::is_no_data;
+use super::power::power;
 use super::ray::dot;
 use super::read::clamped;
 use super::scene::styled::inside;
@@ -98,7 +99,7 @@ fn lit(along: &Along<'_>, gradient: [f32; 3], steepness: f32, strength: f32) -> 
     let length = dot(half, half).sqrt().max(1e-6);
     let shine = clamped(side * dot(gradient, half) / (steepness * length), 1.0);
     let factor = style.ambient + style.diffuse * (side * along).min(1.0);
-    Lit { factor: 1.0 + (factor - 1.0) * strength, glint: style.specular * shine.powf(style.shininess) * strength }
+    Lit { factor: 1.0 + (factor - 1.0) * strength, glint: style.specular * power(shine, style.shininess) * strength }
 }
 
 /// Straight colour under a light; no brighter than white.

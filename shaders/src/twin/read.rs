@@ -23,17 +23,13 @@ pub struct Reader<'a> {
     pub(super) is_nearest: bool,
     /// Texels of code 0 hold no data.
     pub(super) has_holes: bool,
-    /// No texel is missing, and along each axis there are two and no more than f32 tells apart.
-    pub(super) is_whole: bool,
 }
 
 impl<'a> Reader<'a> {
     pub(super) fn new(frame: &FrameUniform, brick: &BrickUniform, codes: &'a [u16]) -> Self {
         let dims = brick.stored_dims;
-        let voxels = dims.iter().try_fold(1_usize, |n, &side| n.checked_mul(side as usize));
         Self {
             codes,
-            is_whole: voxels.is_some_and(|n| codes.len() >= n) && dims.iter().all(|side| (2..=1 << 24).contains(side)),
             is_nearest: frame.nearest != 0,
             has_holes: brick.holes != 0,
             first_texel: brick.stored_lo.map(|lo| lo + 1),

@@ -7,6 +7,7 @@ use brickcast_volume::style::Lighting;
 use super::bindings::{Along, Bindings, SlabTable};
 use super::classify::entry_at;
 use super::light::{Lit, UNLIT, light_at, light_of_entry};
+use super::power::power;
 use super::read::{between, clamped};
 use super::scene::styled::place_at;
 
@@ -42,7 +43,7 @@ fn of_length([r, g, b, a]: [f32; 4], length: f32) -> [f32; 4] {
         return [r, g, b, a];
     }
     let clear = 1.0 - a;
-    let longer = 1.0 - if clear > 0.0 { clear.powf(length) } else { 0.0 };
+    let longer = 1.0 - if clear > 0.0 { power(clear, length) } else { 0.0 };
     let scale = if a > 1e-6 { longer / a } else { length };
     [r * scale, g * scale, b * scale, longer]
 }

@@ -24,7 +24,7 @@ impl Element {
     /// Opacity of a path of `length` opacity units: `1 - (1 - opacity)^length`.
     #[must_use]
     pub fn opacity(&self, length: f64) -> f64 {
-        -(self.log_transparency * length).exp_m1()
+        -libm::expm1(self.log_transparency * length)
     }
 }
 
@@ -95,7 +95,7 @@ impl Elements {
 }
 
 fn log_transparency(opacity: f64) -> f64 {
-    (-opacity.min(MAX_OPACITY)).ln_1p()
+    libm::log1p(-opacity.min(MAX_OPACITY))
 }
 
 /// The function from `from` to `to`; `kinks` are its points in between, sorted.
@@ -146,7 +146,7 @@ pub(super) fn mean_of_piece((c0, a0): ([f64; 3], f64), (c1, a1): ([f64; 3], f64)
     let t = if depth < 0.0 { toward / depth } else { 0.5 };
     // Far apart, the logarithm is no polynomial, and its integral u ln u - u does not cancel.
     if (u1 - u0).abs() > 0.1 * u0.max(u1) {
-        depth = (u1 * u1.ln() - u0 * u0.ln()) / (u1 - u0) - 1.0;
+        depth = (u1 * libm::log(u1) - u0 * libm::log(u0)) / (u1 - u0) - 1.0;
     }
     Element { color: std::array::from_fn(|c| c0[c] + (c1[c] - c0[c]) * t), log_transparency: depth }
 }

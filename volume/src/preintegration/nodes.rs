@@ -152,7 +152,7 @@ impl<'a> Profile<'a> {
         if depth <= 0.0 {
             return [0.0; 4];
         }
-        let opacity = -(-depth * self.length).exp_m1();
+        let opacity = -libm::expm1(-depth * self.length);
         let scale = opacity / (b[3] - a[3]);
         [(b[0] - a[0]) * scale, (b[1] - a[1]) * scale, (b[2] - a[2]) * scale, opacity]
     }
@@ -186,7 +186,7 @@ impl<'a> Profile<'a> {
             let (t, want) = ((code - a) / width, self.at(x));
             for (c, want) in want.into_iter().enumerate() {
                 let got =
-                    corners[0][c] * (1.0 - t).powi(2) + corners[1][c] * 2.0 * t * (1.0 - t) + corners[2][c] * t * t;
+                    corners[0][c] * (1.0 - t) * (1.0 - t) + corners[1][c] * 2.0 * t * (1.0 - t) + corners[2][c] * t * t;
                 worst = worst.max((got - want).abs());
             }
         }

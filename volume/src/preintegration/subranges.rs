@@ -79,7 +79,7 @@ struct Band {
 fn bands(narrowest: u32) -> impl Iterator<Item = Band> {
     let octaves = narrowest.ilog2()..=ALL.ilog2();
     octaves.flat_map(|bin| {
-        let end = move |k: u32| f64::from(1_u32 << bin) * (f64::from(k) / f64::from(BANDS)).exp2();
+        let end = move |k: u32| f64::from(1_u32 << bin) * libm::exp2(f64::from(k) / f64::from(BANDS));
         (0..BANDS).filter_map(move |k| {
             let (lo, hi) = (end(k), end(k + 1));
             let widths = lo.ceil() as u32..(hi.ceil() as u32).min(ALL + 1);
@@ -144,7 +144,11 @@ fn glow_of<const N: usize>([r, g, b]: [f64; 3]) -> [f64; N] {
 #[inline(always)]
 pub(super) fn mean_depth(depth: f64, opacity: f64) -> f64 {
     // The two terms cancel: the series is good to 1e-13 here.
-    if depth < 1e-2 { 0.5 - depth / 12.0 + depth.powi(3) / 720.0 } else { 1.0 / depth - (1.0 - opacity) / opacity }
+    if depth < 1e-2 {
+        0.5 - depth / 12.0 + depth * depth * depth / 720.0
+    } else {
+        1.0 / depth - (1.0 - opacity) / opacity
+    }
 }
 
 #[inline(always)]
@@ -196,7 +200,7 @@ fn own<const N: usize>((at, width, element): &(u32, u32, super::Element), share:
     if depth == 0.0 {
         return None;
     }
-    let opacity = -(-depth).exp_m1();
+    let opacity = -libm::expm1(-depth);
     let glow = glow_of::<N>(element.color);
     let (from, width) = (f64::from(*at), f64::from(*width));
     let inward = if N == 8 { mean_depth(depth, opacity) * width } else { 0.0 };
@@ -249,7 +253,7 @@ impl<const N: usize> Slabs<'_, N> {
     fn put<const K: usize, E: Entry>(&self, (i, j): (usize, usize), whole: [[f64; N]; 2], row: &mut [&mut [E]]) {
         let (low, high) = (i.min(j), i.max(j));
         let (from, to) = (f64::from(self.nodes[low]), f64::from(self.nodes[high]));
-        let opacity = -(-(self.depths[high] - self.depths[low]) / (to - from) * self.length).exp_m1();
+        let opacity = -libm::expm1(-(self.depths[high] - self.depths[low]) / (to - from) * self.length);
         if opacity <= 0.0 || whole[0][3] <= 0.0 || whole[1][3] <= 0.0 {
             return;
         }

@@ -33,7 +33,7 @@ impl ChangeRate {
     #[must_use]
     pub fn over(self, samples: u32) -> f32 {
         let n = f64::from(samples);
-        let reach = if self.opacity > 0.0 { (1.0 - (1.0 - self.opacity).powf(n)) / self.opacity } else { n };
+        let reach = if self.opacity > 0.0 { (1.0 - libm::pow(1.0 - self.opacity, n)) / self.opacity } else { n };
         (self.sample * reach).min(1.0) as f32
     }
 }

@@ -63,7 +63,9 @@ impl EntryGrid {
     pub(crate) fn new(function: &TransferFunction, codes: Codes, step: impl Fn(f64) -> f64) -> Self {
         let (first, last) = changes(function, codes);
         let fitting = (last - first).max(LEAST_WIDTH) / PIECES;
-        let mut grid = Self::spanning(first, last, fitting.log2().floor().exp2());
+        // The power of two at or below: the exponent alone, which no library rounds.
+        let stride = f64::from_bits(fitting.to_bits() & f64::INFINITY.to_bits());
+        let mut grid = Self::spanning(first, last, stride);
         while grid.stride > 1.0 && !grid.carries(function, codes, &step) {
             grid = Self::spanning(first, last, grid.stride / 2.0);
         }

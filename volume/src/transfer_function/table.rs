@@ -85,7 +85,7 @@ fn opacity_of_step(opacity: f64, exponent: f64) -> f64 {
     if opacity >= 1.0 {
         return 1.0;
     }
-    -(exponent * (-opacity).ln_1p()).exp_m1()
+    -libm::expm1(exponent * libm::log1p(-opacity))
 }
 
 #[cfg(test)]

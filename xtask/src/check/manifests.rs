@@ -27,11 +27,12 @@ struct Law {
 const VOLUME: &str = "brickcast-volume";
 const SHADERS: &str = "brickcast-shaders";
 const PROTO: &str = "brickcast-proto";
+const CPU: &str = "brickcast-cpu";
 const NODE: &str = "brickcast-node";
 const HARNESS: &str = "brickcast-harness";
 const ATTRIBUTE: &str = "brickcast-harness-attribute";
 
-const LAWS: [Law; 9] = [
+const LAWS: [Law; 10] = [
     Law {
         package: VOLUME,
         ours: Some(&[]),
@@ -39,7 +40,8 @@ const LAWS: [Law; 9] = [
     },
     Law { package: SHADERS, ours: Some(&[VOLUME]), banned: &["wgpu", "tokio", "tonic", "prost"] },
     Law { package: PROTO, ours: Some(&[VOLUME]), banned: &["wgpu", "naga"] },
-    Law { package: NODE, ours: Some(&[VOLUME, SHADERS, PROTO, HARNESS]), banned: &[] },
+    Law { package: CPU, ours: Some(&[VOLUME, SHADERS]), banned: &["wgpu", "naga", "tokio", "tonic", "prost"] },
+    Law { package: NODE, ours: Some(&[VOLUME, SHADERS, CPU, PROTO, HARNESS]), banned: &[] },
     Law { package: "brickcast", ours: Some(&[VOLUME, PROTO, NODE]), banned: &["wgpu", "naga"] },
     Law { package: HARNESS, ours: Some(&[ATTRIBUTE]), banned: &["wgpu", "tokio"] },
     Law { package: ATTRIBUTE, ours: Some(&[]), banned: &["wgpu", "tokio"] },

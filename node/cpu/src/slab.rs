@@ -1,0 +1,321 @@
+//! What lies between two places of rays, and isosurfaces in it. The same as the twin's, lane by lane
+//! (`shaders/src/twin/slab.rs`, `surface.rs`).
+
+use brickcast_shaders::SlabKind;
+use brickcast_shaders::twin::bindings::{Bindings, SlabTable};
+use brickcast_volume::style::Lighting;
+
+use super::lanes::{Floats, Ints, Lanes, Mask, Task};
+use super::power::power;
+use super::probe::{Lit, Probe};
+use super::ray::clamped;
+
+/// Premultiplied, or what else accumulators hold.
+pub(crate) type Sum<L> = [<L as Lanes>::F; 4];
+
+/// An end of a slab, or a place between.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct End<L: Lanes> {
+    pub(crate) code: L::F,
+    /// In steps along the ray.
+    pub(crate) k: L::F,
+    pub(crate) light: Lit<L>,
+    pub(crate) is_lit: L::M,
+    /// What follows, up to the next sample, is lit as the cut by which the ray enters.
+    pub(crate) is_cut: L::M,
+}
+
+impl<L: Lanes> End<L> {
+    /// By lane.
+    #[inline(always)]
+    pub(crate) fn select(mask: L::M, yes: &Self, no: &Self) -> Self {
+        Self {
+            code: L::F::select(mask, yes.code, no.code),
+            k: L::F::select(mask, yes.k, no.k),
+            light: Lit::select(mask, yes.light, no.light),
+            is_lit: (yes.is_lit & mask) | (no.is_lit & !mask),
+            is_cut: (yes.is_cut & mask) | (no.is_cut & !mask),
+        }
+    }
+
+    /// Finds the light of the places that `wants` it and know none.
+    #[inline(always)]
+    pub(crate) fn learn(&mut self, probe: &Probe<'_, L>, wants: L::M) {
+        let unknown = wants & !self.is_lit;
+        if unknown.any() {
+            self.light = Lit::select(unknown, probe.light(probe.place(self.k)), self.light);
+            self.is_lit = self.is_lit | unknown;
+        }
+    }
+}
+
+/// Adds to `sum` where `shows`, behind what is there; premultiplied.
+#[inline(always)]
+pub(crate) fn add<L: Lanes>(l: L, sum: &mut Sum<L>, shows: L::M, more: Sum<L>) {
+    let through = l.splat(1.0) - sum[3];
+    sum[0] = L::F::select(shows, sum[0] + through * more[0], sum[0]);
+    sum[1] = L::F::select(shows, sum[1] + through * more[1], sum[1]);
+    sum[2] = L::F::select(shows, sum[2] + through * more[2], sum[2]);
+    sum[3] = L::F::select(shows, sum[3] + through * more[3], sum[3]);
+}
+
+/// Colour under a light, no brighter than `most`; `white` of the light's glint.
+#[inline(always)]
+pub(crate) fn lit_color<L: Lanes>(color: [L::F; 3], light: Lit<L>, white: L::F, most: L::F) -> [L::F; 3] {
+    let glint = white * light.glint;
+    [
+        (color[0] * light.factor + glint).smaller(most),
+        (color[1] * light.factor + glint).smaller(most),
+        (color[2] * light.factor + glint).smaller(most),
+    ]
+}
+
+/// Premultiplied, of slabs, as of those that are `length` times as long.
+#[inline(always)]
+fn of_length<L: Lanes>(l: L, slab: Sum<L>, length: L::F) -> Sum<L> {
+    let (zero, one) = (l.splat(0.0), l.splat(1.0));
+    let is_same = length.same(one);
+    if !(!is_same).any() {
+        return slab;
+    }
+    let clear = one - slab[3];
+    let longer = one - L::F::select(zero.lt(clear), power(l, clear, length), zero);
+    let scale = L::F::select(l.splat(1e-6).lt(slab[3]), longer / slab[3], length);
+    [
+        L::F::select(is_same, slab[0], slab[0] * scale),
+        L::F::select(is_same, slab[1], slab[1] * scale),
+        L::F::select(is_same, slab[2], slab[2] * scale),
+        L::F::select(is_same, slab[3], longer),
+    ]
+}
+
+/// Where ends lie among the nodes of a table.
+#[derive(Debug, Clone, Copy)]
+struct Nodes<L: Lanes> {
+    front: (L::I, L::F),
+    back: (L::I, L::F),
+}
+
+/// The node below codes, and how far on to the next they lie.
+#[inline(always)]
+fn entry<L: Lanes>(l: L, table: &SlabTable<'_>, code: L::F) -> (L::I, L::F) {
+    let blocks = table.warp.len() as i32;
+    let at = clamped(l, code * l.splat(table.scale), l.splat(blocks as f32));
+    let i = at.cut_off().smaller(l.splat_int(blocks - 1));
+    let words = table.warp.as_ptr().cast::<u32>();
+    let first = i.shift_left(1);
+    // SAFETY: blocks were clamped to those of the warp, each of them two words.
+    let (start, growth) =
+        unsafe { (l.words(words, first).as_bits(), l.words(words, first + l.splat_int(1)).as_bits()) };
+    let entry = clamped(l, start + (at - i.floats()) * growth, l.splat((table.size - 1) as f32));
+    let node = entry.cut_off().smaller(l.splat_int(table.size as i32 - 2));
+    (node, entry - node.floats())
+}
+
+/// Do slabs between nodes show anything?
+#[inline(always)]
+fn shows<L: Lanes>(l: L, table: &SlabTable<'_>, Nodes { front, back }: &Nodes<L>) -> L::M {
+    let words = table.shown_before.as_ptr();
+    let last = l.splat_int(table.shown_before.len() as i32 - 1);
+    let (lo, hi) = (front.0.smaller(back.0), front.0.larger(back.0) + l.splat_int(2));
+    // Nothing is known of what lies beyond the last.
+    let known = hi.smaller(last);
+    // SAFETY: nodes lie within the table, and more than its nodes are counted.
+    let (before, after) = unsafe { (l.words(words, lo), l.words(words, known)) };
+    !(before.same(after) & known.same(hi))
+}
+
+#[inline(always)]
+fn look_up<L: Lanes>(l: L, table: &SlabTable<'_>, entries: &[[f32; 4]], nodes: &Nodes<L>) -> Sum<L> {
+    let ((i, u), (j, v)) = (nodes.front, nodes.back);
+    let at = i * l.splat_int(table.size as i32) + j;
+    // SAFETY: nodes are no larger than size - 2, and tables of size * size entries (`Slabs::new`).
+    unsafe { l.among_rows(entries.as_ptr(), at, table.size, [v, u]) }
+}
+
+/// What closes slabs: where, of which kind, with which tables.
+pub(crate) struct Closing<'a, L: Lanes> {
+    pub(crate) probe: &'a Probe<'a, L>,
+    pub(crate) bound: &'a Bindings<'a>,
+    pub(crate) kind: SlabKind,
+    /// Slabs that lie in regions, where tables differ.
+    pub(crate) in_region: L::M,
+}
+
+impl<'a, L: Lanes> Closing<'a, L> {
+    /// For slabs outside regions, and in them.
+    #[inline(always)]
+    fn tables(&self) -> Option<&'a [SlabTable<'a>; 2]> {
+        if self.kind.preintegrated { self.bound.scene.slabs.as_ref() } else { None }
+    }
+
+    /// Adds slabs from `front` to `back`, `length` steps long, where `wanted`; returns their opacity. Learns the light
+    /// of their ends.
+    #[inline(always)]
+    pub(crate) fn add_slab(
+        &self,
+        sum: &mut Sum<L>,
+        (front, back): (&mut End<L>, &mut End<L>),
+        length: L::F,
+        wanted: L::M,
+    ) -> L::F {
+        let l = self.probe.l;
+        let Some(tables) = self.tables() else { return l.splat(0.0) };
+        if !self.bound.key.regions {
+            return self.add_slab_of(&tables[0], sum, (front, back), length, wanted);
+        }
+        // The rarer case is a call of its own: the body is long.
+        let mut opacity = l.splat(0.0);
+        for (table, wanted) in [(&tables[0], wanted & !self.in_region), (&tables[1], wanted & self.in_region)] {
+            let (front, back) = (&mut *front, &mut *back);
+            let kind = l.enter(AddSlab { closing: self, table, sum, front, back, length, wanted });
+            opacity = L::F::select(wanted, kind, opacity);
+        }
+        opacity
+    }
+
+    #[inline(always)]
+    fn add_slab_of(
+        &self,
+        table: &SlabTable<'_>,
+        sum: &mut Sum<L>,
+        (front, back): (&mut End<L>, &mut End<L>),
+        length: L::F,
+        wanted: L::M,
+    ) -> L::F {
+        let l = self.probe.l;
+        let zero = l.splat(0.0);
+        let nodes = Nodes { front: entry(l, table, front.code), back: entry(l, table, back.code) };
+        if !(wanted & shows(l, table, &nodes)).any() {
+            return zero;
+        }
+        let slab = look_up(l, table, table.front, &nodes);
+        // Adding nothing changes no bit, and light on nothing need not be known.
+        let shown = wanted & zero.lt(slab[3]);
+        if !shown.any() {
+            return zero;
+        }
+        let mut lit = slab;
+        if self.kind.light.is_some() {
+            lit = self.lit(table, &nodes, slab, (front, back), shown);
+        }
+        add(l, sum, shown, of_length(l, lit, length));
+        L::F::select(shown, slab[3], zero)
+    }
+
+    #[inline(always)]
+    fn lit(
+        &self,
+        table: &SlabTable<'_>,
+        nodes: &Nodes<L>,
+        slab: Sum<L>,
+        (front, back): (&mut End<L>, &mut End<L>),
+        shown: L::M,
+    ) -> Sum<L> {
+        let (probe, kind, l) = (self.probe, self.kind, self.probe.l);
+        let alpha = slab[3];
+        let far = if kind.has_weights() { look_up(l, table, table.back, nodes) } else { [l.splat(0.0); 4] };
+        let plain = shown & !front.is_cut;
+        let mut color = [slab[0], slab[1], slab[2]];
+        match kind.light {
+            Some(Lighting::Interpolated) => {
+                front.learn(probe, plain);
+                back.learn(probe, plain);
+                let glint = (alpha - far[3]) * front.light.glint + far[3] * back.light.glint;
+                for c in 0..3 {
+                    let both = slab[c] * front.light.factor + far[c] * back.light.factor;
+                    color[c] = (both + glint).smaller(alpha);
+                }
+            }
+            lighting => {
+                let mut k = l.splat(0.5) * (front.k + back.k);
+                if lighting == Some(Lighting::Centroid) {
+                    k = front.k + (back.k - front.k) * (far[3] / alpha);
+                    color = [slab[0] + far[0], slab[1] + far[1], slab[2] + far[2]];
+                }
+                // Both ends deep in a region: so is what lies between.
+                let wants = plain & !(front.is_lit & back.is_lit);
+                let mut light = Lit::none(l);
+                if wants.any() {
+                    light = Lit::select(wants, probe.light(probe.place(k)), light);
+                }
+                color = lit_color::<L>(color, light, alpha, alpha);
+            }
+        }
+        let cut = shown & front.is_cut;
+        if cut.any() {
+            let on_cut = self.cut(slab, far);
+            for c in 0..3 {
+                color[c] = L::F::select(cut, on_cut[c], color[c]);
+            }
+        }
+        [color[0], color[1], color[2], alpha]
+    }
+
+    /// Slabs, looked up already, under the light of the cut by which rays enter.
+    #[inline(always)]
+    fn cut(&self, slab: Sum<L>, far: Sum<L>) -> [L::F; 3] {
+        let mut color = [slab[0], slab[1], slab[2]];
+        if self.kind.has_weights() {
+            color = [slab[0] + far[0], slab[1] + far[1], slab[2] + far[2]];
+        }
+        lit_color::<L>(color, self.probe.light_of_entry(), slab[3], slab[3])
+    }
+
+    /// Adds `n` slabs, both ends of each deep in one region, where nothing is lit but, on `cut`, the first.
+    #[inline(always)]
+    pub(crate) fn add_flat(&self, sum: &mut Sum<L>, code: L::F, n: L::F, (wanted, cut): (L::M, L::M)) {
+        let (l, kind) = (self.probe.l, self.kind);
+        let zero = l.splat(0.0);
+        let Some(tables) = self.tables() else { return };
+        let in_region = if self.bound.key.regions { self.in_region } else { zero.lt(zero) };
+        for (table, wanted) in [(&tables[0], wanted & !in_region), (&tables[1], wanted & in_region)] {
+            if !wanted.any() {
+                continue;
+            }
+            let end = entry(l, table, code);
+            let nodes = Nodes { front: end, back: end };
+            let slab = look_up(l, table, table.front, &nodes);
+            let shown = wanted & zero.lt(slab[3]);
+            let mut far = [zero; 4];
+            if kind.has_weights() {
+                far = look_up(l, table, table.back, &nodes);
+            }
+            let mut n = n;
+            if (cut & shown).any() {
+                let [r, g, b] = self.cut(slab, far);
+                add(l, sum, cut & shown, [r, g, b, slab[3]]);
+                n = L::F::select(cut, n - l.splat(1.0), n);
+            }
+            let mut total = slab;
+            if kind.has_weights() {
+                total = [slab[0] + far[0], slab[1] + far[1], slab[2] + far[2], slab[3]];
+            }
+            add(l, sum, shown, of_length(l, total, n));
+        }
+    }
+}
+
+struct AddSlab<'a, 'b, L: Lanes> {
+    closing: &'a Closing<'b, L>,
+    table: &'a SlabTable<'b>,
+    sum: &'a mut Sum<L>,
+    front: &'a mut End<L>,
+    back: &'a mut End<L>,
+    length: L::F,
+    wanted: L::M,
+}
+
+impl<L: Lanes> Task for AddSlab<'_, '_, L> {
+    type Output = L::F;
+
+    #[inline(always)]
+    fn run<Same: Lanes>(self, _: Same) -> L::F {
+        let Self { closing, table, sum, front, back, length, wanted } = self;
+        if wanted.any() {
+            closing.add_slab_of(table, sum, (front, back), length, wanted)
+        } else {
+            closing.probe.l.splat(0.0)
+        }
+    }
+}

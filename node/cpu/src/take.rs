@@ -1,0 +1,279 @@
+//! What runs add to their pixels: the twin's `take/`, a lane each.
+
+use brickcast_shaders::TakeKind;
+use brickcast_shaders::layout::{SHOWS_REGIONS, SHOWS_RESIDUAL};
+use brickcast_shaders::twin::bindings::Bindings;
+use brickcast_shaders::twin::scene::LEAST_CUT;
+use brickcast_volume::PixelKind;
+
+use super::lanes::{Floats, Ints, Lanes, Mask};
+use super::probe::{Lit, Probe};
+use super::ray::{Place, clamped, first_sample};
+use super::run::Run;
+use super::slab::{Closing, End, Sum, add, lit_color};
+use super::surface::{close_slabs, enter_surfaces};
+
+pub(crate) struct Take<'a, L: Lanes> {
+    probe: &'a Probe<'a, L>,
+    bound: &'a Bindings<'a>,
+    /// The position before the present one, where it was taken.
+    front: End<L>,
+    front_in_region: L::M,
+    /// The position by which rays enter the volume, or what clips leave of it.
+    k_entry: L::F,
+    /// The first behind the cut by which clips let rays in; -1 where nothing is lit as a cut.
+    k_cut: L::F,
+}
+
+impl<'a, L: Lanes> Take<'a, L> {
+    #[inline(always)]
+    pub(crate) fn new(probe: &'a Probe<'a, L>, bound: &'a Bindings<'a>, t_lo: L::F) -> Self {
+        let (l, frame, style) = (probe.l, bound.scene.frame, bound.scene.style);
+        let (zero, none, never) = (l.splat(0.0), l.mask(0), l.splat(-1.0));
+        let kind = bound.key.take.slab_kind();
+        let (mut k_entry, mut k_cut) = (never, never);
+        let may_cut = kind.light.is_some() && style.plane_count > 0;
+        if kind.surfaces || may_cut {
+            let entry = probe.rays.volume_entry(l, style);
+            if kind.surfaces {
+                k_entry = first_sample(l, frame, entry.larger(t_lo));
+            }
+            if may_cut {
+                let is_face = t_lo.le(entry + l.splat(LEAST_CUT));
+                k_cut = L::F::select(is_face, never, first_sample(l, frame, t_lo));
+            }
+        }
+        let front = End { code: zero, k: zero, light: Lit::none(l), is_lit: none, is_cut: none };
+        Self { probe, bound, front, front_in_region: none, k_entry, k_cut }
+    }
+
+    /// Adds runs whose first positions lie at `p`, where `taken`; where something of them shows.
+    #[inline(always)]
+    pub(crate) fn take(&mut self, p: Place<L>, run: &Run<L>, taken: L::M, sum: &mut Sum<L>) -> L::M {
+        let shown = taken & self.shows(run.in_region);
+        match self.bound.key.take {
+            TakeKind::Sampled => self.sample(run, shown, sum),
+            TakeKind::Slabs(_) => self.slabs(p, run, (taken, shown), sum),
+            TakeKind::Projection(pixel) => {
+                self.project(pixel, run, shown, sum);
+                self.probe.l.mask(0)
+            }
+        }
+    }
+
+    /// Does the view show samples that lie in regions, or do not?
+    #[inline(always)]
+    fn shows(&self, in_region: L::M) -> L::M {
+        let l = self.probe.l;
+        if !self.bound.key.regions {
+            return l.mask(u32::MAX);
+        }
+        match self.bound.scene.frame.shown {
+            SHOWS_REGIONS => in_region,
+            SHOWS_RESIDUAL => !in_region,
+            _ => l.mask(u32::MAX),
+        }
+    }
+
+    /// Into the pixel of a projection, as [`PixelKind::take`] does.
+    #[inline(always)]
+    fn project(&self, pixel: PixelKind, run: &Run<L>, shown: L::M, sum: &mut Sum<L>) {
+        let l = self.probe.l;
+        let is_first = sum[3].same(l.splat(0.0));
+        match pixel {
+            PixelKind::Over => {}
+            PixelKind::Largest => {
+                let more = L::F::select(is_first, run.code, run.code.larger(sum[0]));
+                sum[0] = L::F::select(shown, more, sum[0]);
+            }
+            PixelKind::Smallest => {
+                let more = L::F::select(is_first, run.code, run.code.smaller(sum[0]));
+                sum[0] = L::F::select(shown, more, sum[0]);
+            }
+            PixelKind::Mean => {
+                sum[0] = L::F::select(shown, sum[0] + run.code * run.n, sum[0]);
+                sum[1] = L::F::select(shown, sum[1] + run.n, sum[1]);
+            }
+        }
+        sum[3] = L::F::select(shown, l.splat(1.0), sum[3]);
+    }
+
+    /// Straight colour and opacity of one step.
+    #[inline(always)]
+    fn classify(&self, in_region: L::M, code: L::F) -> [L::F; 4] {
+        let (frame, tables) = (self.bound.scene.frame, self.bound.scene.tables);
+        let mut sample = self.classified(tables.table, (frame.table_first, frame.table_scale), code);
+        if self.bound.key.regions && in_region.any() {
+            let entries = tables.region.unwrap_or(tables.table);
+            let inside = self.classified(entries, (frame.region_first, frame.region_scale), code);
+            for c in 0..4 {
+                sample[c] = L::F::select(in_region, inside[c], sample[c]);
+            }
+        }
+        sample
+    }
+
+    #[inline(always)]
+    fn classified(&self, entries: &[[f32; 4]], (first, scale): (f32, f32), code: L::F) -> [L::F; 4] {
+        let l = self.probe.l;
+        let last = entries.len() as i32 - 1;
+        let entry = clamped(l, (code - l.splat(first)) * l.splat(scale), l.splat(last as f32));
+        let i = entry.cut_off().smaller(l.splat_int(last - 1));
+        // SAFETY: entries were clamped to those of the table but the last; there are two or more (`Reader::new`).
+        unsafe { l.between_rows(entries.as_ptr(), i, entry - i.floats()) }
+    }
+
+    /// Single samples, colours as they are.
+    #[inline(always)]
+    fn sample(&self, run: &Run<L>, shown: L::M, sum: &mut Sum<L>) -> L::M {
+        let l = self.probe.l;
+        if !shown.any() {
+            return shown;
+        }
+        let [r, g, b, alpha] = self.classify(run.in_region & shown, run.code);
+        // Adding nothing changes no bit.
+        let shown = shown & l.splat(0.0).lt(alpha);
+        if !shown.any() {
+            return shown;
+        }
+        let alpha = opacity_of(l, alpha, run.n, shown);
+        let weight = (l.splat(1.0) - sum[3]) * alpha;
+        sum[0] = L::F::select(shown, sum[0] + r * weight, sum[0]);
+        sum[1] = L::F::select(shown, sum[1] + g * weight, sum[1]);
+        sum[2] = L::F::select(shown, sum[2] + b * weight, sum[2]);
+        sum[3] = L::F::select(shown, sum[3] + weight, sum[3]);
+        shown
+    }
+
+    /// What lies between samples, isosurfaces, and single samples under light or clips.
+    #[inline(always)]
+    fn slabs(&mut self, p: Place<L>, run: &Run<L>, (taken, shown): (L::M, L::M), sum: &mut Sum<L>) -> L::M {
+        let (l, take) = (self.probe.l, self.bound.key.take);
+        let kind = take.slab_kind();
+        let (zero, one, none) = (l.splat(0.0), l.splat(1.0), l.mask(0));
+        let mut opacity = zero;
+        let is_cut = if kind.light.is_some() { taken & run.k.same(self.k_cut) } else { none };
+        let mut back = End {
+            code: run.code,
+            k: run.k,
+            light: Lit::none(l),
+            is_lit: run.is_flat,
+            is_cut: is_cut & run.n.same(one),
+        };
+        if take.ends_beyond() {
+            let closed = taken & run.follows & self.shows(self.front_in_region);
+            if closed.any() {
+                opacity = self.close(run, &mut back, closed, sum);
+            }
+        }
+        if kind.surfaces {
+            let enters = shown & run.k.same(self.k_entry);
+            if enters.any() {
+                enter_surfaces(self.probe, kind, sum, run.code, enters);
+            }
+        }
+        if kind.preintegrated {
+            // The slabs within the run.
+            let within = shown & one.lt(run.n);
+            if within.any() {
+                self.closing(run.in_region).add_flat(sum, run.code, run.n - one, (within, is_cut));
+                opacity = L::F::select(within, one, opacity);
+            }
+        } else {
+            self.lit_sample(p, (run, &mut back), (shown & zero.lt(run.owns), is_cut), (sum, &mut opacity));
+        }
+        if take.ends_beyond() {
+            back.k = run.k + run.n - one;
+            self.front = End::select(taken, &back, &self.front);
+            self.front_in_region = (run.in_region & taken) | (self.front_in_region & !taken);
+        }
+        taken & zero.lt(opacity)
+    }
+
+    #[inline(always)]
+    fn closing(&self, in_region: L::M) -> Closing<'a, L> {
+        Closing { probe: self.probe, bound: self.bound, kind: self.bound.key.take.slab_kind(), in_region }
+    }
+
+    /// Closes the slabs that end at the run's first position; their opacity.
+    #[inline(always)]
+    fn close(&mut self, run: &Run<L>, back: &mut End<L>, closed: L::M, sum: &mut Sum<L>) -> L::F {
+        let closing = self.closing(self.front_in_region);
+        if !self.bound.key.regions {
+            // What the far end learns of its light is the next slab's near end's.
+            return close_slabs(&closing, sum, (&mut self.front, back), closed);
+        }
+        // A slab is of one kind, its front's: colours do not run from one kind into the other.
+        let is_same = (self.front_in_region & run.in_region) | (!self.front_in_region & !run.in_region);
+        let mut far = *back;
+        far.code = L::F::select(is_same, far.code, self.front.code);
+        let opacity = close_slabs(&closing, sum, (&mut self.front, &mut far), closed);
+        let learned = closed & is_same;
+        back.light = Lit::select(learned, far.light, back.light);
+        back.is_lit = back.is_lit | (far.is_lit & learned);
+        opacity
+    }
+
+    /// The run's positions as samples, under light and cuts.
+    #[inline(always)]
+    fn lit_sample(
+        &self,
+        p: Place<L>,
+        (run, back): (&Run<L>, &mut End<L>),
+        (shown, is_cut): (L::M, L::M),
+        (sum, opacity): (&mut Sum<L>, &mut L::F),
+    ) {
+        if !shown.any() {
+            return;
+        }
+        let (l, has_light) = (self.probe.l, self.bound.key.take.slab_kind().light.is_some());
+        let (zero, one) = (l.splat(0.0), l.splat(1.0));
+        let [r, g, b, alpha] = self.classify(run.in_region & shown, run.code);
+        *opacity = L::F::select(shown, alpha.larger(*opacity), *opacity);
+        // Adding nothing changes no bit.
+        let mut shown = shown & zero.lt(alpha);
+        if !shown.any() {
+            return;
+        }
+        let (mut color, mut rest) = ([r, g, b], run.owns);
+        let cut = shown & is_cut;
+        if cut.any() {
+            let [r, g, b] = lit_color::<L>(color, self.probe.light_of_entry(), one, one);
+            add(l, sum, cut, [r * alpha, g * alpha, b * alpha, alpha]);
+            rest = L::F::select(cut, rest - one, rest);
+            shown = shown & zero.lt(rest);
+        }
+        if has_light {
+            let lit = shown & !run.is_flat;
+            let unknown = lit & !back.is_lit;
+            if unknown.any() {
+                back.light = Lit::select(unknown, self.probe.light(p), back.light);
+                back.is_lit = back.is_lit | unknown;
+            }
+            let [r, g, b] = lit_color::<L>(color, back.light, one, one);
+            color[0] = L::F::select(lit, r, color[0]);
+            color[1] = L::F::select(lit, g, color[1]);
+            color[2] = L::F::select(lit, b, color[2]);
+        }
+        let alpha = opacity_of(l, alpha, rest, shown);
+        add(l, sum, shown, [color[0] * alpha, color[1] * alpha, color[2] * alpha, alpha]);
+    }
+}
+
+/// The opacity of `n` samples of opacity `alpha`: by squaring, as exact as n single ones.
+#[inline(always)]
+fn opacity_of<L: Lanes>(l: L, alpha: L::F, n: L::F, wanted: L::M) -> L::F {
+    let one = l.splat(1.0);
+    let many = wanted & !n.same(one);
+    if !many.any() {
+        return alpha;
+    }
+    let (mut clear, mut square, mut left) = (one, one - alpha, n.cut_off());
+    while (left.gt(l.splat_int(0)) & many).any() {
+        let is_odd = (left & l.splat_int(1)).gt(l.splat_int(0));
+        clear = L::F::select(is_odd, clear * square, clear);
+        square = square * square;
+        left = left.shift_right(1);
+    }
+    L::F::select(many, one - clear, alpha)
+}
