@@ -24,5 +24,4 @@ mod tile;
 mod walk;
 
 pub use lanes::InstructionSet;
-pub use read::Reader;
 pub use tile::{Pause, PlacedBrick, Tile, render_tile};

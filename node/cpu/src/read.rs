@@ -12,7 +12,7 @@ const CODE: f32 = 1.0 / 65535.0;
 
 /// What does not change along rays: the brick's texels, and how places become theirs.
 #[derive(Debug, Clone, Copy)]
-pub struct Reader<'a> {
+pub(crate) struct Reader<'a> {
     codes: &'a [u16],
     /// Subtract from a global position + 0.5, rounded down, for the texel of the support's low corner.
     first_texel: [i32; 3],
@@ -40,8 +40,7 @@ pub(crate) struct Coded<L: Lanes> {
 impl<'a> Reader<'a> {
     /// `None` for bricks that lanes cannot read: that lack texels, flags or parts of their map, have a single texel
     /// along an axis, or more than lanes can count.
-    #[must_use]
-    pub fn new(bound: &Bindings<'a>) -> Option<Self> {
+    pub(crate) fn new(bound: &Bindings<'a>) -> Option<Self> {
         let (frame, brick, data) = (bound.scene.frame, bound.brick, bound.data);
         let dims = brick.stored_dims;
         let voxels = dims.iter().try_fold(1_usize, |n, &side| n.checked_mul(side as usize))?;

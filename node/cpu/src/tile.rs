@@ -22,11 +22,30 @@ pub struct Tile<'a> {
 /// A brick in a job.
 #[derive(Debug, Clone, Copy)]
 pub struct PlacedBrick<'a> {
-    /// The pixels that it may show in.
-    pub projected: PixelRect,
-    pub bound: Bindings<'a>,
-    /// As lanes read it ([`Reader::new`]); none where they cannot: then the twin does.
-    pub reader: Option<Reader<'a>>,
+    projected: PixelRect,
+    bound: Bindings<'a>,
+    /// As lanes read what `bound` binds, made of that alone; none where they cannot, or shall not: then the twin does.
+    reader: Option<Reader<'a>>,
+}
+
+impl<'a> PlacedBrick<'a> {
+    /// `projected`: the pixels that it may show in.
+    #[must_use]
+    pub fn new(projected: PixelRect, bound: Bindings<'a>) -> Self {
+        Self { projected, bound, reader: Reader::new(&bound) }
+    }
+
+    /// As [`PlacedBrick::new`], for the twin, ray by ray.
+    #[must_use]
+    pub fn by_twin(projected: PixelRect, bound: Bindings<'a>) -> Self {
+        Self { projected, bound, reader: None }
+    }
+
+    /// Do lanes read it?
+    #[must_use]
+    pub const fn is_in_lanes(&self) -> bool {
+        self.reader.is_some()
+    }
 }
 
 /// When a tile asks whether it is still wanted.

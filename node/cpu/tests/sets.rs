@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
-use brickcast_cpu::{InstructionSet, PlacedBrick, Reader, Tile, render_tile};
+use brickcast_cpu::{InstructionSet, PlacedBrick, Tile, render_tile};
 use brickcast_shaders::layout::{BrickUniform, CODED_SCALE, FrameUniform, RegionFlags};
 use brickcast_shaders::twin::bindings::{Bindings, BrickData, RayCounts, SceneData, SlabTable, Tables};
 use brickcast_shaders::{KernelKey, StyleUniform, TakeKind};
@@ -255,12 +255,9 @@ fn pictures(set: InstructionSet, style: &Style, with: With, seed: u64) -> Pictur
         bound.push(Bindings { scene: &scene, brick: &made.uniform, data: made.data(), key });
     }
     let render = |by_lanes: bool| {
-        let placed = bound.iter().zip(&rects).map(|(bound, projected)| PlacedBrick {
-            projected: *projected,
-            bound: *bound,
-            reader: by_lanes.then(|| Reader::new(bound).unwrap()),
-        });
-        let placed: Vec<PlacedBrick<'_>> = placed.collect();
+        let place = if by_lanes { PlacedBrick::new } else { PlacedBrick::by_twin };
+        let placed: Vec<PlacedBrick<'_>> = bound.iter().zip(&rects).map(|(bound, rect)| place(*rect, *bound)).collect();
+        assert!(placed.iter().all(|brick| brick.is_in_lanes() == by_lanes));
         let mut pixels: Vec<RawPixel> = vec![[0.0; 4]; (SIZE * SIZE) as usize];
         let rect = PixelRect { lo: UVec2::ZERO, hi: UVec2::splat(SIZE) };
         let tile = Tile { rect, rows: pixels.chunks_mut(SIZE as usize).collect() };

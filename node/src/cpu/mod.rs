@@ -4,7 +4,7 @@ use std::any::Any;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 pub use brickcast_cpu::InstructionSet;
-use brickcast_cpu::{Pause, PlacedBrick, Reader, Tile, render_tile};
+use brickcast_cpu::{Pause, PlacedBrick, Tile, render_tile};
 use brickcast_shaders::layout::BrickUniform;
 use brickcast_shaders::twin::bindings::{Bindings, BrickData, SceneData};
 use brickcast_shaders::twin::macrocell::empty_distances;
@@ -159,8 +159,8 @@ impl<'a> SceneBrick<'a> {
 
     fn placed<'b>(&'b self, reads: &Reads<'b>) -> PlacedBrick<'b> {
         let bound = Bindings { scene: reads.scene, brick: &self.uniform, data: self.data(), key: self.key };
-        let reader = if reads.by_twin { None } else { Reader::new(&bound) };
-        PlacedBrick { projected: self.projected, bound, reader }
+        let place = if reads.by_twin { PlacedBrick::by_twin } else { PlacedBrick::new };
+        place(self.projected, bound)
     }
 
     fn data(&self) -> BrickData<'_> {

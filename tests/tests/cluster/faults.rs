@@ -108,7 +108,7 @@ fn a_node_killed_mid_frame() {
         let mut session = rig.session().await;
         // Slow and large, so that it dies with most of its share unsent: what the system has buffered still arrives.
         rig.size = (1280, 1024);
-        rig.proxies[2].set(Fault::Slow { rate: 100_000 });
+        rig.proxies[2].set(Fault::Slow { rate: 20_000 });
         let (id, name) = (rig.nodes[2].id(), rig.proxies[2].address.clone());
         let killer = tokio::spawn(async move {
             tokio::time::sleep(Duration::from_millis(700)).await;
