@@ -58,7 +58,8 @@ impl<'a> Reader<'a> {
                 .is_none_or(|(map, dims)| (1..=map.len()).contains(&cells(dims)) && map.len() <= i32::MAX as usize);
         let take = bound.key.take.slab_kind();
         let tables = bound.scene.tables;
-        let can_classify = tables.table.len() >= 2 && tables.region.is_none_or(|region| region.len() >= 2);
+        let can_classify =
+            [Some(tables.table), tables.region].into_iter().flatten().all(|t| (2..=1 << 24).contains(&t.len()));
         let has_slabs = bound.scene.slabs.iter().flatten().all(|table| is_whole(table, take.has_weights()));
         let has_slabs = has_slabs && (bound.scene.slabs.is_some() || !take.preintegrated);
         (is_complete && can_classify && has_slabs).then(|| Self {

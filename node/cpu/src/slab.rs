@@ -5,10 +5,10 @@ use brickcast_shaders::SlabKind;
 use brickcast_shaders::twin::bindings::{Bindings, SlabTable};
 use brickcast_volume::style::Lighting;
 
-use super::lanes::{Floats, Ints, Lanes, Mask, Task};
+use super::lanes::{Floats, Ints, Lanes, Mask};
 use super::power::power;
 use super::probe::{Lit, Probe};
-use super::ray::clamped;
+use super::ray::{Place, clamped};
 
 /// Premultiplied, or what else accumulators hold.
 pub(crate) type Sum<L> = [<L as Lanes>::F; 4];
@@ -41,9 +41,15 @@ impl<L: Lanes> End<L> {
     /// Finds the light of the places that `wants` it and know none.
     #[inline(always)]
     pub(crate) fn learn(&mut self, probe: &Probe<'_, L>, wants: L::M) {
+        self.learn_at(probe, wants, probe.place(self.k));
+    }
+
+    /// The same, of ends whose places are known to be `p`.
+    #[inline(always)]
+    pub(crate) fn learn_at(&mut self, probe: &Probe<'_, L>, wants: L::M, p: Place<L>) {
         let unknown = wants & !self.is_lit;
         if unknown.any() {
-            self.light = Lit::select(unknown, probe.light(probe.place(self.k)), self.light);
+            self.light = Lit::select(unknown, probe.light(p), self.light);
             self.is_lit = self.is_lit | unknown;
         }
     }
@@ -129,7 +135,7 @@ fn shows<L: Lanes>(l: L, table: &SlabTable<'_>, Nodes { front, back }: &Nodes<L>
 fn look_up<L: Lanes>(l: L, table: &SlabTable<'_>, entries: &[[f32; 4]], nodes: &Nodes<L>) -> Sum<L> {
     let ((i, u), (j, v)) = (nodes.front, nodes.back);
     let at = i * l.splat_int(table.size as i32) + j;
-    // SAFETY: nodes are no larger than size - 2, and tables of size * size entries (`Slabs::new`).
+    // SAFETY: nodes are no larger than size - 2, and tables of size * size entries (`Reader::new`).
     unsafe { l.among_rows(entries.as_ptr(), at, table.size, [v, u]) }
 }
 
@@ -143,10 +149,13 @@ pub(crate) struct Closing<'a, L: Lanes> {
 }
 
 impl<'a, L: Lanes> Closing<'a, L> {
-    /// For slabs outside regions, and in them.
+    /// For slabs outside regions, and in them, those that are `wanted`; nothing where slabs are single samples.
     #[inline(always)]
-    fn tables(&self) -> Option<&'a [SlabTable<'a>; 2]> {
-        if self.kind.preintegrated { self.bound.scene.slabs.as_ref() } else { None }
+    fn tables(&self, wanted: L::M) -> Option<[(&'a SlabTable<'a>, L::M); 2]> {
+        let tables = if self.kind.preintegrated { self.bound.scene.slabs.as_ref() } else { None };
+        let [outside, inside] = tables?;
+        let in_region = if self.bound.key.regions { self.in_region } else { self.probe.l.mask(0) };
+        Some([(outside, wanted & !in_region), (inside, wanted & in_region)])
     }
 
     /// Adds slabs from `front` to `back`, `length` steps long, where `wanted`; returns their opacity. Learns the light
@@ -159,17 +168,12 @@ impl<'a, L: Lanes> Closing<'a, L> {
         length: L::F,
         wanted: L::M,
     ) -> L::F {
-        let l = self.probe.l;
-        let Some(tables) = self.tables() else { return l.splat(0.0) };
-        if !self.bound.key.regions {
-            return self.add_slab_of(&tables[0], sum, (front, back), length, wanted);
-        }
-        // The rarer case is a call of its own: the body is long.
-        let mut opacity = l.splat(0.0);
-        for (table, wanted) in [(&tables[0], wanted & !self.in_region), (&tables[1], wanted & self.in_region)] {
-            let (front, back) = (&mut *front, &mut *back);
-            let kind = l.enter(AddSlab { closing: self, table, sum, front, back, length, wanted });
-            opacity = L::F::select(wanted, kind, opacity);
+        let mut opacity = self.probe.l.splat(0.0);
+        for (table, wanted) in self.tables(wanted).into_iter().flatten() {
+            if wanted.any() {
+                let kind = self.add_slab_of(table, sum, (&mut *front, &mut *back), length, wanted);
+                opacity = L::F::select(wanted, kind, opacity);
+            }
         }
         opacity
     }
@@ -231,7 +235,7 @@ impl<'a, L: Lanes> Closing<'a, L> {
                 let mut k = l.splat(0.5) * (front.k + back.k);
                 if lighting == Some(Lighting::Centroid) {
                     k = front.k + (back.k - front.k) * (far[3] / alpha);
-                    color = [slab[0] + far[0], slab[1] + far[1], slab[2] + far[2]];
+                    color = self.whole(slab, far);
                 }
                 // Both ends deep in a region: so is what lies between.
                 let wants = plain & !(front.is_lit & back.is_lit);
@@ -252,14 +256,19 @@ impl<'a, L: Lanes> Closing<'a, L> {
         [color[0], color[1], color[2], alpha]
     }
 
+    /// The colour of slabs, of both tables where light is weighted by either end.
+    #[inline(always)]
+    fn whole(&self, slab: Sum<L>, far: Sum<L>) -> [L::F; 3] {
+        if !self.kind.has_weights() {
+            return [slab[0], slab[1], slab[2]];
+        }
+        [slab[0] + far[0], slab[1] + far[1], slab[2] + far[2]]
+    }
+
     /// Slabs, looked up already, under the light of the cut by which rays enter.
     #[inline(always)]
     fn cut(&self, slab: Sum<L>, far: Sum<L>) -> [L::F; 3] {
-        let mut color = [slab[0], slab[1], slab[2]];
-        if self.kind.has_weights() {
-            color = [slab[0] + far[0], slab[1] + far[1], slab[2] + far[2]];
-        }
-        lit_color::<L>(color, self.probe.light_of_entry(), slab[3], slab[3])
+        lit_color::<L>(self.whole(slab, far), self.probe.light_of_entry(), slab[3], slab[3])
     }
 
     /// Adds `n` slabs, both ends of each deep in one region, where nothing is lit but, on `cut`, the first.
@@ -267,9 +276,7 @@ impl<'a, L: Lanes> Closing<'a, L> {
     pub(crate) fn add_flat(&self, sum: &mut Sum<L>, code: L::F, n: L::F, (wanted, cut): (L::M, L::M)) {
         let (l, kind) = (self.probe.l, self.kind);
         let zero = l.splat(0.0);
-        let Some(tables) = self.tables() else { return };
-        let in_region = if self.bound.key.regions { self.in_region } else { zero.lt(zero) };
-        for (table, wanted) in [(&tables[0], wanted & !in_region), (&tables[1], wanted & in_region)] {
+        for (table, wanted) in self.tables(wanted).into_iter().flatten() {
             if !wanted.any() {
                 continue;
             }
@@ -287,35 +294,8 @@ impl<'a, L: Lanes> Closing<'a, L> {
                 add(l, sum, cut & shown, [r, g, b, slab[3]]);
                 n = L::F::select(cut, n - l.splat(1.0), n);
             }
-            let mut total = slab;
-            if kind.has_weights() {
-                total = [slab[0] + far[0], slab[1] + far[1], slab[2] + far[2], slab[3]];
-            }
-            add(l, sum, shown, of_length(l, total, n));
-        }
-    }
-}
-
-struct AddSlab<'a, 'b, L: Lanes> {
-    closing: &'a Closing<'b, L>,
-    table: &'a SlabTable<'b>,
-    sum: &'a mut Sum<L>,
-    front: &'a mut End<L>,
-    back: &'a mut End<L>,
-    length: L::F,
-    wanted: L::M,
-}
-
-impl<L: Lanes> Task for AddSlab<'_, '_, L> {
-    type Output = L::F;
-
-    #[inline(always)]
-    fn run<Same: Lanes>(self, _: Same) -> L::F {
-        let Self { closing, table, sum, front, back, length, wanted } = self;
-        if wanted.any() {
-            closing.add_slab_of(table, sum, (front, back), length, wanted)
-        } else {
-            closing.probe.l.splat(0.0)
+            let [r, g, b] = self.whole(slab, far);
+            add(l, sum, shown, of_length(l, [r, g, b, slab[3]], n));
         }
     }
 }

@@ -245,11 +245,7 @@ impl<'a, L: Lanes> Take<'a, L> {
         }
         if has_light {
             let lit = shown & !run.is_flat;
-            let unknown = lit & !back.is_lit;
-            if unknown.any() {
-                back.light = Lit::select(unknown, self.probe.light(p), back.light);
-                back.is_lit = back.is_lit | unknown;
-            }
+            back.learn_at(self.probe, lit, p);
             let [r, g, b] = lit_color::<L>(color, back.light, one, one);
             color[0] = L::F::select(lit, r, color[0]);
             color[1] = L::F::select(lit, g, color[1]);
