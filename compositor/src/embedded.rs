@@ -58,6 +58,12 @@ impl Backend {
         (info.backend, &info.adapter, &info.notes)
     }
 
+    /// What of the adapter bounds volumes and pictures, by wgpu's names; nothing on the processor.
+    #[must_use]
+    pub fn limits(&self) -> &[(&'static str, u64)] {
+        &self.0.info().limits
+    }
+
     /// Bytes that a brick with `stored_voxels` voxels takes.
     #[must_use]
     pub fn brick_bytes(&self, stored_voxels: u64) -> u64 {

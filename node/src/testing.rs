@@ -141,6 +141,7 @@ impl FakeRaycaster {
             notes: Vec::new(),
             threads: 1,
             is_on_processor: true,
+            limits: Vec::new(),
         };
         Self {
             info,

@@ -1,6 +1,7 @@
-//! `cargo xtask check`: the laws of the house that neither the compiler nor a linter knows.
+//! `cargo xtask check`: the laws of the house that neither the compiler nor a linter knows; and checks of a machine.
 
 mod check;
+mod gpu_check;
 mod imports;
 mod source;
 mod tokens;
@@ -27,10 +28,18 @@ enum Task {
         /// Only the checks of these names.
         names: Vec<String>,
     },
+    /// Measures and tests the GPU's kernel on this machine's adapter, with what is built already: one JSON on stdout.
+    /// Exits with 1 where a test fails or something did not end in time.
+    GpuCheck(gpu_check::GpuCheckArgs),
 }
 
 fn main() -> anyhow::Result<ExitCode> {
-    let Task::Check { names } = Arguments::parse().task;
+    let names = match Arguments::parse().task {
+        Task::GpuCheck(args) => {
+            return Ok(if gpu_check::run(&args)? { ExitCode::SUCCESS } else { ExitCode::FAILURE });
+        }
+        Task::Check { names } => names,
+    };
     let known = || check::ALL.iter().map(|c| c.name).collect::<Vec<_>>().join(", ");
     if let Some(unknown) = names.iter().find(|n| check::ALL.iter().all(|c| c.name != n.as_str())) {
         anyhow::bail!("no check is called {unknown:?}; there are {}", known());

@@ -186,7 +186,14 @@ impl CpuRaycaster {
         let threads = rayon::current_num_threads() as u32;
         let (arch, name, width) = (std::env::consts::ARCH, set.name(), set.width());
         let adapter = format!("CPU ({arch}, {name}, {width} rays side by side), {threads} threads");
-        let info = BackendInfo { backend: "cpu", adapter, notes: Vec::new(), threads, is_on_processor: true };
+        let info = BackendInfo {
+            backend: "cpu",
+            adapter,
+            notes: Vec::new(),
+            threads,
+            is_on_processor: true,
+            limits: Vec::new(),
+        };
         Self { info, set, by_twin: false, emptiness: EmptinessCache::default() }
     }
 

@@ -7,7 +7,7 @@ use brickcast_shaders::twin::macrocell::empty_distances;
 use brickcast_shaders::{distance_wgsl, macrocell_wgsl};
 use brickcast_volume::macrocell::{Macrocells, MapTexel};
 use rayon::prelude::*;
-use wgpu::{BindingType, TextureFormat, TextureViewDimension};
+use wgpu::{BindGroupLayoutEntry, BindingType, TextureFormat, TextureViewDimension};
 
 use super::device::Gpu;
 use super::kernel::{compute_pipeline, entry, integers, layout};
@@ -104,16 +104,28 @@ fn view(texture: &wgpu::Texture) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor::default())
 }
 
+const WRITTEN: BindingType = BindingType::StorageTexture {
+    access: wgpu::StorageTextureAccess::WriteOnly,
+    format: TextureFormat::R32Uint,
+    view_dimension: TextureViewDimension::D3,
+};
+
+/// Ranges of cells, counts of opaque entries, and the map.
+fn occupancy_entries() -> [BindGroupLayoutEntry; 3] {
+    let (d2, d3) = (integers(TextureViewDimension::D2), integers(TextureViewDimension::D3));
+    [entry(0, d3), entry(1, d2), entry(2, WRITTEN)]
+}
+
+/// Ranges of cells, the map before, homogeneous bits, and the map after.
+fn distance_entries() -> [BindGroupLayoutEntry; 4] {
+    let d3 = integers(TextureViewDimension::D3);
+    [entry(0, d3), entry(1, d3), entry(2, d3), entry(3, WRITTEN)]
+}
+
 impl Builder {
     fn new(gpu: &Gpu) -> Self {
-        let (d2, d3) = (integers(TextureViewDimension::D2), integers(TextureViewDimension::D3));
-        let written = BindingType::StorageTexture {
-            access: wgpu::StorageTextureAccess::WriteOnly,
-            format: TextureFormat::R32Uint,
-            view_dimension: TextureViewDimension::D3,
-        };
-        let occupancy_layout = layout(gpu, "occupancy", &[entry(0, d3), entry(1, d2), entry(2, written)]);
-        let distance_layout = layout(gpu, "distance", &[entry(0, d3), entry(1, d3), entry(2, d3), entry(3, written)]);
+        let occupancy_layout = layout(gpu, "occupancy", &occupancy_entries());
+        let distance_layout = layout(gpu, "distance", &distance_entries());
         let with = |bound: &wgpu::BindGroupLayout| {
             gpu.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
                 label: Some("macrocells"),
@@ -261,4 +273,18 @@ fn fill(gpu: &Gpu, emptiness: &Arc<Emptiness>, outdated: &[&CellTextures]) -> Re
         some.iter().for_each(|cells| cells.is_built_for(emptiness));
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::reflection::unbound;
+    use super::*;
+
+    #[test]
+    fn layouts_bind_what_the_kernels_of_maps_declare() {
+        assert_eq!(unbound(&macrocell_wgsl(), &[occupancy_entries().to_vec()]), [""; 0]);
+        assert_eq!(unbound(&distance_wgsl(), &[distance_entries().to_vec()]), [""; 0]);
+        // That of the other has counts where the map is, and reads what is written.
+        assert_eq!(unbound(&distance_wgsl(), &[occupancy_entries().to_vec()]), ["before", "homogeneous", "after"]);
+    }
 }

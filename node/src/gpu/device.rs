@@ -42,6 +42,19 @@ impl Gpu {
         if self.is_software { DISPATCH_SAMPLES_IN_SOFTWARE } else { DISPATCH_SAMPLES }
     }
 
+    /// Those that bound volumes and pictures.
+    pub(super) fn told_limits(&self) -> Vec<(&'static str, u64)> {
+        let limits = &self.limits;
+        vec![
+            ("max_texture_dimension_2d", limits.max_texture_dimension_2d.into()),
+            ("max_texture_dimension_3d", limits.max_texture_dimension_3d.into()),
+            ("max_buffer_size", limits.max_buffer_size),
+            ("max_storage_buffer_binding_size", limits.max_storage_buffer_binding_size),
+            ("max_compute_invocations_per_workgroup", limits.max_compute_invocations_per_workgroup.into()),
+            ("max_compute_workgroups_per_dimension", limits.max_compute_workgroups_per_dimension.into()),
+        ]
+    }
+
     pub(super) fn open(options: &GpuOptions) -> Result<Self, GpuError> {
         let adapter = choose(options.adapter.as_deref(), options.real_only)?;
         let info = adapter.get_info();

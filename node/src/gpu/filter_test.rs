@@ -5,7 +5,7 @@ use std::num::NonZeroU64;
 use brickcast_shaders::filter_probe_wgsl;
 
 use super::device::Gpu;
-use super::kernel::linear_sampler;
+use super::kernel::{compute_pipeline, entry, layout, linear_sampler, storage, texture};
 use super::upload::texture_3d;
 use crate::kernel::RaycastError;
 
@@ -83,6 +83,13 @@ fn ramp() -> Probe {
     Probe { codes, positions }
 }
 
+/// Texture, sampler, positions, answers.
+fn entries() -> [wgpu::BindGroupLayoutEntry; 4] {
+    let sampler = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Filtering);
+    let volume = texture(wgpu::TextureViewDimension::D3, true);
+    [entry(0, volume), entry(1, sampler), entry(2, storage(true)), entry(3, storage(false))]
+}
+
 /// Reads the texture at every position: (filtered, loaded).
 fn ask(gpu: &Gpu, probe: &Probe) -> Result<Vec<[f32; 2]>, RaycastError> {
     let position_bytes = u64::from(PROBES) * 16;
@@ -98,25 +105,21 @@ fn ask(gpu: &Gpu, probe: &Probe) -> Result<Vec<[f32; 2]>, RaycastError> {
         gpu.queue.write_buffer(&positions, 0, bytemuck::cast_slice(&probe.positions));
         let data = bytemuck::cast_slice(&probe.codes);
         let texture = texture_3d(gpu, [EDGE; 3], wgpu::TextureFormat::R16Unorm, data);
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        let bound = layout(gpu, "filter probe", &entries());
+        let pipeline_layout = device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
             label: Some("filter probe"),
-            source: wgpu::ShaderSource::Wgsl(filter_probe_wgsl().into()),
+            bind_group_layouts: &[Some(&bound)],
+            immediate_size: 0,
         });
-        let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-            label: Some("filter probe"),
-            layout: None,
-            module: &module,
-            entry_point: Some("filter_probe"),
-            compilation_options: wgpu::PipelineCompilationOptions::default(),
-            cache: None,
-        });
+        let source = filter_probe_wgsl().to_owned();
+        let pipeline = compute_pipeline(gpu, Some(&pipeline_layout), "filter_probe", source, &[]);
         let view = texture.create_view(&wgpu::TextureViewDescriptor::default());
         let sampler = linear_sampler(gpu);
         let whole =
             |buffer| wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size: None::<NonZeroU64> });
         let bind_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some("filter probe"),
-            layout: &pipeline.get_bind_group_layout(0),
+            layout: &bound,
             entries: &[
                 wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&view) },
                 wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&sampler) },
@@ -138,4 +141,15 @@ fn ask(gpu: &Gpu, probe: &Probe) -> Result<Vec<[f32; 2]>, RaycastError> {
     gpu.read("the filter's self-test", &staging, answer_bytes, |bytes| {
         bytes.chunks_exact(8).map(bytemuck::pod_read_unaligned).collect()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::reflection::unbound;
+    use super::*;
+
+    #[test]
+    fn the_layout_binds_what_the_probe_declares() {
+        assert_eq!(unbound(filter_probe_wgsl(), &[entries().to_vec()]), [""; 0]);
+    }
 }

@@ -49,12 +49,12 @@ fn constants(bytes: u64, has_dynamic_offset: bool) -> BindingType {
     BindingType::Buffer { ty, has_dynamic_offset, min_binding_size: NonZeroU64::new(bytes) }
 }
 
-fn storage(read_only: bool) -> BindingType {
+pub(super) fn storage(read_only: bool) -> BindingType {
     let ty = BufferBindingType::Storage { read_only };
     BindingType::Buffer { ty, has_dynamic_offset: false, min_binding_size: None }
 }
 
-fn texture(view_dimension: wgpu::TextureViewDimension, filterable: bool) -> BindingType {
+pub(super) fn texture(view_dimension: wgpu::TextureViewDimension, filterable: bool) -> BindingType {
     BindingType::Texture { sample_type: TextureSampleType::Float { filterable }, view_dimension, multisampled: false }
 }
 
@@ -263,38 +263,9 @@ mod tests {
     use brickcast_shaders::{SlabKind, TakeKind};
     use brickcast_volume::PixelKind;
     use brickcast_volume::style::Lighting;
-    use naga::{AddressSpace, ImageClass, ImageDimension, ScalarKind, StorageAccess, TypeInner};
 
+    use super::super::reflection::unbound;
     use super::*;
-
-    /// Does a layout's entry bind what the kernel declares?
-    fn fits(module: &naga::Module, variable: &naga::GlobalVariable, ty: BindingType) -> bool {
-        let (d2, d3) = (wgpu::TextureViewDimension::D2, wgpu::TextureViewDimension::D3);
-        match (&module.types[variable.ty].inner, variable.space, ty) {
-            (TypeInner::Sampler { comparison: false }, _, BindingType::Sampler(_)) => true,
-            (&TypeInner::Image { dim, class: ImageClass::Sampled { kind, multi: false }, .. }, _, ty) => {
-                let BindingType::Texture { sample_type, view_dimension, .. } = ty else { return false };
-                let is_float = matches!(sample_type, TextureSampleType::Float { .. });
-                let of_dim = if dim == ImageDimension::D3 { d3 } else { d2 };
-                view_dimension == of_dim && (kind == ScalarKind::Float) == is_float
-            }
-            (
-                _,
-                AddressSpace::Storage { access },
-                BindingType::Buffer { ty: BufferBindingType::Storage { read_only }, .. },
-            ) => read_only != access.contains(StorageAccess::STORE),
-            _ => false,
-        }
-    }
-
-    /// What of a kernel the pipelines' layouts do not bind, or bind as something else.
-    fn unbound(source: &str, groups: &[Vec<BindGroupLayoutEntry>; 3]) -> Vec<String> {
-        let module = naga::front::wgsl::parse_str(source).unwrap();
-        let bound = |at: naga::ResourceBinding| groups[at.group as usize].iter().find(|e| e.binding == at.binding);
-        let variables = module.global_variables.iter().filter_map(|(_, v)| Some((v, v.binding?)));
-        let wrong = variables.filter(|(v, at)| !bound(*at).is_some_and(|entry| fits(&module, v, entry.ty)));
-        wrong.map(|(v, _)| v.name.clone().unwrap_or_default()).collect()
-    }
 
     fn groups(variant: RaycastVariant) -> [Vec<BindGroupLayoutEntry>; 3] {
         [frame_entries(variant), dispatch_entries(), brick_entries(true)]

@@ -9,6 +9,8 @@ mod kernel;
 mod options;
 mod plan;
 mod readback;
+#[cfg(test)]
+mod reflection;
 mod tables;
 mod upload;
 
@@ -79,8 +81,14 @@ impl GpuRaycaster {
         let kernels = Kernels::new(&gpu, norm16, exact_only).map_err(failed)?;
         let threads =
             if gpu.is_software { std::thread::available_parallelism().map_or(1, |n| n.get() as u32) } else { 1 };
-        let info =
-            BackendInfo { backend: "gpu", adapter: gpu.name.clone(), notes, threads, is_on_processor: gpu.is_software };
+        let info = BackendInfo {
+            backend: "gpu",
+            adapter: gpu.name.clone(),
+            notes,
+            threads,
+            is_on_processor: gpu.is_software,
+            limits: gpu.told_limits(),
+        };
         let accumulator_bytes = options
             .accumulator_bytes
             .min(gpu.limits.max_storage_buffer_binding_size)

@@ -27,6 +27,8 @@ pub struct BackendInfo {
     pub threads: u32,
     /// The processor renders, by itself or playing GPU.
     pub is_on_processor: bool,
+    /// What of the adapter bounds volumes and pictures, by wgpu's names; nothing on the processor.
+    pub limits: Vec<(&'static str, u64)>,
 }
 
 /// The GPU or the CPU kernel behind one door. Calls block; a node calls them from a blocking thread.

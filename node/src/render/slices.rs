@@ -165,7 +165,14 @@ mod tests {
     }
 
     fn info(threads: u32, is_on_processor: bool) -> BackendInfo {
-        BackendInfo { backend: "cpu", adapter: String::new(), notes: Vec::new(), threads, is_on_processor }
+        BackendInfo {
+            backend: "cpu",
+            adapter: String::new(),
+            notes: Vec::new(),
+            threads,
+            is_on_processor,
+            limits: Vec::new(),
+        }
     }
 
     /// Whatever a sample costs, slices come to take what they should within a few; and none has more than the worst

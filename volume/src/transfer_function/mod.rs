@@ -4,6 +4,7 @@ pub(crate) mod codes;
 pub mod color_space;
 pub mod colormap;
 mod colormap_tables;
+pub mod detail;
 pub(crate) mod empty;
 mod function;
 pub mod materials;

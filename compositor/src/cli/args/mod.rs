@@ -57,7 +57,7 @@ pub(crate) use self::region::DEFAULT_SEGMENTATION_RANGE;
 pub use self::region::{RegionArgs, SegmentationArg};
 pub use self::render::RenderArgs;
 pub use self::scene::SceneArgs;
-pub use self::style::StyleArgs;
+pub use self::style::{IntegrationArg, StyleArgs};
 pub use self::tls::{TlsArgs, TlsCommand, TlsInitArgs};
 pub use self::transfer_function::{ConvertArgs, ShowArgs, SuggestArgs, TransferFunctionArgs, TransferFunctionCommand};
 

@@ -2,10 +2,8 @@
 
 use anyhow::anyhow;
 use brickcast_volume::scene::Filter;
-use brickcast_volume::style::{
-    Clip, ClipPlane, Integration, IntegrationKind, Lighting, Mode, Phong, ShadingKind, Style, TableSize,
-};
-use clap::Args;
+use brickcast_volume::style::{Clip, ClipPlane, Integration, Lighting, Mode, Phong, ShadingKind, Style, TableSize};
+use clap::{Args, ValueEnum};
 use glam::DVec3;
 
 use super::awaited::Awaited;
@@ -15,21 +13,36 @@ use super::surface::{SurfaceArg, surface};
 use super::values::{numbers, word};
 use crate::cli::failure::Failure;
 
+/// How a transfer function is integrated, or who decides it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum IntegrationArg {
+    /// By transfer function and step
+    #[default]
+    Auto,
+    /// One value per step
+    Sampled,
+    /// The transfer function's integral between two samples
+    Preintegrated,
+}
+
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Style")]
 pub struct StyleArgs {
-    /// How the transfer function is integrated along a ray [default: preintegrated; sampled with --filter nearest]
-    #[arg(long, value_parser = word::<IntegrationKind>())]
-    pub integration: Option<IntegrationKind>,
+    /// How the transfer function is integrated along a ray
+    ///
+    /// auto: slabs (preintegrated) where the function has what the step would miss, or where --lighting or an isosurface
+    /// needs them; else single samples, which cost less. It is told which, and why.
+    #[arg(long, value_enum, default_value_t)]
+    pub integration: IntegrationArg,
     /// Entries of the pre-integration table: 256 (while a transfer function is dragged) or 1024
     #[arg(long, value_name = "N", default_value_t = 1024)]
     pub table_size: u32,
     /// Light on volume and isosurfaces [default: phong with --isosurface and in the default look, else none]
     #[arg(long, value_parser = word::<ShadingKind>())]
     pub shading: Option<ShadingKind>,
-    /// Where a slab takes its light
-    #[arg(long, value_parser = word::<Lighting>(), default_value_t)]
-    pub lighting: Lighting,
+    /// Where a slab takes its light [default: interpolated]
+    #[arg(long, value_parser = word::<Lighting>())]
+    pub lighting: Option<Lighting>,
     /// World direction towards the light [default: a headlight]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub light: Option<String>,
@@ -99,6 +112,11 @@ impl StyleArgs {
         Ok(Awaited { otsu, cuts: self.cut.clone() })
     }
 
+    /// True where single samples may take the place of slabs: nothing was asked that only slabs have.
+    pub(crate) fn may_be_sampled(&self) -> bool {
+        self.integration == IntegrationArg::Auto && self.lighting.is_none() && self.isosurface.is_empty()
+    }
+
     fn surfaces(&self) -> Result<Vec<SurfaceArg>, String> {
         self.isosurface.iter().map(|text| surface(text)).collect()
     }
@@ -115,22 +133,22 @@ impl StyleArgs {
         };
         let size = TableSize::of_entries(self.table_size)
             .ok_or_else(|| format!("--table-size {}: 256 or 1024", self.table_size))?;
-        let lighting = self.lighting;
+        let lighting = self.lighting.unwrap_or_default();
         let (ambient, diffuse) = (self.ambient, self.diffuse);
         let (specular, shininess) = (self.specular, self.shininess);
         let light_from = self.light_from;
         let phong = Phong { lighting, light, ambient, diffuse, specular, shininess, light_from };
         Ok(Style {
             integration: match (self.integration, filter) {
-                (Some(IntegrationKind::Sampled), _) | (None, Filter::Nearest) => Integration::Sampled,
-                (Some(IntegrationKind::Preintegrated), Filter::Nearest) => {
+                (IntegrationArg::Sampled, _) | (IntegrationArg::Auto, Filter::Nearest) => Integration::Sampled,
+                (IntegrationArg::Preintegrated, Filter::Nearest) => {
                     return Err(
                         "--integration preintegrated: a slab from one label to another would run through labels \
                          that are not there; leave it out, or --filter nearest"
                             .to_owned(),
                     );
                 }
-                (Some(IntegrationKind::Preintegrated), _) | (None, _) => Integration::Preintegrated(size),
+                (IntegrationArg::Preintegrated | IntegrationArg::Auto, _) => Integration::Preintegrated(size),
             },
             shading: lit.then_some(phong),
             surfaces: surfaces.iter().filter_map(SurfaceArg::known).collect(),

@@ -4,6 +4,7 @@ mod awaited;
 mod camera_file;
 mod default_look;
 mod fit;
+mod integration;
 mod light_from;
 pub(crate) mod nothing_shows;
 mod on_store;

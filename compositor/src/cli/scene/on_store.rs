@@ -11,7 +11,7 @@ use super::default_look::{self, Chosen};
 use super::fit;
 use super::plan::{AccelerationPlan, CameraPlan, FunctionPlan, LeapPlan, PresetPlan};
 use super::preset_file::Wanted;
-use super::{SceneChoice, ScenePlan, awaited, camera_file, light_from, preset_file};
+use super::{SceneChoice, ScenePlan, awaited, camera_file, integration, light_from, preset_file};
 use crate::cli::args::DEFAULT_SEGMENTATION_RANGE;
 use crate::cli::failure::Failure;
 use crate::plan::StoreFacts;
@@ -36,6 +36,13 @@ impl ScenePlan {
             Some(preset) => Some(self.preset_on(preset, store, &mut notes)?),
             None => None,
         };
+        let mut style = style;
+        if self.may_be_sampled {
+            let functions = [Some(&transfer_function), region_transfer_function.as_ref()];
+            let (integration, note) = integration::chosen(&style, functions, store.range, self.step);
+            style.integration = integration;
+            notes.push(note);
+        }
         let look = Look {
             transfer_function,
             region_transfer_function,

@@ -30,6 +30,8 @@ pub(crate) struct ScenePlan {
     pub(super) region_view: RegionView,
     /// As asked: light does not yet know of the store's noise.
     pub(super) style: Style,
+    /// The style's slabs may yet be samples, by the function.
+    pub(super) may_be_sampled: bool,
     pub(super) awaited: Awaited,
     pub(super) step: f64,
     pub(super) early_termination: f32,
@@ -138,6 +140,7 @@ impl SceneArgs {
             }),
             opacity_unit: self.opacity_unit,
             region_view: self.accel.view,
+            may_be_sampled: style.integrates_slabs() && self.style.may_be_sampled(),
             style,
             awaited: self.style.awaited()?,
             step: self.step,

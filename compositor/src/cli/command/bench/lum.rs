@@ -6,12 +6,12 @@ use std::time::Duration;
 use anyhow::anyhow;
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::store::Store;
-use brickcast_volume::style::{IntegrationKind, Lighting, ShadingKind};
+use brickcast_volume::style::{Lighting, ShadingKind};
 use comfy_table::Table;
 use serde::Serialize;
 use serde_json::json;
 
-use crate::cli::args::{BenchArgs, Unasked};
+use crate::cli::args::{BenchArgs, IntegrationArg, Unasked};
 use crate::cli::failure::Failure;
 use crate::cli::progress::Bar;
 use crate::cli::say::tell;
@@ -103,20 +103,20 @@ async fn measure(args: &BenchArgs, opened: &Backend, store: &Store, budget: u64)
     let mut session = Session::open_through(nodes.dial(), &nodes.addresses(), StoreChoice::Hash(store.hash())).await?;
     let limit = Duration::from_secs(3600);
     let is_lit = args.scene.style.shading == Some(ShadingKind::Phong);
-    let kinds: Vec<(&'static str, IntegrationKind, Lighting)> = if is_lit {
+    let kinds: Vec<(&'static str, IntegrationArg, Lighting)> = if is_lit {
         vec![
-            ("center", IntegrationKind::Preintegrated, Lighting::Center),
-            ("interpolated", IntegrationKind::Preintegrated, Lighting::Interpolated),
-            ("centroid", IntegrationKind::Preintegrated, Lighting::Centroid),
+            ("center", IntegrationArg::Preintegrated, Lighting::Center),
+            ("interpolated", IntegrationArg::Preintegrated, Lighting::Interpolated),
+            ("centroid", IntegrationArg::Preintegrated, Lighting::Centroid),
         ]
     } else {
         vec![
-            ("sampled", IntegrationKind::Sampled, Lighting::default()),
-            ("preintegrated", IntegrationKind::Preintegrated, Lighting::default()),
+            ("sampled", IntegrationArg::Sampled, Lighting::default()),
+            ("preintegrated", IntegrationArg::Preintegrated, Lighting::default()),
         ]
     };
-    let of_kind = |(_, integration, lighting): (&str, IntegrationKind, Lighting), step: f64| {
-        scene(args, store, step, |style| (style.integration, style.lighting) = (Some(integration), lighting))
+    let of_kind = |(_, integration, lighting): (&str, IntegrationArg, Lighting), step: f64| {
+        scene(args, store, step, |style| (style.integration, style.lighting) = (integration, Some(lighting)))
     };
     let bar = Bar::counting("frames", "frames");
     bar.at(0, 1 + (kinds.len() * STEPS.len()) as u64 * u64::from(args.repeat + 1));

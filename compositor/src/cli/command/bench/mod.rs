@@ -63,8 +63,10 @@ pub async fn run(args: BenchArgs, quiet: bool) -> Result<(), Failure> {
                 continue;
             }
         };
-        let (name, adapter, _) = opened.describe();
-        adapters.push(json!({ "backend": name, "adapter": adapter }));
+        let (name, adapter, notes) = opened.describe();
+        let limits: serde_json::Map<_, _> =
+            opened.limits().iter().map(|(name, most)| ((*name).to_owned(), json!(most))).collect();
+        adapters.push(json!({ "backend": name, "adapter": adapter, "notes": notes, "limits": limits }));
         let bar = Bar::counting(&format!("frames on {name}"), "frames");
         bar.at(0, args.counts.len() as u64 * u64::from(args.repeat + 1));
         for &nodes in &args.counts {
