@@ -17,6 +17,10 @@ use super::slab::Sum;
 use super::take::Take;
 use super::walk::Walk;
 
+/// Lanes that must ask the map wait until they are at least one to so many that can read: they ask one by one otherwise,
+/// at one border of cells after the other, and asking costs the same for one lane as for all.
+const WAIT_FOR: u32 = 2;
+
 /// Takes what a brick adds along the `wanted` rays into `sum`.
 #[inline(always)]
 pub(crate) fn march<L: Lanes>(
@@ -60,26 +64,26 @@ pub(crate) fn march<L: Lanes>(
     let mut follows = none;
     let every = if bound.brick.region_flags == RegionFlags::EveryVoxel as u32 { !none } else { none };
     let has_flags = key.regions && bound.brick.region_flags == RegionFlags::Texture as u32;
+    let fresh = Step::fresh(l, k);
+    let mut step = fresh;
     loop {
         let mut live: L::M = k.lt(k_end) & sum[3].lt(stop);
+        if key.has_map() {
+            loop {
+                let asks = live & walk.looks();
+                let ready = live & !asks;
+                if !asks.any() || asks.count() * WAIT_FOR < ready.count() {
+                    live = ready;
+                    break;
+                }
+                walk.ask_map(&mut step, (&mut k, k_end), &mut follows, (asks, &mut counts));
+                live = k.lt(k_end) & sum[3].lt(stop);
+            }
+        } else {
+            step = fresh;
+        }
         if !live.any() {
             break;
-        }
-        let mut step = Step {
-            code: zero,
-            is_known: none,
-            jumps: none,
-            k_exit: k,
-            looked: none,
-            is_by_map: none,
-            is_deep: none,
-            is_flat: none,
-        };
-        if key.has_map() {
-            live = walk.ask_map(&mut step, (&mut k, k_end), &mut follows, (live, &mut counts));
-            if !live.any() {
-                break;
-            }
         }
         let p = probe.place(k);
         if key.leaps {
@@ -118,6 +122,7 @@ pub(crate) fn march<L: Lanes>(
         if key.leaps {
             walk.leave_code(&step, code, live);
         }
+        step.forget(live);
         follows = (taken & live) | (follows & !live);
         k = L::F::select(live, k + n, k);
     }
