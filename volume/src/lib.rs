@@ -8,6 +8,7 @@ pub mod brick;
 pub mod camera;
 pub mod camera_file;
 pub mod chord;
+pub mod deep_regions;
 mod filter;
 pub mod format;
 pub mod ids;

@@ -12,6 +12,8 @@ use crate::cli::failure::Failure;
 /// A way to shorten rays; several go together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, ValueEnum)]
 pub enum AccelArg {
+    /// ert and ess, and leap where much of what shows lies deep in the store's regions
+    Auto,
     /// The plain loop
     None,
     /// Early ray termination
@@ -30,7 +32,7 @@ pub enum AccelArg {
 #[command(next_help_heading = "Acceleration and regions")]
 pub struct AccelArgs {
     /// How rays are shortened: one of these, or several with commas
-    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [AccelArg::All])]
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [AccelArg::Auto])]
     pub accel: Vec<AccelArg>,
     /// Bricks whose error bound under the transfer function exceeds this (0..1) do not leap [default: none; the
     /// segmentation range is the tolerance]
@@ -65,8 +67,10 @@ impl AccelArgs {
     /// Usage: values out of range, combinations that contradict themselves.
     pub fn check(&self) -> Result<(), Failure> {
         let usage = |text: String| Err(Failure::usage(anyhow!(text)));
-        if self.has(&[AccelArg::None]) && self.accel.iter().any(|a| *a != AccelArg::None) {
-            return usage("--accel: none does not go with others".to_owned());
+        for (alone, name) in [(AccelArg::None, "none"), (AccelArg::Auto, "auto")] {
+            if self.has(&[alone]) && self.accel.iter().any(|a| *a != alone) {
+                return usage(format!("--accel: {name} does not go with others"));
+            }
         }
         if self.has(&[AccelArg::Macro]) && self.has(&[AccelArg::Leap, AccelArg::All]) {
             return usage(
@@ -87,10 +91,26 @@ impl AccelArgs {
         self.macrocell_edge().map(drop)
     }
 
-    /// True where rays leap through the store's regions.
+    /// True where rays leap through the store's regions, whatever shows of them: so it was said, or what is asked for
+    /// has no meaning without.
     #[must_use]
     pub fn leaps_through_regions(&self) -> bool {
-        self.has(&[AccelArg::Leap, AccelArg::All])
+        self.has(&[AccelArg::Leap, AccelArg::All]) || self.is_auto() && self.leap_tolerance.is_some()
+    }
+
+    /// In place of what a look would decide: all accelerations.
+    pub(crate) fn settle_for_leaps(&mut self) {
+        for accel in &mut self.accel {
+            if *accel == AccelArg::Auto {
+                *accel = AccelArg::All;
+            }
+        }
+    }
+
+    /// True where the look decides whether rays leap.
+    #[must_use]
+    pub fn is_auto(&self) -> bool {
+        self.has(&[AccelArg::Auto])
     }
 
     /// True where `leap` was named itself.
@@ -106,7 +126,7 @@ impl AccelArgs {
     /// True where empty macrocells are skipped.
     #[must_use]
     pub fn skips_empty(&self) -> bool {
-        self.has(&[AccelArg::Ess, AccelArg::Macro, AccelArg::All])
+        self.has(&[AccelArg::Ess, AccelArg::Macro, AccelArg::All, AccelArg::Auto])
     }
 
     /// True where rays leap through homogeneous macrocells.
@@ -118,7 +138,7 @@ impl AccelArgs {
     /// `asked`, or 1 (off) where early termination is not among the accelerations.
     #[must_use]
     pub fn early_termination(&self, asked: f32) -> f32 {
-        if self.has(&[AccelArg::Ert, AccelArg::Macro, AccelArg::All]) { asked } else { 1.0 }
+        if self.has(&[AccelArg::Ert, AccelArg::Macro, AccelArg::All, AccelArg::Auto]) { asked } else { 1.0 }
     }
 }
 

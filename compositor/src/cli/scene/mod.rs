@@ -5,6 +5,7 @@ mod camera_file;
 mod default_look;
 mod fit;
 mod integration;
+mod leaps;
 mod light_from;
 pub(crate) mod nothing_shows;
 mod on_store;

@@ -11,7 +11,7 @@ use super::default_look::{self, Chosen};
 use super::fit;
 use super::plan::{AccelerationPlan, CameraPlan, FunctionPlan, LeapPlan, PresetPlan};
 use super::preset_file::Wanted;
-use super::{SceneChoice, ScenePlan, awaited, camera_file, integration, light_from, preset_file};
+use super::{SceneChoice, ScenePlan, awaited, camera_file, integration, leaps, light_from, preset_file};
 use crate::cli::args::DEFAULT_SEGMENTATION_RANGE;
 use crate::cli::failure::Failure;
 use crate::plan::StoreFacts;
@@ -51,12 +51,13 @@ impl ScenePlan {
             style,
         };
         let camera = self.camera_on(facts, &look, &mut notes)?;
+        let leap = self.leap_on(store, &look, &mut notes);
         let quality = Quality {
             step: self.step,
             early_termination: self.early_termination,
             filter: self.filter,
             exact: self.exact,
-            acceleration: self.acceleration.on(store),
+            acceleration: self.acceleration.on(leap),
             samples: self.samples,
         };
         let view = ViewSpec { camera, size: self.size };
@@ -120,6 +121,21 @@ impl ScenePlan {
         Ok(Chosen { function: function?, opacity_unit: None })
     }
 
+    fn leap_on(&self, store: &Manifest, look: &Look, notes: &mut Vec<String>) -> Leap {
+        match self.acceleration.leap {
+            LeapPlan::Known(leap) => leap,
+            LeapPlan::Macrocells => {
+                let segmented = store.regions.as_ref().and_then(|r| r.segmentation_range).map(|share| share as f32);
+                Leap::Macrocells(segmented.unwrap_or(DEFAULT_MACRO_RANGE))
+            }
+            LeapPlan::Auto => {
+                let (leap, note) = leaps::chosen(store, look, self.step);
+                notes.extend(note);
+                leap
+            }
+        }
+    }
+
     fn shows_surfaces(&self) -> bool {
         !self.style.surfaces.is_empty() || self.awaited.otsu.is_some()
     }
@@ -146,14 +162,10 @@ impl ScenePlan {
 }
 
 impl AccelerationPlan {
-    fn on(self, store: &Manifest) -> Acceleration {
-        let segmented = || store.regions.as_ref().and_then(|r| r.segmentation_range).map(|share| share as f32);
+    fn on(self, leap: Leap) -> Acceleration {
         Acceleration {
             skip_empty: self.skip_empty,
-            leap: match self.leap {
-                LeapPlan::Known(leap) => leap,
-                LeapPlan::Macrocells => Leap::Macrocells(segmented().unwrap_or(DEFAULT_MACRO_RANGE)),
-            },
+            leap,
             macrocell: self.macrocell,
             leap_tolerance: self.leap_tolerance,
         }

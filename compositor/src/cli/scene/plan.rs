@@ -102,6 +102,8 @@ pub(super) enum LeapPlan {
     Known(Leap),
     /// By the store's segmentation range.
     Macrocells,
+    /// Through regions, where much of what shows lies deep in them.
+    Auto,
 }
 
 impl SceneArgs {
@@ -236,6 +238,7 @@ impl AccelArgs {
                 (true, Some(range)) => LeapPlan::Known(Leap::Macrocells(range)),
                 (true, None) => LeapPlan::Macrocells,
                 (false, _) if self.leaps_through_regions() => LeapPlan::Known(Leap::Regions),
+                (false, _) if self.is_auto() => LeapPlan::Auto,
                 (false, _) => LeapPlan::Known(Leap::Off),
             },
             macrocell: self.macrocell_edge()?,

@@ -20,9 +20,9 @@ use crate::store::voxel::{SOURCE_TYPES, StoredType};
 
 const FORMAT: &str = "brickcast-store";
 /// Of the format that is written.
-pub const VERSION: u64 = 7;
-/// Read as well: 4 lacks keys that may be left out, and before 6 shards have no checksums of their chunks at their
-/// end, and before 7 there are no cells.
+pub const VERSION: u64 = 8;
+/// Read as well: 4 lacks keys that may be left out, before 6 shards have no checksums of their chunks at their end,
+/// before 7 there are no cells, and before 8 nothing says which values leap voxels have.
 const OLDEST: u64 = 4;
 const FIRST_WITH_CELLS: u64 = 7;
 

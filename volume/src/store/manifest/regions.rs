@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::HISTOGRAM_BINS;
 use super::checks::{field, hash};
 use crate::regions::MAX_REGIONS;
 use crate::space::Geometry;
@@ -51,6 +52,9 @@ pub struct RegionsEntry {
     pub largest: u64,
     /// Voxels that can leap with the narrowest guard, of width 2.
     pub leap_voxels: u64,
+    /// The same by the means of their regions, in the bins of the manifest's histogram. Nothing in stores before version
+    /// 8.
+    pub leap_histogram: Option<Vec<u64>>,
     pub files: RegionHashes,
 }
 
@@ -86,6 +90,9 @@ pub(crate) struct RegionsFile {
     voxels: u64,
     largest: u64,
     leap_voxels: u64,
+    /// Left out before version 8.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    leap_histogram: Option<Vec<u64>>,
     files: Files,
 }
 
@@ -137,6 +144,13 @@ impl RegionsFile {
         if !counts_fit {
             return Err(field("regions", "counts of regions and voxels contradict each other"));
         }
+        if let Some(bins) = &self.leap_histogram {
+            let sum = bins.iter().try_fold(0_u64, |sum, &n| sum.checked_add(n));
+            if bins.len() != HISTOGRAM_BINS || sum != Some(self.leap_voxels) {
+                let why = format!("must be {HISTOGRAM_BINS} counts that add up to leap_voxels, {}", self.leap_voxels);
+                return Err(field("regions.leap_histogram", why));
+            }
+        }
         let files = RegionHashes {
             group: hash("regions.files", &self.files.group)?,
             image: hash("regions.files", &self.files.image)?,
@@ -156,6 +170,7 @@ impl RegionsFile {
             voxels: self.voxels,
             largest: self.largest,
             leap_voxels: self.leap_voxels,
+            leap_histogram: self.leap_histogram,
             files,
         })
     }
@@ -172,6 +187,7 @@ impl From<&RegionsEntry> for RegionsFile {
             voxels: e.voxels,
             largest: e.largest,
             leap_voxels: e.leap_voxels,
+            leap_histogram: e.leap_histogram.clone(),
             files: Files {
                 group: e.files.group.to_string(),
                 image: e.files.image.to_string(),

@@ -9,17 +9,18 @@ use super::facts_build::{FactsBuilder, FinalSlab};
 use super::facts_table::{BrickFactsTable, regions_to_bytes};
 use super::segment::{Finder, Found, Segmenter};
 use crate::brick::BrickGrid;
+use crate::regions::{NO_REGION, RegionTable};
 use crate::regions::block::{BlockSpace, Slab};
+use crate::regions::code::code_of_density;
 use crate::regions::components::numbered;
 use crate::regions::runs::BLOCK_EDGE;
-use crate::regions::{NO_REGION, RegionTable};
 use crate::store::error::StoreError;
 use crate::store::halo::reach::has_halos;
 use crate::store::halo::write::RegionHalos;
 use crate::store::halo::writer::WrittenHalos;
 use crate::store::hash::ContentHash;
-use crate::store::manifest::Manifest;
 use crate::store::manifest::regions::{RegionHashes, RegionsEntry, SegmentationMethod};
+use crate::store::manifest::{HISTOGRAM_BINS, Manifest};
 use crate::store::no_data::clear_holes;
 use crate::store::profile::{
     CHUNK_EDGE, DISTANCE_ARRAY_FILE, DISTANCE_SHARDS_FILE, LABEL_ARRAY_FILE, LABEL_IMAGE_FILE, LABEL_SHARDS_FILE,
@@ -75,7 +76,12 @@ pub(crate) fn write_regions(
             fs::remove_dir_all(&shards).map_err(StoreError::io("remove", &shards))?;
         }
     };
-    let leaps = found.kept.iter().zip(&label_of_kept).filter(|(_, label)| **label != NO_REGION);
+    let mut leap_histogram = vec![0_u64; HISTOGRAM_BINS];
+    for (part, &label) in found.kept.iter().zip(&label_of_kept) {
+        if let Some(region) = table.get(label) {
+            leap_histogram[usize::from(code_of_density(region.mean())) * HISTOGRAM_BINS >> 16] += part.leaps;
+        }
+    }
     let files = vec![
         (LABELS_GROUP_FILE, zarr_json::labels_group()),
         (LABEL_IMAGE_FILE, zarr_json::label_image(manifest)),
@@ -95,7 +101,8 @@ pub(crate) fn write_regions(
         count: table.0.len() as u32,
         voxels: table.0.iter().map(|r| r.voxels).sum(),
         largest: table.0.iter().map(|r| r.voxels).max().unwrap_or(0),
-        leap_voxels: leaps.map(|(part, _)| part.leaps).sum(),
+        leap_voxels: leap_histogram.iter().sum(),
+        leap_histogram: Some(leap_histogram),
         files: RegionHashes {
             group: hash(0),
             image: hash(1),

@@ -27,8 +27,16 @@ const NONE: Mode = ("none", &[AccelArg::None]);
 const ERT: Mode = ("ert", &[AccelArg::Ert]);
 const ESS: Mode = ("ess", &[AccelArg::Ess]);
 const ERT_ESS: Mode = ("ert,ess", &[AccelArg::Ert, AccelArg::Ess]);
-const FREY: [Mode; 7] =
-    [NONE, ERT, ESS, ERT_ESS, ("leap", &[AccelArg::Leap]), ("macro", &[AccelArg::Macro]), ("all", &[AccelArg::All])];
+const FREY: [Mode; 8] = [
+    NONE,
+    ERT,
+    ESS,
+    ERT_ESS,
+    ("leap", &[AccelArg::Leap]),
+    ("macro", &[AccelArg::Macro]),
+    ("all", &[AccelArg::All]),
+    ("auto", &[AccelArg::Auto]),
+];
 const KRUEGER: [Mode; 4] = [NONE, ERT, ESS, ERT_ESS];
 
 /// One acceleration at one segmentation range.

@@ -162,7 +162,15 @@ fn check_paths(args: &RenderArgs, scenes: &ScenesPlan, output: Option<&OutputPla
 
 impl ScenesPlan {
     fn asked(args: &RenderArgs) -> Result<Self, Failure> {
-        let scene = Box::new(args.scene.plan(if args.audit { Unasked::Plain } else { Unasked::Chosen })?);
+        let scene = if args.audit {
+            // What it compares is the picture with leaps, whatever they save.
+            let mut audited = args.scene.clone();
+            audited.accel.settle_for_leaps();
+            audited.plan(Unasked::Plain)?
+        } else {
+            args.scene.plan(Unasked::Chosen)?
+        };
+        let scene = Box::new(scene);
         Ok(Self::Asked { scene, frames: args.frames, path: args.camera_path, degrees: args.orbit.unwrap_or(360.0) })
     }
 
