@@ -8,6 +8,8 @@
 // not inlined is not compiled for its set.
 #![allow(clippy::needless_range_loop)]
 
+mod counts;
+mod known;
 mod lanes;
 mod march;
 mod packet;
@@ -17,11 +19,15 @@ mod ray;
 mod read;
 mod run;
 mod scalar;
+mod shown;
 mod slab;
+mod slab_table;
 mod surface;
+mod table;
 mod take;
 mod tile;
 mod walk;
 
 pub use lanes::InstructionSet;
+pub use shown::ShownEntries;
 pub use tile::{Pause, PlacedBrick, Tile, render_tile};

@@ -8,12 +8,15 @@ use brickcast_shaders::TakeKind;
 use brickcast_shaders::layout::RegionFlags;
 use brickcast_shaders::twin::bindings::{Bindings, RayCounts};
 
-use super::lanes::{Floats, Lanes, Mask};
+use super::counts::Counts;
+use super::known::Known;
+use super::lanes::{Floats, Ints, Lanes, Mask};
 use super::probe::Probe;
 use super::ray::{Rays, first_outside, first_sample};
 use super::read::Reader;
 use super::run::{Run, Step};
 use super::slab::Sum;
+use super::slab_table::Slabs;
 use super::take::Take;
 use super::walk::Walk;
 
@@ -21,24 +24,26 @@ use super::walk::Walk;
 /// at one border of cells after the other, and asking costs the same for one lane as for all.
 const WAIT_FOR: u32 = 2;
 
-/// Takes what a brick adds along the `wanted` rays into `sum`.
+/// What a brick adds to `sum` along the `wanted` rays.
 #[inline(always)]
-pub(crate) fn march<L: Lanes>(
+pub(crate) fn march<L: Lanes, K: Known>(
+    _: K,
     l: L,
     bound: &Bindings<'_>,
     reader: &Reader<'_>,
     (rays, wanted): (&Rays<L>, L::M),
-    sum: &mut Sum<L>,
-) -> RayCounts {
-    let (frame, style, key) = (bound.scene.frame, bound.scene.style, bound.key);
-    let mut counts = RayCounts::default();
+    mut sum: Sum<L>,
+) -> (Sum<L>, RayCounts) {
+    let (frame, style, key) = (bound.scene.frame, bound.scene.style, K::key(bound.key));
+    let (reader, rays) = (K::reader(*reader), *rays);
+    let mut counts = Counts::none(l);
     let (zero, one, none) = (l.splat(0.0), l.splat(1.0), l.mask(0));
     let stop = l.splat(frame.stop_alpha);
     let alive = wanted & sum[3].lt(stop);
     if !alive.any() {
-        return counts;
+        return (sum, counts.total(l));
     }
-    let Some(mut owned) = rays.owned(l, frame, bound.brick, alive) else { return counts };
+    let Some(mut owned) = rays.owned(l, frame, bound.brick, alive) else { return (sum, counts.total(l)) };
     let mut alive = owned.is_some;
     let is_styled = key.take != TakeKind::Sampled;
     let mut t_lo = zero;
@@ -48,42 +53,53 @@ pub(crate) fn march<L: Lanes>(
         owned.k = L::F::select(zero.lt(lo), first_sample(l, frame, lo).larger(owned.k), owned.k);
         alive = alive & (owned.k * l.splat(frame.step)).lt(owned.t_out);
         if !alive.any() {
-            return counts;
+            return (sum, counts.total(l));
         }
         t_lo = lo;
     }
-    let probe = &Probe { l, reader, rays, step: frame.step, style, is_styled, per_unit: frame.voxels_per_unit };
+    let probe = &Probe { l, reader, rays: &rays, step: frame.step, style, is_styled, per_unit: frame.voxels_per_unit };
     // The first position that is not owned, and the first that is not visited.
     let k_out = first_outside(l, frame, owned.k, owned.t_out);
     let k_end = if key.take.ends_beyond() { k_out + one } else { k_out };
     // Nothing of rays that end before.
     let k_end = L::F::select(alive, k_end, zero);
-    let mut walk = Walk::new(probe, bound, owned.k);
-    let mut taking = Take::new(probe, bound, t_lo);
+    let slabs = Slabs::of(l, bound, key.take.slab_kind());
+    let mut walk = Walk::<L, K>::new(probe, bound, owned.k);
+    let mut taking = Take::<L, K>::new(probe, bound, slabs.as_ref(), t_lo);
     let mut k = owned.k;
     let mut follows = none;
     let every = if bound.brick.region_flags == RegionFlags::EveryVoxel as u32 { !none } else { none };
     let has_flags = key.regions && bound.brick.region_flags == RegionFlags::Texture as u32;
+    // Which rays had not stopped a turn ago: where a ray is must not wait for what it adds (docs/adr/0015-lanes.md).
+    let mut went_on = alive;
+    // May something be known of positions before they are read?
+    let may_know = key.leaps || (K::has_map(key) && (key.cubes || key.take.is_projection()));
     let fresh = Step::fresh(l, k);
     let mut step = fresh;
     loop {
-        let mut live: L::M = k.lt(k_end) & sum[3].lt(stop);
-        if key.has_map() {
+        let goes_on = sum[3].lt(stop);
+        let mut live: L::M = k.lt(k_end) & goes_on;
+        if !live.any() {
+            break;
+        }
+        if K::has_map(key) {
             loop {
-                let asks = live & walk.looks();
-                let ready = live & !asks;
+                let walking = k.lt(k_end) & went_on;
+                let asks = walking & walk.looks();
+                let ready = walking & !asks;
                 if !asks.any() || asks.count() * WAIT_FOR < ready.count() {
-                    live = ready;
+                    live = ready & goes_on;
                     break;
                 }
-                walk.ask_map(&mut step, (&mut k, k_end), &mut follows, (asks, &mut counts));
-                live = k.lt(k_end) & sum[3].lt(stop);
+                walk.ask_map(&mut step, (&mut k, k_end), &mut follows, (asks, goes_on), &mut counts);
+            }
+            went_on = goes_on;
+            if !live.any() {
+                // All that could have read has stopped; others may wait to ask.
+                continue;
             }
         } else {
             step = fresh;
-        }
-        if !live.any() {
-            break;
         }
         let p = probe.place(k);
         if key.leaps {
@@ -94,44 +110,48 @@ pub(crate) fn march<L: Lanes>(
         let mut in_region = step.is_deep | every;
         let reads = live & !step.is_known;
         if reads.any() {
-            code = L::F::select(reads, reader.read(l, p), code);
-            counts.samples += reads.count();
+            let read = reader.read(l, p);
+            code = if may_know { L::F::select(reads, read, code) } else { read };
+            counts.samples = counts.samples.count(reads);
             if has_flags {
                 let flagged = reader.flagged(l, reader.nearest_index(l, p));
                 in_region = (flagged & reads) | (in_region & !reads);
-                counts.samples += reads.count();
+                counts.samples = counts.samples.count(reads);
             }
         }
         let owns = n.smaller(k_out - k).larger(zero);
-        if (live & step.jumps).any() {
-            counts.positions += total(l, live, owns);
-            counts.leapt += total(l, live & step.jumps & step.is_flat, n);
+        let jumps = (live & step.jumps).any();
+        if jumps {
+            counts.positions = counts.positions + owns.only(live).cut_off();
+            counts.leapt = counts.leapt + n.only(live & step.jumps & step.is_flat).cut_off();
         } else {
-            counts.positions += (live & zero.lt(owns)).count();
+            let owned = if key.take.ends_beyond() { live & zero.lt(owns) } else { live };
+            counts.positions = counts.positions.count(owned);
         }
         // A place without data is no sample, and no slab ends or starts there.
         let taken = if reader.has_holes { live & zero.le(code) } else { live };
         let mut shows = none;
         if taken.any() {
-            let run = Run { k, n, owns, code, in_region, is_flat: step.is_flat, follows };
-            shows = taking.take(p, &run, taken, sum);
+            let run = Run { k, n, owns, jumps, code, in_region, is_flat: step.is_flat, follows };
+            shows = taking.take(p, &run, taken, &mut sum);
         }
-        if key.has_map() {
+        if K::has_map(key) {
+            // Lanes that wait keep all that they have.
             walk.leave_map(&step, (k, n), shows, live);
+            if key.leaps {
+                walk.leave_code(&step, code, live);
+            }
+            step.forget(live);
+            follows = (taken & live) | (follows & !live);
+            k = L::F::select(live, k + n, k);
+        } else {
+            if key.leaps {
+                walk.leave_code(&step, code, !none);
+            }
+            follows = taken;
+            // Rays that have ended or stopped go on, too, and take nothing.
+            k = k + n;
         }
-        if key.leaps {
-            walk.leave_code(&step, code, live);
-        }
-        step.forget(live);
-        follows = (taken & live) | (follows & !live);
-        k = L::F::select(live, k + n, k);
     }
-    counts
-}
-
-/// Of whole numbers, where wanted.
-#[inline(always)]
-pub(crate) fn total<L: Lanes>(l: L, wanted: L::M, n: L::F) -> u32 {
-    let n = l.store_int(L::F::select(wanted, n, l.splat(0.0)).cut_off());
-    n[..L::N].iter().sum::<i32>() as u32
+    (sum, counts.total(l))
 }

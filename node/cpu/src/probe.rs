@@ -32,7 +32,7 @@ impl<L: Lanes> Lit<L> {
 /// Reads along rays; places outside the volume are clamped to it.
 pub(crate) struct Probe<'a, L: Lanes> {
     pub(crate) l: L,
-    pub(crate) reader: &'a Reader<'a>,
+    pub(crate) reader: Reader<'a>,
     pub(crate) rays: &'a Rays<L>,
     pub(crate) step: f32,
     pub(crate) style: &'a StyleUniform,
@@ -124,22 +124,18 @@ impl<L: Lanes> LightAt<'_, '_, L> {
         let one = l.splat(1.0);
         // By central differences over one voxel.
         let (mut gradient, mut lacks) = ([one; 3], one.lt(one));
-        macro_rules! along {
-            ($axis:literal) => {{
-                let (mut ahead, mut behind) = (p, p);
-                ahead[$axis] = ahead[$axis] + one;
-                behind[$axis] = behind[$axis] - one;
-                let ahead = probe.reader.read(l, probe.inside(ahead));
-                let behind = probe.reader.read(l, probe.inside(behind));
-                if probe.reader.has_holes {
-                    lacks = lacks | ahead.smaller(behind).lt(l.splat(0.0));
-                }
-                gradient[$axis] = (ahead - behind) * l.splat(0.5) * l.splat(probe.per_unit[$axis]);
-            }};
+        let (mut ahead, mut behind) = (p, p);
+        for a in 0..3 {
+            (ahead[a], behind[a]) = (p[a] + one, p[a] - one);
         }
-        along!(0);
-        along!(1);
-        along!(2);
+        let around = probe.reader.around(l, probe.inside(p), probe.inside(ahead), probe.inside(behind));
+        for a in 0..3 {
+            let [ahead, behind] = around[a];
+            if probe.reader.has_holes {
+                lacks = lacks | ahead.smaller(behind).lt(l.splat(0.0));
+            }
+            gradient[a] = (ahead - behind) * l.splat(0.5) * l.splat(probe.per_unit[a]);
+        }
         let steepness = dot::<L>(gradient, gradient).sqrt();
         // Homogeneous material is not lit by its noise.
         let part = clamped(l, steepness / l.splat(style.light_from) - one, one);

@@ -7,6 +7,7 @@ use brickcast_shaders::twin::holes::NO_DATA;
 
 use super::lanes::{Floats, Ints, Lanes};
 use super::ray::{Place, between};
+use super::shown::ShownEntries;
 
 const CODE: f32 = 1.0 / 65535.0;
 
@@ -24,6 +25,7 @@ pub(crate) struct Reader<'a> {
     pub(crate) has_holes: bool,
     pub(crate) means: Option<&'a [f32]>,
     flags: &'a [u8],
+    pub(crate) shown: ShownEntries,
 }
 
 /// What a texel of a coded brick says.
@@ -40,7 +42,7 @@ pub(crate) struct Coded<L: Lanes> {
 impl<'a> Reader<'a> {
     /// `None` for bricks that lanes cannot read: that lack texels, flags or parts of their map, have a single texel
     /// along an axis, or more than lanes can count.
-    pub(crate) fn new(bound: &Bindings<'a>) -> Option<Self> {
+    pub(crate) fn new(bound: &Bindings<'a>, shown: ShownEntries) -> Option<Self> {
         let (frame, brick, data) = (bound.scene.frame, bound.brick, bound.data);
         let dims = brick.stored_dims;
         let voxels = dims.iter().try_fold(1_usize, |n, &side| n.checked_mul(side as usize))?;
@@ -73,7 +75,19 @@ impl<'a> Reader<'a> {
             has_holes: brick.holes != 0,
             means: if bound.key.leaps { data.means } else { None },
             flags: data.flags,
+            shown,
         })
+    }
+
+    /// Are all values between voxels, and all of them data?
+    pub(crate) fn is_plain(&self) -> bool {
+        !self.is_nearest && !self.has_holes
+    }
+
+    /// The same, of one that is plain, as constants.
+    #[inline(always)]
+    pub(crate) fn plain(self) -> Self {
+        Self { is_nearest: false, has_holes: false, means: None, ..self }
     }
 
     #[inline(always)]
@@ -81,14 +95,20 @@ impl<'a> Reader<'a> {
         x + y * l.splat_int(self.row) + z * l.splat_int(self.slice)
     }
 
-    /// The weight of the far corner along an axis, and the near one.
+    /// The weight of the far corner along an axis, and the near one, in texels from the brick's first.
     #[inline(always)]
     fn corner<L: Lanes>(&self, l: L, p: L::F, a: usize) -> (L::F, L::I) {
         // Half a voxel up in place of down: never negative, so that cutting off rounds down.
         let q = p + l.splat(0.5);
         let whole = q.cut_off();
         let corner = (whole - l.splat_int(self.first_texel[a])).larger(l.splat_int(0));
-        (q - whole.floats(), corner.smaller(l.splat_int(self.last_corner[a])))
+        let corner = corner.smaller(l.splat_int(self.last_corner[a]));
+        let texels = match a {
+            0 => corner,
+            1 => corner * l.splat_int(self.row),
+            _ => corner * l.splat_int(self.slice),
+        };
+        (q - whole.floats(), texels)
     }
 
     /// The index along an axis of the voxel that holds a place.
@@ -108,10 +128,53 @@ impl<'a> Reader<'a> {
             let code = if self.has_holes { L::F::select(is_hole, l.splat(NO_DATA), code) } else { code };
             return code * l.splat(self.code_scale);
         }
-        let (wx, x) = self.corner(l, p[0], 0);
-        let (wy, y) = self.corner(l, p[1], 1);
-        let (wz, z) = self.corner(l, p[2], 2);
-        let at = self.texel(l, [x, y, z]);
+        let corners = [self.corner(l, p[0], 0), self.corner(l, p[1], 1), self.corner(l, p[2], 2)];
+        self.between_corners(l, corners)
+    }
+
+    /// What lies ahead of places along each axis, and what behind: the codes at places that have one coordinate of
+    /// `ahead` or `behind` in place of their own. What the other two say is found once.
+    #[inline(always)]
+    pub(crate) fn around<L: Lanes>(&self, l: L, p: Place<L>, ahead: Place<L>, behind: Place<L>) -> [[L::F; 2]; 3] {
+        macro_rules! along {
+            ($axis:literal, $read:ident, $here:expr) => {{
+                let (mut further, mut back) = ($here, $here);
+                further[$axis] = $read!(ahead, $axis);
+                back[$axis] = $read!(behind, $axis);
+                (further, back)
+            }};
+        }
+        if self.is_nearest {
+            macro_rules! place {
+                ($of:ident, $axis:literal) => {
+                    $of[$axis]
+                };
+            }
+            let (x, y, z) = (along!(0, place, p), along!(1, place, p), along!(2, place, p));
+            return [
+                [self.read(l, x.0), self.read(l, x.1)],
+                [self.read(l, y.0), self.read(l, y.1)],
+                [self.read(l, z.0), self.read(l, z.1)],
+            ];
+        }
+        macro_rules! corner {
+            ($of:ident, $axis:literal) => {
+                self.corner(l, $of[$axis], $axis)
+            };
+        }
+        let here = [corner!(p, 0), corner!(p, 1), corner!(p, 2)];
+        let (x, y, z) = (along!(0, corner, here), along!(1, corner, here), along!(2, corner, here));
+        [
+            [self.between_corners(l, x.0), self.between_corners(l, x.1)],
+            [self.between_corners(l, y.0), self.between_corners(l, y.1)],
+            [self.between_corners(l, z.0), self.between_corners(l, z.1)],
+        ]
+    }
+
+    /// The trilinear code by the weights and near corners of each axis, in texels of the brick.
+    #[inline(always)]
+    fn between_corners<L: Lanes>(&self, l: L, [(wx, x), (wy, y), (wz, z)]: [(L::F, L::I); 3]) -> L::F {
+        let at = x + y + z;
         let (row, slice) = (l.splat_int(self.row), l.splat_int(self.slice));
         let codes = self.codes.as_ptr();
         // SAFETY: corners were clamped to dims - 2, so that they and the next texel along each axis lie within the

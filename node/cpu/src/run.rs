@@ -26,6 +26,8 @@ pub(crate) struct Run<L: Lanes> {
     pub(crate) n: L::F,
     /// Those of them that the brick owns.
     pub(crate) owns: L::F,
+    /// Some lane's run is longer than one position.
+    pub(crate) jumps: bool,
     pub(crate) code: L::F,
     pub(crate) in_region: L::M,
     pub(crate) is_flat: L::M,

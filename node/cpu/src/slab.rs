@@ -2,13 +2,13 @@
 //! (`shaders/src/twin/slab.rs`, `surface.rs`).
 
 use brickcast_shaders::SlabKind;
-use brickcast_shaders::twin::bindings::{Bindings, SlabTable};
 use brickcast_volume::style::Lighting;
 
 use super::lanes::{Floats, Ints, Lanes, Mask};
 use super::power::power;
 use super::probe::{Lit, Probe};
-use super::ray::{Place, clamped};
+use super::ray::Place;
+use super::slab_table::{Nodes, Slabs};
 
 /// Premultiplied, or what else accumulators hold.
 pub(crate) type Sum<L> = [<L as Lanes>::F; 4];
@@ -19,6 +19,8 @@ pub(crate) struct End<L: Lanes> {
     pub(crate) code: L::F,
     /// In steps along the ray.
     pub(crate) k: L::F,
+    /// Where `code` lies in the table of slabs, where there is but one.
+    pub(crate) at: (L::I, L::F),
     pub(crate) light: Lit<L>,
     pub(crate) is_lit: L::M,
     /// What follows, up to the next sample, is lit as the cut by which the ray enters.
@@ -32,6 +34,7 @@ impl<L: Lanes> End<L> {
         Self {
             code: L::F::select(mask, yes.code, no.code),
             k: L::F::select(mask, yes.k, no.k),
+            at: (L::I::select(mask, yes.at.0, no.at.0), L::F::select(mask, yes.at.1, no.at.1)),
             light: Lit::select(mask, yes.light, no.light),
             is_lit: (yes.is_lit & mask) | (no.is_lit & !mask),
             is_cut: (yes.is_cut & mask) | (no.is_cut & !mask),
@@ -59,10 +62,11 @@ impl<L: Lanes> End<L> {
 #[inline(always)]
 pub(crate) fn add<L: Lanes>(l: L, sum: &mut Sum<L>, shows: L::M, more: Sum<L>) {
     let through = l.splat(1.0) - sum[3];
-    sum[0] = L::F::select(shows, sum[0] + through * more[0], sum[0]);
-    sum[1] = L::F::select(shows, sum[1] + through * more[1], sum[1]);
-    sum[2] = L::F::select(shows, sum[2] + through * more[2], sum[2]);
-    sum[3] = L::F::select(shows, sum[3] + through * more[3], sum[3]);
+    // No sum is -0: adding zeros changes no bit.
+    sum[0] = sum[0] + (through * more[0]).only(shows);
+    sum[1] = sum[1] + (through * more[1]).only(shows);
+    sum[2] = sum[2] + (through * more[2]).only(shows);
+    sum[3] = sum[3] + (through * more[3]).only(shows);
 }
 
 /// Colour under a light, no brighter than `most`; `white` of the light's glint.
@@ -95,66 +99,43 @@ fn of_length<L: Lanes>(l: L, slab: Sum<L>, length: L::F) -> Sum<L> {
     ]
 }
 
-/// Where ends lie among the nodes of a table.
-#[derive(Debug, Clone, Copy)]
-struct Nodes<L: Lanes> {
-    front: (L::I, L::F),
-    back: (L::I, L::F),
-}
-
-/// The node below codes, and how far on to the next they lie.
+/// Where codes lie in the table of slabs, if there is but one; else of no meaning.
 #[inline(always)]
-fn entry<L: Lanes>(l: L, table: &SlabTable<'_>, code: L::F) -> (L::I, L::F) {
-    let blocks = table.warp.len() as i32;
-    let at = clamped(l, code * l.splat(table.scale), l.splat(blocks as f32));
-    let i = at.cut_off().smaller(l.splat_int(blocks - 1));
-    let words = table.warp.as_ptr().cast::<u32>();
-    let first = i.shift_left(1);
-    // SAFETY: blocks were clamped to those of the warp, each of them two words.
-    let (start, growth) =
-        unsafe { (l.words(words, first).as_bits(), l.words(words, first + l.splat_int(1)).as_bits()) };
-    let entry = clamped(l, start + (at - i.floats()) * growth, l.splat((table.size - 1) as f32));
-    let node = entry.cut_off().smaller(l.splat_int(table.size as i32 - 2));
-    (node, entry - node.floats())
-}
-
-/// Do slabs between nodes show anything?
-#[inline(always)]
-fn shows<L: Lanes>(l: L, table: &SlabTable<'_>, Nodes { front, back }: &Nodes<L>) -> L::M {
-    let words = table.shown_before.as_ptr();
-    let last = l.splat_int(table.shown_before.len() as i32 - 1);
-    let (lo, hi) = (front.0.smaller(back.0), front.0.larger(back.0) + l.splat_int(2));
-    // Nothing is known of what lies beyond the last.
-    let known = hi.smaller(last);
-    // SAFETY: nodes lie within the table, and more than its nodes are counted.
-    let (before, after) = unsafe { (l.words(words, lo), l.words(words, known)) };
-    !(before.same(after) & known.same(hi))
-}
-
-#[inline(always)]
-fn look_up<L: Lanes>(l: L, table: &SlabTable<'_>, entries: &[[f32; 4]], nodes: &Nodes<L>) -> Sum<L> {
-    let ((i, u), (j, v)) = (nodes.front, nodes.back);
-    let at = i * l.splat_int(table.size as i32) + j;
-    // SAFETY: nodes are no larger than size - 2, and tables of size * size entries (`Reader::new`).
-    unsafe { l.among_rows(entries.as_ptr(), at, table.size, [v, u]) }
+pub(crate) fn entry_of<L: Lanes>(
+    l: L,
+    slabs: Option<&[Slabs<'_, L>; 2]>,
+    tells_regions_apart: bool,
+    code: L::F,
+) -> (L::I, L::F) {
+    match slabs {
+        Some([table, _]) if !tells_regions_apart => table.entry(l, code),
+        _ => (l.splat_int(0), l.splat(0.0)),
+    }
 }
 
 /// What closes slabs: where, of which kind, with which tables.
 pub(crate) struct Closing<'a, L: Lanes> {
     pub(crate) probe: &'a Probe<'a, L>,
-    pub(crate) bound: &'a Bindings<'a>,
+    pub(crate) slabs: Option<&'a [Slabs<'a, L>; 2]>,
     pub(crate) kind: SlabKind,
     /// Slabs that lie in regions, where tables differ.
     pub(crate) in_region: L::M,
+    /// They do: ends know no place in a table.
+    pub(crate) tells_regions_apart: bool,
 }
 
 impl<'a, L: Lanes> Closing<'a, L> {
+    /// Where codes lie in the table, if there is but one; else of no meaning.
+    #[inline(always)]
+    pub(crate) fn entry(&self, code: L::F) -> (L::I, L::F) {
+        entry_of(self.probe.l, self.slabs, self.tells_regions_apart, code)
+    }
+
     /// For slabs outside regions, and in them, those that are `wanted`; nothing where slabs are single samples.
     #[inline(always)]
-    fn tables(&self, wanted: L::M) -> Option<[(&'a SlabTable<'a>, L::M); 2]> {
-        let tables = if self.kind.preintegrated { self.bound.scene.slabs.as_ref() } else { None };
-        let [outside, inside] = tables?;
-        let in_region = if self.bound.key.regions { self.in_region } else { self.probe.l.mask(0) };
+    fn tables(&self, wanted: L::M) -> Option<[(&'a Slabs<'a, L>, L::M); 2]> {
+        let [outside, inside] = self.slabs?;
+        let in_region = if self.tells_regions_apart { self.in_region } else { self.probe.l.mask(0) };
         Some([(outside, wanted & !in_region), (inside, wanted & in_region)])
     }
 
@@ -181,7 +162,7 @@ impl<'a, L: Lanes> Closing<'a, L> {
     #[inline(always)]
     fn add_slab_of(
         &self,
-        table: &SlabTable<'_>,
+        table: &Slabs<'_, L>,
         sum: &mut Sum<L>,
         (front, back): (&mut End<L>, &mut End<L>),
         length: L::F,
@@ -189,11 +170,14 @@ impl<'a, L: Lanes> Closing<'a, L> {
     ) -> L::F {
         let l = self.probe.l;
         let zero = l.splat(0.0);
-        let nodes = Nodes { front: entry(l, table, front.code), back: entry(l, table, back.code) };
-        if !(wanted & shows(l, table, &nodes)).any() {
+        let mut nodes = Nodes { front: front.at, back: back.at };
+        if self.tells_regions_apart {
+            nodes = Nodes { front: table.entry(l, front.code), back: table.entry(l, back.code) };
+        }
+        if !(wanted & table.shows(l, &nodes)).any() {
             return zero;
         }
-        let slab = look_up(l, table, table.front, &nodes);
+        let slab = table.look_up(l, table.front, &nodes);
         // Adding nothing changes no bit, and light on nothing need not be known.
         let shown = wanted & zero.lt(slab[3]);
         if !shown.any() {
@@ -210,7 +194,7 @@ impl<'a, L: Lanes> Closing<'a, L> {
     #[inline(always)]
     fn lit(
         &self,
-        table: &SlabTable<'_>,
+        table: &Slabs<'_, L>,
         nodes: &Nodes<L>,
         slab: Sum<L>,
         (front, back): (&mut End<L>, &mut End<L>),
@@ -218,7 +202,7 @@ impl<'a, L: Lanes> Closing<'a, L> {
     ) -> Sum<L> {
         let (probe, kind, l) = (self.probe, self.kind, self.probe.l);
         let alpha = slab[3];
-        let far = if kind.has_weights() { look_up(l, table, table.back, nodes) } else { [l.splat(0.0); 4] };
+        let far = if kind.has_weights() { table.look_up(l, table.back, nodes) } else { [l.splat(0.0); 4] };
         let plain = shown & !front.is_cut;
         let mut color = [slab[0], slab[1], slab[2]];
         match kind.light {
@@ -280,16 +264,16 @@ impl<'a, L: Lanes> Closing<'a, L> {
             if !wanted.any() {
                 continue;
             }
-            let end = entry(l, table, code);
+            let end = table.entry(l, code);
             let nodes = Nodes { front: end, back: end };
-            let slab = look_up(l, table, table.front, &nodes);
+            let slab = table.look_up(l, table.front, &nodes);
             let shown = wanted & zero.lt(slab[3]);
             let mut far = [zero; 4];
             if kind.has_weights() {
-                far = look_up(l, table, table.back, &nodes);
+                far = table.look_up(l, table.back, &nodes);
             }
             let mut n = n;
-            if (cut & shown).any() {
+            if kind.light.is_some() && (cut & shown).any() {
                 let [r, g, b] = self.cut(slab, far);
                 add(l, sum, cut & shown, [r, g, b, slab[3]]);
                 n = L::F::select(cut, n - l.splat(1.0), n);

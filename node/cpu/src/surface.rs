@@ -76,7 +76,9 @@ impl<L: Lanes> Task for CloseSurfaces<'_, '_, L> {
             let (k, has_data) = crossing(probe, (&first, back), value);
             let met = met & has_data;
             let k = k.larger(front.k);
-            let mut here = End { code: value, k, light: Lit::none(l), is_lit: one.lt(zero), is_cut: first.is_cut };
+            let at = closing.entry(value);
+            let (light, is_cut) = (Lit::none(l), first.is_cut);
+            let mut here = End { code: value, k, at, light, is_lit: one.lt(zero), is_cut };
             if closing.kind.preintegrated {
                 let length = k - front.k;
                 l.enter(AddPart { closing, sum, front: &mut *front, back: &mut here, length, wanted: met });

@@ -1,21 +1,31 @@
 //! What runs add to their pixels: the twin's `take/`, a lane each.
 
-use brickcast_shaders::TakeKind;
+use std::marker::PhantomData;
+
 use brickcast_shaders::layout::{SHOWS_REGIONS, SHOWS_RESIDUAL};
 use brickcast_shaders::twin::bindings::Bindings;
 use brickcast_shaders::twin::scene::LEAST_CUT;
+use brickcast_shaders::{KernelKey, TakeKind};
 use brickcast_volume::PixelKind;
 
+use super::known::Known;
 use super::lanes::{Floats, Ints, Lanes, Mask};
 use super::probe::{Lit, Probe};
-use super::ray::{Place, clamped, first_sample};
+use super::ray::{Place, first_sample};
 use super::run::Run;
-use super::slab::{Closing, End, Sum, add, lit_color};
+use super::slab::{Closing, End, Sum, add, entry_of, lit_color};
+use super::slab_table::Slabs;
 use super::surface::{close_slabs, enter_surfaces};
+use super::table::Table;
 
-pub(crate) struct Take<'a, L: Lanes> {
+pub(crate) struct Take<'a, L: Lanes, K: Known> {
     probe: &'a Probe<'a, L>,
     bound: &'a Bindings<'a>,
+    known: PhantomData<K>,
+    /// For single samples, outside regions and in them.
+    table: Table<'a, L>,
+    region: Table<'a, L>,
+    slabs: Option<&'a [Slabs<'a, L>; 2]>,
     /// The position before the present one, where it was taken.
     front: End<L>,
     front_in_region: L::M,
@@ -25,12 +35,17 @@ pub(crate) struct Take<'a, L: Lanes> {
     k_cut: L::F,
 }
 
-impl<'a, L: Lanes> Take<'a, L> {
+impl<'a, L: Lanes, K: Known> Take<'a, L, K> {
     #[inline(always)]
-    pub(crate) fn new(probe: &'a Probe<'a, L>, bound: &'a Bindings<'a>, t_lo: L::F) -> Self {
+    pub(crate) fn new(
+        probe: &'a Probe<'a, L>,
+        bound: &'a Bindings<'a>,
+        slabs: Option<&'a [Slabs<'a, L>; 2]>,
+        t_lo: L::F,
+    ) -> Self {
         let (l, frame, style) = (probe.l, bound.scene.frame, bound.scene.style);
         let (zero, none, never) = (l.splat(0.0), l.mask(0), l.splat(-1.0));
-        let kind = bound.key.take.slab_kind();
+        let kind = K::key(bound.key).take.slab_kind();
         let (mut k_entry, mut k_cut) = (never, never);
         let may_cut = kind.light.is_some() && style.plane_count > 0;
         if kind.surfaces || may_cut {
@@ -43,15 +58,25 @@ impl<'a, L: Lanes> Take<'a, L> {
                 k_cut = L::F::select(is_face, never, first_sample(l, frame, t_lo));
             }
         }
-        let front = End { code: zero, k: zero, light: Lit::none(l), is_lit: none, is_cut: none };
-        Self { probe, bound, front, front_in_region: none, k_entry, k_cut }
+        let at = (l.splat_int(0), zero);
+        let front = End { code: zero, k: zero, at, light: Lit::none(l), is_lit: none, is_cut: none };
+        let (tables, shown) = (bound.scene.tables, probe.reader.shown);
+        let table = Table::new(l, tables.table, (frame.table_first, frame.table_scale), shown.table);
+        let inside = tables.region.unwrap_or(tables.table);
+        let region = Table::new(l, inside, (frame.region_first, frame.region_scale), shown.region);
+        Self { probe, bound, known: PhantomData, table, region, slabs, front, front_in_region: none, k_entry, k_cut }
+    }
+
+    #[inline(always)]
+    fn key(&self) -> KernelKey {
+        K::key(self.bound.key)
     }
 
     /// Adds runs whose first positions lie at `p`, where `taken`; where something of them shows.
     #[inline(always)]
     pub(crate) fn take(&mut self, p: Place<L>, run: &Run<L>, taken: L::M, sum: &mut Sum<L>) -> L::M {
         let shown = taken & self.shows(run.in_region);
-        match self.bound.key.take {
+        match self.key().take {
             TakeKind::Sampled => self.sample(run, shown, sum),
             TakeKind::Slabs(_) => self.slabs(p, run, (taken, shown), sum),
             TakeKind::Projection(pixel) => {
@@ -65,7 +90,7 @@ impl<'a, L: Lanes> Take<'a, L> {
     #[inline(always)]
     fn shows(&self, in_region: L::M) -> L::M {
         let l = self.probe.l;
-        if !self.bound.key.regions {
+        if !self.key().regions {
             return l.mask(u32::MAX);
         }
         match self.bound.scene.frame.shown {
@@ -98,29 +123,35 @@ impl<'a, L: Lanes> Take<'a, L> {
         sum[3] = L::F::select(shown, l.splat(1.0), sum[3]);
     }
 
-    /// Straight colour and opacity of one step.
+    /// Straight colour and opacity of one step, and where that shows anything; `None` where no lane does.
     #[inline(always)]
-    fn classify(&self, in_region: L::M, code: L::F) -> [L::F; 4] {
-        let (frame, tables) = (self.bound.scene.frame, self.bound.scene.tables);
-        let mut sample = self.classified(tables.table, (frame.table_first, frame.table_scale), code);
-        if self.bound.key.regions && in_region.any() {
-            let entries = tables.region.unwrap_or(tables.table);
-            let inside = self.classified(entries, (frame.region_first, frame.region_scale), code);
-            for c in 0..4 {
-                sample[c] = L::F::select(in_region, inside[c], sample[c]);
-            }
-        }
-        sample
-    }
-
-    #[inline(always)]
-    fn classified(&self, entries: &[[f32; 4]], (first, scale): (f32, f32), code: L::F) -> [L::F; 4] {
+    fn classify(&self, in_region: L::M, code: L::F, shown: L::M) -> Option<([L::F; 4], L::M)> {
         let l = self.probe.l;
-        let last = entries.len() as i32 - 1;
-        let entry = clamped(l, (code - l.splat(first)) * l.splat(scale), l.splat(last as f32));
-        let i = entry.cut_off().smaller(l.splat_int(last - 1));
-        // SAFETY: entries were clamped to those of the table but the last; there are two or more (`Reader::new`).
-        unsafe { l.between_rows(entries.as_ptr(), i, entry - i.floats()) }
+        let outside = self.table.entry(l, code);
+        let mut may = outside.may_show;
+        let sample = if self.key().regions && in_region.any() {
+            let inside = self.region.entry(l, code);
+            may = (inside.may_show & in_region) | (may & !in_region);
+            if !(may & shown).any() {
+                return None;
+            }
+            let (outside, inside) = (self.table.between(l, &outside), self.region.between(l, &inside));
+            let [r, g, b, alpha] = inside;
+            [
+                L::F::select(in_region, r, outside[0]),
+                L::F::select(in_region, g, outside[1]),
+                L::F::select(in_region, b, outside[2]),
+                L::F::select(in_region, alpha, outside[3]),
+            ]
+        } else {
+            if !(may & shown).any() {
+                return None;
+            }
+            self.table.between(l, &outside)
+        };
+        // Adding nothing changes no bit.
+        let shown = shown & l.splat(0.0).lt(sample[3]);
+        shown.any().then_some((sample, shown))
     }
 
     /// Single samples, colours as they are.
@@ -130,25 +161,23 @@ impl<'a, L: Lanes> Take<'a, L> {
         if !shown.any() {
             return shown;
         }
-        let [r, g, b, alpha] = self.classify(run.in_region & shown, run.code);
-        // Adding nothing changes no bit.
-        let shown = shown & l.splat(0.0).lt(alpha);
-        if !shown.any() {
-            return shown;
-        }
-        let alpha = opacity_of(l, alpha, run.n, shown);
-        let weight = (l.splat(1.0) - sum[3]) * alpha;
-        sum[0] = L::F::select(shown, sum[0] + r * weight, sum[0]);
-        sum[1] = L::F::select(shown, sum[1] + g * weight, sum[1]);
-        sum[2] = L::F::select(shown, sum[2] + b * weight, sum[2]);
-        sum[3] = L::F::select(shown, sum[3] + weight, sum[3]);
+        let Some(([r, g, b, alpha], shown)) = self.classify(run.in_region & shown, run.code, shown) else {
+            return l.mask(0);
+        };
+        let alpha = if run.jumps { opacity_of(l, alpha, run.n, shown) } else { alpha };
+        // Colours are finite, and no sum is -0: adding zeros changes no bit.
+        let weight = ((l.splat(1.0) - sum[3]) * alpha).only(shown);
+        sum[0] = sum[0] + r * weight;
+        sum[1] = sum[1] + g * weight;
+        sum[2] = sum[2] + b * weight;
+        sum[3] = sum[3] + weight;
         shown
     }
 
     /// What lies between samples, isosurfaces, and single samples under light or clips.
     #[inline(always)]
     fn slabs(&mut self, p: Place<L>, run: &Run<L>, (taken, shown): (L::M, L::M), sum: &mut Sum<L>) -> L::M {
-        let (l, take) = (self.probe.l, self.bound.key.take);
+        let (l, take) = (self.probe.l, self.key().take);
         let kind = take.slab_kind();
         let (zero, one, none) = (l.splat(0.0), l.splat(1.0), l.mask(0));
         let mut opacity = zero;
@@ -156,6 +185,7 @@ impl<'a, L: Lanes> Take<'a, L> {
         let mut back = End {
             code: run.code,
             k: run.k,
+            at: entry_of(l, self.slabs, self.key().regions, run.code),
             light: Lit::none(l),
             is_lit: run.is_flat,
             is_cut: is_cut & run.n.same(one),
@@ -184,22 +214,30 @@ impl<'a, L: Lanes> Take<'a, L> {
         }
         if take.ends_beyond() {
             back.k = run.k + run.n - one;
-            self.front = End::select(taken, &back, &self.front);
-            self.front_in_region = (run.in_region & taken) | (self.front_in_region & !taken);
+            if K::has_map(self.key()) {
+                self.front = End::select(taken, &back, &self.front);
+                self.front_in_region = (run.in_region & taken) | (self.front_in_region & !taken);
+            } else {
+                // Of no meaning where nothing was taken: no slab follows there.
+                self.front = back;
+                self.front_in_region = run.in_region;
+            }
         }
         taken & zero.lt(opacity)
     }
 
     #[inline(always)]
     fn closing(&self, in_region: L::M) -> Closing<'a, L> {
-        Closing { probe: self.probe, bound: self.bound, kind: self.bound.key.take.slab_kind(), in_region }
+        let key = self.key();
+        let (kind, tells_regions_apart) = (key.take.slab_kind(), key.regions);
+        Closing { probe: self.probe, slabs: self.slabs, kind, in_region, tells_regions_apart }
     }
 
     /// Closes the slabs that end at the run's first position; their opacity.
     #[inline(always)]
     fn close(&mut self, run: &Run<L>, back: &mut End<L>, closed: L::M, sum: &mut Sum<L>) -> L::F {
         let closing = self.closing(self.front_in_region);
-        if !self.bound.key.regions {
+        if !self.key().regions {
             // What the far end learns of its light is the next slab's near end's.
             return close_slabs(&closing, sum, (&mut self.front, back), closed);
         }
@@ -226,15 +264,12 @@ impl<'a, L: Lanes> Take<'a, L> {
         if !shown.any() {
             return;
         }
-        let (l, has_light) = (self.probe.l, self.bound.key.take.slab_kind().light.is_some());
+        let (l, has_light) = (self.probe.l, self.key().take.slab_kind().light.is_some());
         let (zero, one) = (l.splat(0.0), l.splat(1.0));
-        let [r, g, b, alpha] = self.classify(run.in_region & shown, run.code);
-        *opacity = L::F::select(shown, alpha.larger(*opacity), *opacity);
-        // Adding nothing changes no bit.
-        let mut shown = shown & zero.lt(alpha);
-        if !shown.any() {
+        let Some(([r, g, b, alpha], mut shown)) = self.classify(run.in_region & shown, run.code, shown) else {
             return;
-        }
+        };
+        *opacity = L::F::select(shown, alpha.larger(*opacity), *opacity);
         let (mut color, mut rest) = ([r, g, b], run.owns);
         let cut = shown & is_cut;
         if cut.any() {
@@ -251,7 +286,7 @@ impl<'a, L: Lanes> Take<'a, L> {
             color[1] = L::F::select(lit, g, color[1]);
             color[2] = L::F::select(lit, b, color[2]);
         }
-        let alpha = opacity_of(l, alpha, rest, shown);
+        let alpha = if run.jumps { opacity_of(l, alpha, rest, shown) } else { alpha };
         add(l, sum, shown, [color[0] * alpha, color[1] * alpha, color[2] * alpha, alpha]);
     }
 }

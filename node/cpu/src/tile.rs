@@ -5,12 +5,14 @@ use brickcast_shaders::twin::bindings::{Bindings, RayCounts};
 use brickcast_volume::{PixelRect, RawPixel};
 use glam::UVec2;
 
+use super::known::{Any, Known, LIT, Plain, SAMPLES, SLABS};
 use super::lanes::{Floats, InstructionSet, Lanes, Mask, Task, WIDEST};
 use super::march::march;
 use super::packet::{Packet, lanes_in, pixel_of, shape};
 use super::ray::Rays;
 use super::read::Reader;
 use super::scalar;
+use super::shown::ShownEntries;
 
 /// A rectangle of a job's accumulator, row by row.
 #[derive(Debug)]
@@ -29,15 +31,15 @@ pub struct PlacedBrick<'a> {
 }
 
 impl<'a> PlacedBrick<'a> {
-    /// `projected`: the pixels that it may show in.
+    /// `projected`: the pixels that it may show in; `shown`: of the tables of its scene.
     #[must_use]
-    pub fn new(projected: PixelRect, bound: Bindings<'a>) -> Self {
-        Self { projected, bound, reader: Reader::new(&bound) }
+    pub fn new(projected: PixelRect, bound: Bindings<'a>, shown: ShownEntries) -> Self {
+        Self { projected, bound, reader: Reader::new(&bound, shown) }
     }
 
     /// As [`PlacedBrick::new`], for the twin, ray by ray.
     #[must_use]
-    pub fn by_twin(projected: PixelRect, bound: Bindings<'a>) -> Self {
+    pub fn by_twin(projected: PixelRect, bound: Bindings<'a>, _: ShownEntries) -> Self {
         Self { projected, bound, reader: None }
     }
 
@@ -77,7 +79,8 @@ struct TileTask<'a, 'b> {
 }
 
 /// A brick over packets, compiled by itself.
-struct BrickTask<'a, 'b, L: Lanes> {
+struct BrickTask<'a, 'b, L: Lanes, K: Known> {
+    known: K,
     l: L,
     bound: &'a Bindings<'b>,
     reader: &'a Reader<'b>,
@@ -85,22 +88,55 @@ struct BrickTask<'a, 'b, L: Lanes> {
     touched: &'a PixelRect,
 }
 
-impl<L: Lanes> Task for BrickTask<'_, '_, L> {
+impl<L: Lanes, K: Known> Task for BrickTask<'_, '_, L, K> {
     type Output = RayCounts;
 
     #[inline(always)]
     fn run<Same: Lanes>(self, _: Same) -> RayCounts {
-        let Self { l, bound, reader, packets, touched } = self;
+        let Self { known, l, bound, reader, packets, touched } = self;
         let mut counts = RayCounts::default();
         for packet in packets {
             let wanted = packet.lanes_in(touched);
             if wanted != 0 {
-                let took = march(l, bound, reader, (&packet.rays, l.mask(wanted)), &mut packet.sum);
+                let wanted = l.mask(wanted);
+                let (sum, took) = march(known, l, bound, reader, (&packet.rays, wanted), packet.sum);
+                packet.sum = sum;
                 counts = counts.plus(took);
             }
         }
         counts
     }
+}
+
+/// Takes a brick into packets, by the instance of the loop for its key.
+#[inline(always)]
+fn over_packets<L: Lanes>(
+    l: L,
+    bound: &Bindings<'_>,
+    reader: &Reader<'_>,
+    packets: &mut [Packet<L>],
+    touched: &PixelRect,
+) -> RayCounts {
+    macro_rules! first_of {
+        ($($known:expr),*) => {
+            $(
+                if is_for($known, bound, reader) {
+                    return l.enter(BrickTask { known: $known, l, bound, reader, packets, touched });
+                }
+            )*
+        };
+    }
+    // Each costs seconds of compiling: not where nobody waits for pictures.
+    if L::IS_FAST {
+        first_of!(Plain::<SAMPLES, false>, Plain::<SAMPLES, true>, Plain::<SLABS, false>, Plain::<SLABS, true>);
+        first_of!(Plain::<LIT, false>, Plain::<LIT, true>);
+    }
+    l.enter(BrickTask { known: Any, l, bound, reader, packets, touched })
+}
+
+#[inline(always)]
+fn is_for<K: Known>(_: K, bound: &Bindings<'_>, reader: &Reader<'_>) -> bool {
+    K::is_for(bound.key, reader)
 }
 
 impl Task for TileTask<'_, '_> {
@@ -126,7 +162,7 @@ impl Task for TileTask<'_, '_> {
                 }
                 let bound = &placed.bound;
                 let took = match &placed.reader {
-                    Some(reader) => l.enter(BrickTask { l, bound, reader, packets, touched }),
+                    Some(reader) => over_packets(l, bound, reader, packets, touched),
                     None => scalar::over_packets::<L>(l, bound, packets, touched),
                 };
                 *counts = counts.plus(took);

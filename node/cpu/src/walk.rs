@@ -1,18 +1,23 @@
 //! Where rays go next, by the map of macrocells and by texels that hold leaps: the twin's `walk/map.rs` and
 //! `walk/leap.rs`, a lane each.
 
+use std::marker::PhantomData;
+
 use brickcast_shaders::layout::RegionFlags;
-use brickcast_shaders::twin::bindings::{Bindings, RayCounts};
+use brickcast_shaders::twin::bindings::Bindings;
 use brickcast_shaders::twin::walk::{ENTRY_PROBES, MARGIN, MARGIN_SHARE, NEARLY_EQUAL, NOTHING_YET};
 
+use super::counts::Counts;
+use super::known::Known;
 use super::lanes::{Floats, Ints, Lanes, Mask};
 use super::probe::Probe;
 use super::ray::Place;
 use super::run::Step;
 
-pub(crate) struct Walk<'a, L: Lanes> {
+pub(crate) struct Walk<'a, L: Lanes, K: Known> {
     probe: &'a Probe<'a, L>,
     bound: &'a Bindings<'a>,
+    known: PhantomData<K>,
     /// The first position at which the map may say something new, and whether it is asked at the present one.
     k_look: L::F,
     looks: L::M,
@@ -29,12 +34,12 @@ pub(crate) struct Walk<'a, L: Lanes> {
     last: L::F,
 }
 
-impl<'a, L: Lanes> Walk<'a, L> {
+impl<'a, L: Lanes, K: Known> Walk<'a, L, K> {
     #[inline(always)]
     pub(crate) fn new(probe: &'a Probe<'a, L>, bound: &'a Bindings<'a>, k: L::F) -> Self {
         let (l, none) = (probe.l, probe.l.mask(0));
         let mut margin = l.splat(MARGIN);
-        if bound.key.leaps {
+        if K::key(bound.key).leaps {
             let mut far_corner = l.splat(0.0);
             for a in 0..3 {
                 let hi = l.splat(bound.brick.owned_hi[a] as f32);
@@ -45,6 +50,7 @@ impl<'a, L: Lanes> Walk<'a, L> {
         Self {
             probe,
             bound,
+            known: PhantomData,
             k_look: k,
             looks: !none,
             has_skipped: none,
@@ -69,10 +75,11 @@ impl<'a, L: Lanes> Walk<'a, L> {
         step: &mut Step<L>,
         (k, k_end): (&mut L::F, L::F),
         follows: &mut L::M,
-        (asks, counts): (L::M, &mut RayCounts),
+        (asks, goes_on): (L::M, L::M),
+        counts: &mut Counts<L>,
     ) {
         let (l, bound, probe) = (self.probe.l, self.bound, self.probe);
-        let (frame, brick, key) = (bound.scene.frame, bound.brick, bound.key);
+        let (frame, brick, key) = (bound.scene.frame, bound.brick, K::key(bound.key));
         let Some((map, dims)) = bound.data.map else {
             self.looks = self.looks & !asks;
             return;
@@ -113,7 +120,7 @@ impl<'a, L: Lanes> Walk<'a, L> {
             // The slab that enters what shows starts in the empty.
             let backs = asks & !is_empty & self.has_skipped;
             stays = asks & !skips & !backs;
-            counts.skips += skips.count() + backs.count();
+            counts.skips = counts.skips.count(skips & goes_on).count(backs & goes_on);
             self.reads_empty = (self.reads_empty & !asks) | (stays & is_empty) | backs;
             self.front_is_empty = self.front_is_empty & !(skips | backs);
             self.has_skipped = (self.has_skipped & !backs) | skips;
@@ -124,7 +131,7 @@ impl<'a, L: Lanes> Walk<'a, L> {
         } else {
             skips = asks & is_empty;
             stays = asks & !skips;
-            counts.skips += skips.count();
+            counts.skips = counts.skips.count(skips & goes_on);
             *follows = *follows & !skips;
         }
         *k = L::F::select(skips, k_exit, *k);
@@ -142,20 +149,20 @@ impl<'a, L: Lanes> Walk<'a, L> {
         let known = asks & step.is_known;
         step.jumps = step.jumps | known;
         step.is_by_map = step.is_by_map | known;
-        counts.skips += known.count();
+        counts.skips = counts.skips.count(known & goes_on);
     }
 
     /// After positions that the map alone knew: they are probed behind.
     #[inline(always)]
     fn forget(&mut self, jumped: L::M) {
-        if self.bound.key.leaps {
+        if K::key(self.bound.key).leaps {
             let l = self.probe.l;
             self.probes = L::F::select(jumped, l.splat(ENTRY_PROBES as f32), self.probes);
             self.last = L::F::select(jumped, l.splat(0.0), self.last);
         }
     }
 
-    /// After `n` positions from `k`; `shows`: something of them does.
+    /// After `n` positions from `k` of `live` rays; `shows`: something of them does.
     #[inline(always)]
     pub(crate) fn leave_map(&mut self, step: &Step<L>, (k, n): (L::F, L::F), shows: L::M, live: L::M) {
         let l = self.probe.l;
@@ -164,7 +171,7 @@ impl<'a, L: Lanes> Walk<'a, L> {
         let next = L::F::select(is_short, k + l.splat(1.0), step.k_exit);
         self.k_look = L::F::select(step.looked & live, next, self.k_look);
         let mut looks = self.k_look.le(k + n);
-        if !self.bound.key.cubes {
+        if !K::key(self.bound.key).cubes {
             looks = looks & !shows;
         }
         self.looks = (looks & live) | (self.looks & !live);
@@ -180,7 +187,7 @@ impl<'a, L: Lanes> Walk<'a, L> {
         step: &mut Step<L>,
         p: Place<L>,
         (k, k_end): (L::F, L::F),
-        (live, counts): (L::M, &mut RayCounts),
+        (live, counts): (L::M, &mut Counts<L>),
     ) {
         let (l, frame) = (self.probe.l, self.bound.scene.frame);
         let (zero, one) = (l.splat(0.0), l.splat(1.0));
@@ -188,7 +195,7 @@ impl<'a, L: Lanes> Walk<'a, L> {
         if !asks.any() {
             return;
         }
-        counts.samples += asks.count();
+        counts.samples = counts.samples.count(asks);
         let texel = self.probe.reader.coded(l, p);
         let (leaps, inner) = (asks & texel.is_leap, asks & texel.is_inner);
         if leaps.any() {
@@ -208,7 +215,7 @@ impl<'a, L: Lanes> Walk<'a, L> {
         step.is_flat = step.is_flat | leaps | inner;
     }
 
-    /// After positions of this code.
+    /// After positions of this code of `live` rays.
     #[inline(always)]
     pub(crate) fn leave_code(&mut self, step: &Step<L>, code: L::F, live: L::M) {
         let l = self.probe.l;

@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};
 
-use brickcast_cpu::{InstructionSet, PlacedBrick, Tile, render_tile};
+use brickcast_cpu::{InstructionSet, PlacedBrick, ShownEntries, Tile, render_tile};
 use brickcast_shaders::layout::{BrickUniform, CODED_SCALE, FrameUniform, RegionFlags};
 use brickcast_shaders::twin::bindings::{Bindings, BrickData, RayCounts, SceneData, SlabTable, Tables};
 use brickcast_shaders::{KernelKey, StyleUniform, TakeKind};
@@ -255,9 +255,11 @@ fn pictures(set: InstructionSet, style: &Style, with: With, seed: u64) -> Pictur
         let key = KernelKey { skips, cubes, leaps: with.leaps, regions, holes: with.holes, take };
         bound.push(Bindings { scene: &scene, brick: &made.uniform, data: made.data(), key });
     }
+    let shown = ShownEntries::of(&tables);
     let render = |by_lanes: bool| {
         let place = if by_lanes { PlacedBrick::new } else { PlacedBrick::by_twin };
-        let placed: Vec<PlacedBrick<'_>> = bound.iter().zip(&rects).map(|(bound, rect)| place(*rect, *bound)).collect();
+        let placed: Vec<PlacedBrick<'_>> =
+            bound.iter().zip(&rects).map(|(bound, rect)| place(*rect, *bound, shown)).collect();
         assert!(placed.iter().all(|brick| brick.is_in_lanes() == by_lanes));
         let mut pixels: Vec<RawPixel> = vec![[0.0; 4]; (SIZE * SIZE) as usize];
         let rect = PixelRect { lo: UVec2::ZERO, hi: UVec2::splat(SIZE) };

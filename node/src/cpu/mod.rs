@@ -4,7 +4,7 @@ use std::any::Any;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 pub use brickcast_cpu::InstructionSet;
-use brickcast_cpu::{Pause, PlacedBrick, Tile, render_tile};
+use brickcast_cpu::{Pause, PlacedBrick, ShownEntries, Tile, render_tile};
 use brickcast_shaders::layout::BrickUniform;
 use brickcast_shaders::twin::bindings::{Bindings, BrickData, SceneData};
 use brickcast_shaders::twin::macrocell::empty_distances;
@@ -160,7 +160,7 @@ impl<'a> SceneBrick<'a> {
     fn placed<'b>(&'b self, reads: &Reads<'b>) -> PlacedBrick<'b> {
         let bound = Bindings { scene: reads.scene, brick: &self.uniform, data: self.data(), key: self.key };
         let place = if reads.by_twin { PlacedBrick::by_twin } else { PlacedBrick::new };
-        place(self.projected, bound)
+        place(self.projected, bound, reads.shown)
     }
 
     fn data(&self) -> BrickData<'_> {
@@ -267,7 +267,9 @@ impl Raycaster for CpuRaycaster {
         check_jobs(scene, jobs, u32::MAX)?;
         let frame = scene.frame_uniform();
         let emptiness = self.emptiness.get(scene);
-        let reads = Reads { scene: &scene.data(&frame), set: self.set, by_twin: self.by_twin, watch };
+        let data = scene.data(&frame);
+        let shown = ShownEntries::of(&data.tables);
+        let reads = Reads { scene: &data, set: self.set, by_twin: self.by_twin, shown, watch };
         let work = || jobs.par_iter().map(|job| render_job(scene, &reads, emptiness.as_ref(), job)).collect();
         // A system that gives no more threads has those of the others.
         kernel_threads().map_or_else(work, |threads| threads.install(work))
@@ -314,6 +316,7 @@ struct Reads<'a> {
     scene: &'a SceneData<'a>,
     set: InstructionSet,
     by_twin: bool,
+    shown: ShownEntries,
     watch: Watch<'a>,
 }
 

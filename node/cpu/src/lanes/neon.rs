@@ -114,6 +114,7 @@ impl Floats for F4 {
         };
         fn bits(self) -> I4 = I4(vreinterpretq_s32_f32(self.0));
         fn select(mask: M4, yes: Self, no: Self) -> Self = Self(vbslq_f32(mask.0, yes.0, no.0));
+        fn only(self, mask: M4) -> Self = Self(vbslq_f32(mask.0, self.0, vdupq_n_f32(0.0)));
     }
 }
 
@@ -129,6 +130,7 @@ impl Ints for I4 {
         fn shift_right(self, bits: u32) -> Self = Self(vshlq_s32(self.0, vdupq_n_s32(-(bits as i32))));
         fn shift_right_unsigned(self, bits: u32) -> Self =
             Self(vreinterpretq_s32_u32(vshlq_u32(vreinterpretq_u32_s32(self.0), vdupq_n_s32(-(bits as i32)))));
+        fn count(self, mask: M4) -> Self = Self(vsubq_s32(self.0, vreinterpretq_s32_u32(mask.0)));
         fn shift_left(self, bits: u32) -> Self = Self(vshlq_s32(self.0, vdupq_n_s32(bits as i32)));
         fn floats(self) -> F4 = F4(vcvtq_f32_s32(self.0));
         fn as_bits(self) -> F4 = F4(vreinterpretq_f32_s32(self.0));
@@ -198,6 +200,17 @@ impl Lanes for Neon {
         unsafe {
             let word = |lane: usize| words.add(i[lane] as usize).read();
             I4(vreinterpretq_s32_u32(vld1q_u32([word(0), word(1), word(2), word(3)].as_ptr())))
+        }
+    }
+
+    #[inline(always)]
+    unsafe fn twos(self, twos: *const [f32; 2], at: I4) -> (F4, F4) {
+        let i = self.store_int(at);
+        // SAFETY: as the caller promises.
+        unsafe {
+            let two = |lane: usize| vld1_f32(twos.add(i[lane] as usize).cast());
+            let (ab, cd) = (vcombine_f32(two(0), two(1)), vcombine_f32(two(2), two(3)));
+            (F4(vuzp1q_f32(ab, cd)), F4(vuzp2q_f32(ab, cd)))
         }
     }
 

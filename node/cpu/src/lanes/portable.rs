@@ -136,6 +136,11 @@ impl<const N: usize> Floats for F<N> {
     fn select(mask: M<N>, yes: Self, no: Self) -> Self {
         Self(each!(|i: usize| if mask.0[i] { yes.0[i] } else { no.0[i] }))
     }
+
+    #[inline(always)]
+    fn only(self, mask: M<N>) -> Self {
+        Self(each!(|i: usize| if mask.0[i] { self.0[i] } else { 0.0 }))
+    }
 }
 
 impl<const N: usize> Ints for I<N> {
@@ -188,6 +193,11 @@ impl<const N: usize> Ints for I<N> {
     }
 
     #[inline(always)]
+    fn count(self, mask: M<N>) -> Self {
+        Self(each!(|i: usize| self.0[i].wrapping_add(i32::from(mask.0[i]))))
+    }
+
+    #[inline(always)]
     fn select(mask: M<N>, yes: Self, no: Self) -> Self {
         Self(each!(|i: usize| if mask.0[i] { yes.0[i] } else { no.0[i] }))
     }
@@ -195,6 +205,7 @@ impl<const N: usize> Ints for I<N> {
 
 impl<const N: usize> Lanes for Portable<N> {
     const N: usize = N;
+    const IS_FAST: bool = false;
     type F = F<N>;
     type I = I<N>;
     type M = M<N>;
@@ -249,6 +260,17 @@ impl<const N: usize> Lanes for Portable<N> {
     unsafe fn words(self, words: *const u32, at: I<N>) -> I<N> {
         // SAFETY: as the caller promises.
         I(each!(|i: usize| unsafe { *words.add(at.0[i] as usize) } as i32))
+    }
+
+    #[inline(always)]
+    unsafe fn twos(self, twos: *const [f32; 2], at: I<N>) -> (F<N>, F<N>) {
+        // SAFETY: as the caller promises.
+        unsafe {
+            (
+                F(each!(|i: usize| (*twos.add(at.0[i] as usize))[0])),
+                F(each!(|i: usize| (*twos.add(at.0[i] as usize))[1])),
+            )
+        }
     }
 
     #[inline(always)]

@@ -24,6 +24,8 @@ pub(crate) trait Floats:
     fn bits(self) -> Self::I;
     /// By lane.
     fn select(mask: Self::M, yes: Self, no: Self) -> Self;
+    /// 0 in the other lanes.
+    fn only(self, mask: Self::M) -> Self;
 }
 
 /// Whole numbers, a lane each; what does not fit wraps.
@@ -42,6 +44,8 @@ pub(crate) trait Ints:
     /// By a number of bits below 32; zeros come in.
     fn shift_right_unsigned(self, bits: u32) -> Self;
     fn shift_left(self, bits: u32) -> Self;
+    /// One more in the lanes of the mask.
+    fn count(self, mask: Self::M) -> Self;
     /// The numbers, rounded.
     fn floats(self) -> Self::F;
     fn as_bits(self) -> Self::F;
@@ -76,6 +80,8 @@ pub(crate) trait Task {
 pub(crate) trait Lanes: Copy + Debug + Send + Sync + 'static {
     /// Lanes: a power of two, no more than [`WIDEST`].
     const N: usize;
+    /// It is there for its speed.
+    const IS_FAST: bool = true;
     type F: Floats<I = Self::I, M = Self::M> + Send + Sync + Debug;
     type I: Ints<F = Self::F, M = Self::M> + Send + Sync + Debug;
     type M: Mask + Send + Sync + Debug;
@@ -103,6 +109,12 @@ pub(crate) trait Lanes: Copy + Debug + Send + Sync + 'static {
     /// # Safety
     /// Every place is at least 0 and lies within what `words` points to.
     unsafe fn words(self, words: *const u32, at: Self::I) -> Self::I;
+
+    /// Both numbers at places, the first ones apart from the second.
+    ///
+    /// # Safety
+    /// As of [`Lanes::words`].
+    unsafe fn twos(self, twos: *const [f32; 2], at: Self::I) -> (Self::F, Self::F);
 
     /// `a + (b - a) * w` of the row at a place and the one behind it, transposed: red first.
     ///

@@ -37,6 +37,7 @@ macro_rules! by {
 
 mod avx2;
 mod avx512;
+mod spilled;
 mod sse2;
 
 pub(crate) use avx2::Avx2;

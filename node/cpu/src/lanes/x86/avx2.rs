@@ -4,6 +4,7 @@ use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
 use super::super::traits::{Floats, Ints, Lanes, Mask, Task, WIDEST};
+use super::spilled::Spilled;
 
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Avx2(());
@@ -21,7 +22,7 @@ pub(crate) struct M8(__m256);
 impl Avx2 {
     /// Where the processor has it.
     pub(crate) fn new() -> Option<Self> {
-        is_x86_feature_detected!("avx2").then_some(Self(()))
+        (is_x86_feature_detected!("avx2") && is_x86_feature_detected!("popcnt")).then_some(Self(()))
     }
 }
 
@@ -73,6 +74,7 @@ impl Floats for F8 {
         fn cut_off(self) -> I8 = I8(_mm256_cvttps_epi32(self.0));
         fn bits(self) -> I8 = I8(_mm256_castps_si256(self.0));
         fn select(mask: M8, yes: Self, no: Self) -> Self = Self(_mm256_blendv_ps(no.0, yes.0, mask.0));
+        fn only(self, mask: M8) -> Self = Self(_mm256_and_ps(self.0, mask.0));
     }
 }
 
@@ -88,6 +90,7 @@ impl Ints for I8 {
         fn shift_right(self, bits: u32) -> Self = Self(_mm256_sra_epi32(self.0, _mm_cvtsi32_si128(bits as i32)));
         fn shift_right_unsigned(self, bits: u32) -> Self =
             Self(_mm256_srl_epi32(self.0, _mm_cvtsi32_si128(bits as i32)));
+        fn count(self, mask: M8) -> Self = Self(_mm256_sub_epi32(self.0, _mm256_castps_si256(mask.0)));
         fn shift_left(self, bits: u32) -> Self = Self(_mm256_sll_epi32(self.0, _mm_cvtsi32_si128(bits as i32)));
         fn floats(self) -> F8 = F8(_mm256_cvtepi32_ps(self.0));
         fn as_bits(self) -> F8 = F8(_mm256_castsi256_ps(self.0));
@@ -114,12 +117,19 @@ unsafe fn transposed([r0, r1, r2, r3]: [__m256; 4]) -> [F8; 4] {
 
 /// The rows at two places.
 #[inline(always)]
-unsafe fn two(rows: *const [f32; 4], a: i32, b: i32) -> __m256 {
+unsafe fn two(rows: *const [f32; 4], a: usize, b: usize) -> __m256 {
     // SAFETY: as the caller's.
     unsafe {
-        let near = _mm256_castps128_ps256(_mm_loadu_ps(rows.add(a as usize).cast()));
-        _mm256_insertf128_ps::<1>(near, _mm_loadu_ps(rows.add(b as usize).cast()))
+        let near = _mm256_castps128_ps256(_mm_loadu_ps(rows.byte_add(a).cast()));
+        _mm256_insertf128_ps::<1>(near, _mm_loadu_ps(rows.byte_add(b).cast()))
     }
+}
+
+/// Offsets of rows in bytes.
+#[inline(always)]
+unsafe fn offsets(at: I8) -> Spilled<__m256i> {
+    // SAFETY: as the caller's.
+    Spilled::new(unsafe { _mm256_slli_epi32::<4>(at.0) })
 }
 
 impl Lanes for Avx2 {
@@ -130,7 +140,7 @@ impl Lanes for Avx2 {
 
     #[inline(never)]
     fn enter<T: Task>(self, task: T) -> T::Output {
-        #[target_feature(enable = "avx2")]
+        #[target_feature(enable = "avx2,popcnt")]
         unsafe fn go<T: Task>(lanes: Avx2, task: T) -> T::Output {
             task.run(lanes)
         }
@@ -176,13 +186,30 @@ impl Lanes for Avx2 {
     }
 
     #[inline(always)]
+    unsafe fn twos(self, twos: *const [f32; 2], at: I8) -> (F8, F8) {
+        // SAFETY: as the caller promises.
+        unsafe {
+            let (lo, hi) = (_mm256_castsi256_si128(at.0), _mm256_extracti128_si256::<1>(at.0));
+            let lo = _mm256_castpd_ps(_mm256_i32gather_pd::<8>(twos.cast(), lo));
+            let hi = _mm256_castpd_ps(_mm256_i32gather_pd::<8>(twos.cast(), hi));
+            // Quarters lie as 0 2 1 3.
+            let (first, second) =
+                (_mm256_shuffle_ps::<0b10_00_10_00>(lo, hi), _mm256_shuffle_ps::<0b11_01_11_01>(lo, hi));
+            let first = _mm256_permute4x64_pd::<0b11_01_10_00>(_mm256_castps_pd(first));
+            let second = _mm256_permute4x64_pd::<0b11_01_10_00>(_mm256_castps_pd(second));
+            (F8(_mm256_castpd_ps(first)), F8(_mm256_castpd_ps(second)))
+        }
+    }
+
+    #[inline(always)]
     unsafe fn between_rows(self, rows: *const [f32; 4], at: I8, w: F8) -> [F8; 4] {
-        let i = self.store_int(at);
+        // SAFETY: as the caller promises.
+        let i = unsafe { offsets(at) };
         let w = w.0;
         macro_rules! pair {
             ($lane:literal) => {{
-                let a = two(rows, i[$lane], i[$lane + 4]);
-                let b = two(rows, i[$lane] + 1, i[$lane + 4] + 1);
+                let (i, j) = (i.lane($lane), i.lane($lane + 4));
+                let (a, b) = (two(rows, i, j), two(rows.add(1), i, j));
                 let w = _mm256_permute_ps::<{ $lane * 0b01_01_01_01 }>(w);
                 _mm256_add_ps(a, _mm256_mul_ps(_mm256_sub_ps(b, a), w))
             }};
@@ -193,14 +220,15 @@ impl Lanes for Avx2 {
 
     #[inline(always)]
     unsafe fn among_rows(self, rows: *const [f32; 4], at: I8, size: usize, [v, u]: [F8; 2]) -> [F8; 4] {
-        let i = self.store_int(at);
+        // SAFETY: as the caller promises.
+        let i = unsafe { offsets(at) };
         let (v, u) = (v.0, u.0);
         macro_rules! pair {
             ($lane:literal) => {{
                 let far_rows = rows.add(size);
-                let (i, j) = (i[$lane], i[$lane + 4]);
-                let (a, b) = (two(rows, i, j), two(rows, i + 1, j + 1));
-                let (c, d) = (two(far_rows, i, j), two(far_rows, i + 1, j + 1));
+                let (i, j) = (i.lane($lane), i.lane($lane + 4));
+                let (a, b) = (two(rows, i, j), two(rows.add(1), i, j));
+                let (c, d) = (two(far_rows, i, j), two(far_rows.add(1), i, j));
                 let v = _mm256_permute_ps::<{ $lane * 0b01_01_01_01 }>(v);
                 let u = _mm256_permute_ps::<{ $lane * 0b01_01_01_01 }>(u);
                 let near = _mm256_add_ps(a, _mm256_mul_ps(_mm256_sub_ps(b, a), v));

@@ -4,6 +4,7 @@ use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
 use super::super::traits::{Floats, Ints, Lanes, Mask, Task, WIDEST};
+use super::spilled::Spilled;
 
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Avx512(());
@@ -23,7 +24,8 @@ impl Avx512 {
         let has_it = is_x86_feature_detected!("avx512f")
             && is_x86_feature_detected!("avx512dq")
             && is_x86_feature_detected!("avx512vl")
-            && is_x86_feature_detected!("avx512bw");
+            && is_x86_feature_detected!("avx512bw")
+            && is_x86_feature_detected!("popcnt");
         has_it.then_some(Self(()))
     }
 }
@@ -94,6 +96,7 @@ impl Floats for F16 {
         fn cut_off(self) -> I16 = I16(_mm512_cvttps_epi32(self.0));
         fn bits(self) -> I16 = I16(_mm512_castps_si512(self.0));
         fn select(mask: M16, yes: Self, no: Self) -> Self = Self(_mm512_mask_blend_ps(mask.0, no.0, yes.0));
+        fn only(self, mask: M16) -> Self = Self(_mm512_maskz_mov_ps(mask.0, self.0));
     }
 }
 
@@ -109,6 +112,8 @@ impl Ints for I16 {
         fn shift_right(self, bits: u32) -> Self = Self(_mm512_sra_epi32(self.0, _mm_cvtsi32_si128(bits as i32)));
         fn shift_right_unsigned(self, bits: u32) -> Self =
             Self(_mm512_srl_epi32(self.0, _mm_cvtsi32_si128(bits as i32)));
+        fn count(self, mask: M16) -> Self =
+            Self(_mm512_mask_add_epi32(self.0, mask.0, self.0, _mm512_set1_epi32(1)));
         fn shift_left(self, bits: u32) -> Self = Self(_mm512_sll_epi32(self.0, _mm_cvtsi32_si128(bits as i32)));
         fn floats(self) -> F16 = F16(_mm512_cvtepi32_ps(self.0));
         fn as_bits(self) -> F16 = F16(_mm512_castsi512_ps(self.0));
@@ -134,14 +139,21 @@ unsafe fn transposed([r0, r1, r2, r3]: [__m512; 4]) -> [F16; 4] {
 
 /// The rows at four places.
 #[inline(always)]
-unsafe fn four(rows: *const [f32; 4], [a, b, c, d]: [i32; 4]) -> __m512 {
+unsafe fn four(rows: *const [f32; 4], [a, b, c, d]: [usize; 4]) -> __m512 {
     // SAFETY: as the caller's.
     unsafe {
-        let first = _mm512_castps128_ps512(_mm_loadu_ps(rows.add(a as usize).cast()));
-        let second = _mm512_insertf32x4::<1>(first, _mm_loadu_ps(rows.add(b as usize).cast()));
-        let third = _mm512_insertf32x4::<2>(second, _mm_loadu_ps(rows.add(c as usize).cast()));
-        _mm512_insertf32x4::<3>(third, _mm_loadu_ps(rows.add(d as usize).cast()))
+        let first = _mm512_castps128_ps512(_mm_loadu_ps(rows.byte_add(a).cast()));
+        let second = _mm512_insertf32x4::<1>(first, _mm_loadu_ps(rows.byte_add(b).cast()));
+        let third = _mm512_insertf32x4::<2>(second, _mm_loadu_ps(rows.byte_add(c).cast()));
+        _mm512_insertf32x4::<3>(third, _mm_loadu_ps(rows.byte_add(d).cast()))
     }
+}
+
+/// Offsets of rows in bytes.
+#[inline(always)]
+unsafe fn offsets(at: I16) -> Spilled<__m512i> {
+    // SAFETY: as the caller's.
+    Spilled::new(unsafe { _mm512_slli_epi32::<4>(at.0) })
 }
 
 impl Lanes for Avx512 {
@@ -152,7 +164,7 @@ impl Lanes for Avx512 {
 
     #[inline(never)]
     fn enter<T: Task>(self, task: T) -> T::Output {
-        #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw")]
+        #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx512bw,popcnt")]
         unsafe fn go<T: Task>(lanes: Avx512, task: T) -> T::Output {
             task.run(lanes)
         }
@@ -198,12 +210,26 @@ impl Lanes for Avx512 {
     }
 
     #[inline(always)]
+    unsafe fn twos(self, twos: *const [f32; 2], at: I16) -> (F16, F16) {
+        // SAFETY: as the caller promises.
+        unsafe {
+            let (lo, hi) = (_mm512_castsi512_si256(at.0), _mm512_extracti32x8_epi32::<1>(at.0));
+            let lo = _mm512_castpd_ps(_mm512_i32gather_pd::<8>(lo, twos.cast()));
+            let hi = _mm512_castpd_ps(_mm512_i32gather_pd::<8>(hi, twos.cast()));
+            let even = _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+            let odd = _mm512_add_epi32(even, _mm512_set1_epi32(1));
+            (F16(_mm512_permutex2var_ps(lo, even, hi)), F16(_mm512_permutex2var_ps(lo, odd, hi)))
+        }
+    }
+
+    #[inline(always)]
     unsafe fn between_rows(self, rows: *const [f32; 4], at: I16, w: F16) -> [F16; 4] {
-        let i = self.store_int(at);
+        // SAFETY: as the caller promises.
+        let i = unsafe { offsets(at) };
         let w = w.0;
         macro_rules! quad {
             ($lane:literal) => {{
-                let at = [i[$lane], i[$lane + 4], i[$lane + 8], i[$lane + 12]];
+                let at = [i.lane($lane), i.lane($lane + 4), i.lane($lane + 8), i.lane($lane + 12)];
                 let (a, b) = (four(rows, at), four(rows.add(1), at));
                 let w = _mm512_permute_ps::<{ $lane * 0b01_01_01_01 }>(w);
                 _mm512_add_ps(a, _mm512_mul_ps(_mm512_sub_ps(b, a), w))
@@ -215,12 +241,13 @@ impl Lanes for Avx512 {
 
     #[inline(always)]
     unsafe fn among_rows(self, rows: *const [f32; 4], at: I16, size: usize, [v, u]: [F16; 2]) -> [F16; 4] {
-        let i = self.store_int(at);
+        // SAFETY: as the caller promises.
+        let i = unsafe { offsets(at) };
         let (v, u) = (v.0, u.0);
         macro_rules! quad {
             ($lane:literal) => {{
                 let far_rows = rows.add(size);
-                let at = [i[$lane], i[$lane + 4], i[$lane + 8], i[$lane + 12]];
+                let at = [i.lane($lane), i.lane($lane + 4), i.lane($lane + 8), i.lane($lane + 12)];
                 let (a, b) = (four(rows, at), four(rows.add(1), at));
                 let (c, d) = (four(far_rows, at), four(far_rows.add(1), at));
                 let v = _mm512_permute_ps::<{ $lane * 0b01_01_01_01 }>(v);

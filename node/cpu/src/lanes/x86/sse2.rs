@@ -4,6 +4,7 @@ use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
 use super::super::traits::{Floats, Ints, Lanes, Mask, Task, WIDEST};
+use super::spilled::Spilled;
 
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Sse2(());
@@ -90,6 +91,7 @@ impl Floats for F4 {
         fn cut_off(self) -> I4 = I4(_mm_cvttps_epi32(self.0));
         fn bits(self) -> I4 = I4(_mm_castps_si128(self.0));
         fn select(mask: M4, yes: Self, no: Self) -> Self = Self(chosen(mask.0, yes.0, no.0));
+        fn only(self, mask: M4) -> Self = Self(_mm_and_ps(self.0, mask.0));
     }
 }
 
@@ -104,6 +106,7 @@ impl Ints for I4 {
         fn smaller(self, than: Self) -> Self = Self::select(self.gt(than), than, self);
         fn shift_right(self, bits: u32) -> Self = Self(_mm_sra_epi32(self.0, _mm_cvtsi32_si128(bits as i32)));
         fn shift_right_unsigned(self, bits: u32) -> Self = Self(_mm_srl_epi32(self.0, _mm_cvtsi32_si128(bits as i32)));
+        fn count(self, mask: M4) -> Self = Self(_mm_sub_epi32(self.0, _mm_castps_si128(mask.0)));
         fn shift_left(self, bits: u32) -> Self = Self(_mm_sll_epi32(self.0, _mm_cvtsi32_si128(bits as i32)));
         fn floats(self) -> F4 = F4(_mm_cvtepi32_ps(self.0));
         fn as_bits(self) -> F4 = F4(_mm_castsi128_ps(self.0));
@@ -156,10 +159,10 @@ impl Lanes for Sse2 {
 
     #[inline(always)]
     unsafe fn pairs(self, codes: *const u16, at: I4) -> (F4, F4) {
-        let i = self.store_int(at);
         // SAFETY: as the caller promises.
         unsafe {
-            let pair = |lane: usize| _mm_cvtsi32_si128(codes.add(i[lane] as usize).cast::<i32>().read_unaligned());
+            let i = Spilled::new(at.0);
+            let pair = |lane: usize| _mm_cvtsi32_si128(codes.add(i.lane(lane)).cast::<i32>().read_unaligned());
             let [a, b] = [_mm_unpacklo_epi32(pair(0), pair(1)), _mm_unpacklo_epi32(pair(2), pair(3))];
             let both = _mm_unpacklo_epi64(a, b);
             let near = _mm_and_si128(both, _mm_set1_epi32(0xffff));
@@ -169,21 +172,36 @@ impl Lanes for Sse2 {
 
     #[inline(always)]
     unsafe fn words(self, words: *const u32, at: I4) -> I4 {
-        let i = self.store_int(at);
         // SAFETY: as the caller promises.
         unsafe {
-            let word = |lane: usize| words.add(i[lane] as usize).read() as i32;
+            let i = Spilled::new(at.0);
+            let word = |lane: usize| words.add(i.lane(lane)).read() as i32;
             I4(_mm_setr_epi32(word(0), word(1), word(2), word(3)))
         }
     }
 
     #[inline(always)]
+    unsafe fn twos(self, twos: *const [f32; 2], at: I4) -> (F4, F4) {
+        // SAFETY: as the caller promises.
+        unsafe {
+            let i = Spilled::new(at.0);
+            let a = _mm_castpd_ps(_mm_loadl_pd(_mm_setzero_pd(), twos.add(i.lane(0)).cast()));
+            let b = _mm_castpd_ps(_mm_loadl_pd(_mm_setzero_pd(), twos.add(i.lane(1)).cast()));
+            let c = _mm_castpd_ps(_mm_loadl_pd(_mm_setzero_pd(), twos.add(i.lane(2)).cast()));
+            let d = _mm_castpd_ps(_mm_loadl_pd(_mm_setzero_pd(), twos.add(i.lane(3)).cast()));
+            let (ab, cd) = (_mm_movelh_ps(a, b), _mm_movelh_ps(c, d));
+            (F4(_mm_shuffle_ps::<0b10_00_10_00>(ab, cd)), F4(_mm_shuffle_ps::<0b11_01_11_01>(ab, cd)))
+        }
+    }
+
+    #[inline(always)]
     unsafe fn between_rows(self, rows: *const [f32; 4], at: I4, w: F4) -> [F4; 4] {
-        let i = self.store_int(at);
+        // SAFETY: as the caller promises.
+        let i = Spilled::new(unsafe { _mm_slli_epi32::<4>(at.0) });
         let w = w.0;
         macro_rules! row {
             ($lane:literal) => {{
-                let at = rows.add(i[$lane] as usize);
+                let at = rows.byte_add(i.lane($lane));
                 let (a, b) = (_mm_loadu_ps(at.cast()), _mm_loadu_ps(at.add(1).cast()));
                 let w = _mm_shuffle_ps::<{ $lane * 0b01_01_01_01 }>(w, w);
                 _mm_add_ps(a, _mm_mul_ps(_mm_sub_ps(b, a), w))
@@ -195,11 +213,12 @@ impl Lanes for Sse2 {
 
     #[inline(always)]
     unsafe fn among_rows(self, rows: *const [f32; 4], at: I4, size: usize, [v, u]: [F4; 2]) -> [F4; 4] {
-        let i = self.store_int(at);
+        // SAFETY: as the caller promises.
+        let i = Spilled::new(unsafe { _mm_slli_epi32::<4>(at.0) });
         let (v, u) = (v.0, u.0);
         macro_rules! row {
             ($lane:literal) => {{
-                let at = rows.add(i[$lane] as usize);
+                let at = rows.byte_add(i.lane($lane));
                 let (a, b) = (_mm_loadu_ps(at.cast()), _mm_loadu_ps(at.add(1).cast()));
                 let (c, d) = (_mm_loadu_ps(at.add(size).cast()), _mm_loadu_ps(at.add(size + 1).cast()));
                 let v = _mm_shuffle_ps::<{ $lane * 0b01_01_01_01 }>(v, v);
