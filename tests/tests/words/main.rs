@@ -6,6 +6,7 @@
 #[macro_use]
 extern crate brickcast_harness;
 
+mod auto;
 mod cache;
 mod cache_command;
 mod cli;

@@ -140,7 +140,7 @@ fn a_word_for_the_quality_is_told_and_resolved_in_the_manifest() {
     assert_eq!(of(&told), json!([0.25, 4, 1.0, "f32"]));
     assert!(said.contains("quality final: step 0.25, 4 samples a pixel"), "{said}");
     assert!(said.contains("--step 0.25 --samples 4 --early-termination 1 --transport f32"), "{said}");
-    let (told, said) = drawn(&["--quality", "draft", "--step", "0.7"]);
+    let (told, said) = drawn(&["--quality", "draft", "--step", "0.7", "--integration", "preintegrated"]);
     assert_eq!(told["step"], 0.7);
     assert_eq!(told["style"]["integration"], json!({ "preintegrated": 256 }));
     assert!(said.contains("quality draft: tables of 256 entries") && !said.contains("step 1"), "{said}");

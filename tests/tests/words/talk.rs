@@ -64,7 +64,8 @@ fn a_render_says_in_one_line_what_it_wrote() {
     let at = folder.path();
     part(at);
     let says = |args: &[&str]| {
-        brickcast_both(at, &[&RENDER[..], &["--window", "20000,50000", "--azimuth", "0"], args].concat()).1
+        let asked = ["--window", "20000,50000", "--integration", "sampled", "--azimuth", "0"];
+        brickcast_both(at, &[&RENDER[..], &asked, args].concat()).1
     };
     let is_time = |words: &str| {
         let (number, unit) = words.split_once(' ').unwrap();

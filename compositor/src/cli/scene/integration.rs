@@ -4,9 +4,6 @@ use brickcast_volume::style::{Integration, Style};
 use brickcast_volume::transfer_function::TransferFunction;
 use brickcast_volume::transfer_function::detail::{Detail, missed_by_samples};
 
-/// What is told where samples suffice.
-const SAMPLED: &str = "integration: single samples, since the transfer function has nothing that a step";
-
 /// The integration of `style`, which has slabs, by the functions of a look on a volume of `range` (data units), at a
 /// `step` in voxels; and one line that says why, and which flag decides otherwise.
 pub(super) fn chosen(
@@ -18,7 +15,10 @@ pub(super) fn chosen(
     match functions.into_iter().flatten().find_map(|function| missed_by_samples(function, range, step)) {
         None => (
             Integration::Sampled,
-            format!("{SAMPLED} of {step} voxels would miss; --integration preintegrated integrates between them"),
+            format!(
+                "integration: single samples, {step} voxels apart, tell what the transfer function does between them; \
+                 --integration preintegrated integrates it"
+            ),
         ),
         Some(Detail { values: [from, to], .. }) => (
             style.integration,

@@ -3,13 +3,15 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fs;
 
+use brickcast_volume::deep_regions::deep_share;
 use brickcast_volume::format::VoxelType;
 use brickcast_volume::ids::BrickIndex;
 use brickcast_volume::regions::code::{MAX_SLOTS, code_of_density};
 use brickcast_volume::regions::{BrickFacts, Region, Windows, density_of_code, window_width};
 use brickcast_volume::store::{
-    ChunkCache, PrepareOptions, RegionOptions, RegionsError, Segmentation, Store, StoreError,
+    ChunkCache, HISTOGRAM_BINS, PrepareOptions, RegionOptions, RegionsError, Segmentation, Store, StoreError,
 };
+use brickcast_volume::transfer_function::{Colormap, TransferFunction};
 use proptest::prelude::*;
 
 use super::support::{Volume, files_of};
@@ -176,6 +178,11 @@ fn check(volume: &Volume, options: &PrepareOptions, range: f64) {
     assert_eq!(entry.count as usize, regions.len());
     assert_eq!(entry.voxels, labels.iter().filter(|l| **l != 0).count() as u64);
     assert_eq!(entry.leap_voxels, distances.iter().filter(|d| **d >= 3).count() as u64);
+    let mut bins = vec![0; HISTOGRAM_BINS];
+    for (&label, _) in labels.iter().zip(&distances).filter(|(label, distance)| **label != 0 && **distance >= 3) {
+        bins[usize::from(code_of_density(regions[label as usize - 1].mean())) * HISTOGRAM_BINS / 65536] += 1;
+    }
+    assert_eq!(entry.leap_histogram, Some(bins));
     assert_eq!(entry.largest, regions.iter().map(|r| r.voxels).max().unwrap_or(0));
 }
 
@@ -185,6 +192,25 @@ fn carved(dims: [u32; 3], solid: impl Fn([u32; 3]) -> bool) -> Volume {
         let noise = super::support::noise(p.map(|v| v + 40));
         if solid(p) { f64::from(30_000 + noise % 600) } else { f64::from(noise % 65_536) }
     })
+}
+
+/// What shows counts, and only where light passes; the same for all bricks.
+#[test]
+fn how_much_of_what_shows_lies_deep_in_regions() {
+    let volume = carved([40; 3], |[x, _, _]| x >= 20);
+    let share = |brick: u32, lo: f64, hi: f64, opacity: f64| {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("s");
+        volume.prepare(&path, &windows(brick, 0.03)).unwrap();
+        let function = TransferFunction::window(lo, hi, opacity, Colormap::Viridis).unwrap();
+        deep_share(Store::open(&path).unwrap().manifest(), &function, 0.5).unwrap()
+    };
+    // 18 x 36 x 36 of the solid's 20 x 40 x 40 voxels are three from its border or deeper; noise shows beside it.
+    let solid = share(16, 28_000.0, 29_000.0, 0.05);
+    assert!((0.4..0.6).contains(&solid), "{solid}");
+    assert_eq!(solid, share(32, 28_000.0, 29_000.0, 0.05));
+    assert_eq!(share(16, 28_000.0, 29_000.0, 1.0), 0.0, "rays end at its border");
+    assert_eq!(share(16, 40_000.0, 60_000.0, 0.05), 0.0, "it does not show");
 }
 
 #[test]

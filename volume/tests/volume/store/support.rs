@@ -176,8 +176,8 @@ pub(crate) const INDEX_BYTES: usize = 16 * 4096 + 4;
 pub(crate) fn downgrade(path: &Path, version: u64) {
     let manifest = path.join("brickcast.json");
     let mut text = std::fs::read_to_string(&manifest).unwrap();
-    assert!(text.contains("\"version\": 7"));
-    text = text.replacen("\"version\": 7", &format!("\"version\": {version}"), 1);
+    assert!(text.contains("\"version\": 8"));
+    text = text.replacen("\"version\": 8", &format!("\"version\": {version}"), 1);
     let key = ",\n    \"cells.bin\": ";
     let from = text.find(key).unwrap();
     let ends = from + key.len() + text[from + key.len()..].find('\n').unwrap();
