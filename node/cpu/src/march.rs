@@ -70,6 +70,10 @@ pub(crate) fn march<L: Lanes, K: Known>(
     let mut went_on = alive;
     // May something be known of positions before they are read?
     let may_know = key.leaps || (K::has_map(key) && (key.cubes || key.take.is_projection()));
+    // A position's value is asked for a turn before it is taken: what memory takes its time for is not waited for.
+    let mut has_ahead = K::READS_AHEAD && !K::has_map(key);
+    let mut ahead = if has_ahead { reader.read(l, probe.place(k)) } else { zero };
+    let mut next = k;
     loop {
         let goes_on = sum[3].lt(stop);
         let mut live: L::M = k.lt(k_end) & goes_on;
@@ -103,7 +107,13 @@ pub(crate) fn march<L: Lanes, K: Known>(
         let mut in_region = step.is_deep | every;
         let reads = live & !step.is_known;
         if reads.any() {
-            let read = reader.read(l, p);
+            // The map may have led some ray elsewhere.
+            let is_next = K::READS_AHEAD && (!K::has_map(key) || !(live & !k.same(next)).any());
+            let read = if is_next && has_ahead { ahead } else { reader.read(l, p) };
+            if is_next {
+                ahead = reader.read(l, probe.place(k + one));
+            }
+            (has_ahead, next) = (is_next, k + one);
             code = if may_know { L::F::select(reads, read, code) } else { read };
             counts.samples = counts.samples.count(reads);
             if has_flags {
