@@ -102,7 +102,7 @@ struct Clock {
 
 impl Clock {
     fn ran() -> Option<u64> {
-        std::fs::read_to_string("/proc/thread-self/schedstat").ok()?.split(' ').next()?.parse().ok()
+        brickcast_volume::small_file::system_text("/proc/thread-self/schedstat")?.split(' ').next()?.parse().ok()
     }
 
     fn start() -> Self {
