@@ -3,7 +3,7 @@
 
 use std::collections::HashSet;
 
-use brickcast_proto::TileRect;
+use brickcast_proto::{TILE, TileRect};
 use brickcast_volume::merge::{MergeTree, Viewpoint};
 use brickcast_volume::pixel::{Coloring, KindError};
 use brickcast_volume::{PictureSize, Premul, TreeNode};
@@ -34,14 +34,20 @@ pub fn blend(
     coloring: &Coloring,
 ) -> Result<Picture, BlendError> {
     let on_the_way = on_the_way(ledger.layers());
-    let all: Vec<[u32; 2]> = TileRect::of_picture(size).tiles().collect();
     let finished = |tile| {
         let joined = joined(ledger, tree, from, &on_the_way, tile).transpose()?;
         Some(joined.map(|pixels| FinishedTile { tile, pixels: Some(coloring.colors(&pixels)) }))
     };
-    let tiles: Vec<FinishedTile> = all.into_par_iter().filter_map(finished).collect::<Result<_, _>>()?;
     let mut picture = Picture::new(size, vec![Premul::CLEAR; size.pixel_count()])?;
-    tiles.iter().for_each(|tile| tile.draw(&mut picture));
+    let (width, columns) = (size.width() as usize, TileRect::of_picture(size).hi[0]);
+    // A thread draws what it joined, while that is at hand.
+    let bands = picture.pixels_mut().par_chunks_mut(width * TILE as usize).enumerate();
+    bands.try_for_each(|(row, band)| {
+        let tiles = (0..columns).into_par_iter().filter_map(|column| finished([column, row as u32]));
+        let tiles: Vec<FinishedTile> = tiles.collect::<Result<_, KindError>>()?;
+        tiles.iter().for_each(|tile| tile.draw_in_band(band, width));
+        Ok::<_, KindError>(())
+    })?;
     Ok(picture)
 }
 

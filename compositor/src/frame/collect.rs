@@ -1,8 +1,12 @@
-//! Reads one node's answers to one order until its receipt, decoding tiles on the way.
+//! Reads one node's answers to one order until its receipt, decoding tiles on the way: several at a time, and heard of
+//! in the order in which they came.
 
-use brickcast_proto::{FramePart, Part, Receipt, RenderOrder, TileRect, decode_tile};
-use brickcast_volume::{Epoch, FrameId, TreeNode};
+use std::num::NonZero;
+
+use brickcast_proto::{EncodedTile, FramePart, Part, Receipt, RenderOrder, TileRect, decode_tile};
+use brickcast_volume::{Epoch, FrameId, PictureSize, PixelKind, TreeNode};
 use futures_util::{StreamExt as _, pin_mut};
+use glam::UVec2;
 use tokio::sync::mpsc;
 
 use super::ledger::{Ticket, TilePixels};
@@ -40,6 +44,32 @@ pub(crate) async fn collect(client: NodeClient, ticket: Ticket, order: RenderOrd
     events.send(last).await.ok();
 }
 
+/// A part of the answer, and what its pixels are.
+struct Heard {
+    part: FramePart,
+    bytes: usize,
+    /// Of a tile.
+    pixels: Option<Result<TilePixels, String>>,
+}
+
+impl Heard {
+    async fn of((part, bytes): (FramePart, usize), size: PictureSize, kind: PixelKind) -> Self {
+        let mut pixels = None;
+        if let Part::Tile(tile) = &part.part {
+            // Its payload is shared, not copied.
+            let encoded = tile.pixels.clone();
+            pixels = Some(decoded(encoded, TileRect::tile_pixels(tile.tile, size).size(), kind).await);
+        }
+        Self { part, bytes, pixels }
+    }
+}
+
+/// A tile's pixels, decoded on a thread that may take its time.
+async fn decoded(tile: EncodedTile, size: UVec2, kind: PixelKind) -> Result<TilePixels, String> {
+    let decode = move || decode_tile(&tile, size, kind).map_err(|e| e.to_string());
+    tokio::task::spawn_blocking(decode).await.map_err(|e| e.to_string())?
+}
+
 /// `Err(None)` where nobody listens any more.
 async fn answers(
     mut client: NodeClient,
@@ -53,18 +83,20 @@ async fn answers(
     let address = client.address().to_owned();
     let invalid = |reason: String| CallError::Invalid { address: address.clone(), call: "RenderFrame", reason };
     let parts = client.render(order).await?;
+    // One node alone may answer faster than one thread decodes.
+    let threads = std::thread::available_parallelism().map_or(1, NonZero::get);
+    let parts = parts.map(async |part| Ok::<_, CallError>(Heard::of(part?, size, kind).await)).buffered(threads);
     pin_mut!(parts);
-    while let Some(part) = parts.next().await {
-        let (FramePart { frame, epoch, part }, bytes) = part?;
+    while let Some(heard) = parts.next().await {
+        let Heard { part: FramePart { frame, epoch, part }, bytes, pixels } = heard?;
         let at = (frame, epoch);
         let tell = async |layer, tile, pixels, bytes| {
             events.send(Event::Tile { ticket, at, layer, tile, pixels, bytes }).await.map_err(|_| None)
         };
         match part {
             Part::Tile(tile) => {
-                let pixels = decode_tile(&tile.pixels, TileRect::tile_pixels(tile.tile, size).size(), kind);
-                let pixels = pixels.map_err(|e| invalid(format!("tile {:?}: {e}", tile.tile)))?;
-                tell(tile.node, tile.tile, Some(pixels), bytes).await?;
+                let pixels = pixels.transpose().map_err(|e| invalid(format!("tile {:?}: {e}", tile.tile)))?;
+                tell(tile.node, tile.tile, pixels, bytes).await?;
             }
             Part::Empty { node, tiles } => {
                 let rect = rects.iter().find(|(n, _)| *n == node).map(|(_, rect)| *rect);

