@@ -5,6 +5,7 @@ pub mod color_space;
 pub mod colormap;
 mod colormap_tables;
 pub(crate) mod empty;
+pub mod extremes;
 mod function;
 pub mod materials;
 pub mod of_projection;
@@ -14,6 +15,7 @@ pub mod table;
 pub mod window;
 
 pub use colormap::Colormap;
+pub use extremes::{Shown, TableExtremes};
 pub use function::{ColorPoint, MAX_POINTS, MAX_X, OpacityPoint, TransferFunction, TransferFunctionError};
 pub use preset::{Preset, PresetError, PresetErrorKind, PresetList, PresetOptions};
 pub use table::TransferTable;

@@ -51,6 +51,7 @@ impl ScenePlan {
             exact: self.exact,
             acceleration: self.acceleration.on(store),
             samples: self.samples,
+            extreme: None,
         };
         let view = ViewSpec { camera, size: self.size };
         let scene = Scene::new(look, view, quality).map_err(Failure::usage)?;
