@@ -7,6 +7,7 @@ pub mod config;
 pub mod cpu;
 pub mod error;
 pub mod gpu;
+mod interval;
 pub mod kernel;
 pub mod node;
 pub mod render;

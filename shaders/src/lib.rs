@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 pub mod binding;
+pub mod interval;
 pub mod key;
 pub mod layout;
 pub mod style;

@@ -1,18 +1,9 @@
-//! How much of a pixel's ray lies in a box: for bounds and estimates, not for rendering.
+//! How much of a pixel's ray lies in a box: for estimates, not for rendering.
 
 use glam::{DVec2, DVec3};
 
 use crate::brick::OwnedBox;
 use crate::visibility::{KernelView, PixelRect};
-
-/// The most samples that the ray through the centre of pixel (x, y) can take in `voxels`: its chord in steps, and one.
-#[must_use]
-pub fn most_samples(view: &KernelView, x: u32, y: u32, voxels: &OwnedBox) -> u32 {
-    match chord(view, x, y, voxels) {
-        Some(chord) if chord >= -0.01 => (chord.max(0.0) + 0.01).ceil() as u32 + 1,
-        _ => 0,
-    }
-}
 
 /// About how many samples rays take in `voxels` (index space) within `rect`, where they read every step: the sum of
 /// chords in steps over the pixels, integrated over a lattice of about `rays` rays.
@@ -76,15 +67,16 @@ mod tests {
         let camera = Camera::orbit(&geometry, Orbit::default()).unwrap();
         let view = View::new(&geometry, &camera, PictureSize::new(33, 33).unwrap(), 0.5).unwrap().kernel();
         let whole = OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(32) };
-        let middle = most_samples(&view, 16, 16, &whole);
-        assert!((64..=67).contains(&middle), "{middle}");
+        let steps = |x, y, voxels: &OwnedBox| chord(&view, x, y, voxels).map_or(0.0, |chord| chord.max(0.0));
+        let middle = steps(16, 16, &whole);
+        assert!((63.0..=66.0).contains(&middle), "{middle}");
         // Far from the middle, where rays no longer start at the eye: the box's own corner, in perspective.
         let corners = [(0, 0), (32, 0), (0, 32), (32, 32)];
-        assert!(corners.into_iter().all(|(x, y)| most_samples(&view, x, y, &whole) <= 2));
-        let across: u32 = (0..33).map(|x| u32::from(most_samples(&view, x, 16, &whole) > 60)).sum();
+        assert!(corners.into_iter().all(|(x, y)| steps(x, y, &whole) <= 1.0));
+        let across: u32 = (0..33).map(|x| u32::from(steps(x, 16, &whole) > 59.0)).sum();
         assert!((12..=20).contains(&across), "{across} of 33 pixels see the box");
-        assert_eq!(most_samples(&view, 0, 0, &OwnedBox { lo: UVec3::splat(12), hi: UVec3::splat(20) }), 0);
-        assert!(most_samples(&view, 16, 16, &OwnedBox { lo: UVec3::splat(12), hi: UVec3::splat(20) }) <= 19);
+        let inner = OwnedBox { lo: UVec3::splat(12), hi: UVec3::splat(20) };
+        assert!(steps(0, 0, &inner) == 0.0 && (15.0..18.0).contains(&steps(16, 16, &inner)));
     }
 
     /// Far away, a box of V voxels, seen by parallel rays of one pixel a voxel, has V / step samples; a coarse lattice

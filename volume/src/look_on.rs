@@ -1,11 +1,11 @@
 //! A scene's look on a store: the one place that builds its tables, and decides by them what of each brick is drawn.
-//! Compositor, nodes and audits ask here, so that what is ordered is what is rendered and what is promised.
+//! Compositor and nodes ask here, so that what is ordered is what is rendered.
 
 use std::sync::Arc;
 
 use crate::ids::BrickIndex;
 use crate::preintegration::Preintegrated;
-use crate::regions::{BrickFacts, ChangeRate, Drawn, SceneTables, brick_change, drawn, within_reach};
+use crate::regions::{BrickFacts, Drawn, SceneTables, drawn, within_reach};
 use crate::scene::Scene;
 use crate::store::Manifest;
 use crate::transfer_function::{TransferFunction, TransferTable};
@@ -142,11 +142,5 @@ impl<'a> LookOn<'a> {
         let owned = manifest.grid.owned_box(brick);
         let drawn = drawn(self.scene, &self.tables(), &manifest.geometry, &owned, raw, facts.as_ref());
         BrickLook { raw, facts, drawn }
-    }
-
-    /// How much V' can change of what a brick shows that is drawn from it.
-    #[must_use]
-    pub fn change(&self, brick: &BrickLook) -> ChangeRate {
-        brick.facts.map_or(ChangeRate::NONE, |facts| brick_change(&self.tables(), brick.raw, &facts))
     }
 }

@@ -38,6 +38,7 @@ impl ShownLook {
         let mine = &self.scene;
         mine.look == scene.look
             && mine.quality.step == scene.quality.step
+            && mine.quality.extreme == scene.quality.extreme
             && mine.quality.acceleration == scene.quality.acceleration
     }
 }

@@ -6,6 +6,7 @@ pub mod audit;
 mod balanced;
 mod cluster;
 mod error;
+pub mod interval;
 mod look;
 pub mod stats;
 

@@ -22,6 +22,12 @@ pub(crate) fn expected_bytes(stored_voxels: u64, recipe: Recipe, texel_bytes: u6
     stored_voxels * (texel_bytes + u64::from(recipe.region_flags)) + cells
 }
 
+/// Of a brick of spans ([`Recipe::interval`]): codes, and where it is flattened their upper ends and distances.
+pub(crate) fn interval_bytes(stored_voxels: u64, recipe: Recipe) -> u64 {
+    let flattened = if recipe.guard.is_some() { 3 } else { 0 };
+    stored_voxels * (2 + flattened + u64::from(recipe.region_flags))
+}
+
 /// Where rays of the brick may read a position: one voxel within the stored box, whose last voxel is only interpolated
 /// with.
 pub(crate) fn reached(owned: &OwnedBox, stored: &StoredBox) -> OwnedBox {
@@ -40,6 +46,9 @@ impl Recipe {
         }
         let recipe = Self::of(scene, drawn.flattened, has_regions);
         let stored = owned.stored(ghost);
+        if recipe.interval {
+            return interval_bytes(stored.voxel_count(), recipe);
+        }
         let cells = recipe.cell_edge().map_or(0, |edge| {
             let (reached, edge) = (reached(owned, &stored), u32::from(edge));
             let dims = (reached.hi + (edge - 1)) / edge - reached.lo / edge;

@@ -41,6 +41,14 @@ fn kernel_threads() -> Option<&'static rayon::ThreadPool> {
     THREADS.get_or_init(|| rayon::ThreadPoolBuilder::new().thread_name(name).build().ok()).as_ref()
 }
 
+/// Does work of kernels on their threads; a system that gives no more has those of the others.
+pub(crate) fn on_kernel_threads<T: Send>(work: impl FnOnce() -> T + Send) -> T {
+    match kernel_threads() {
+        Some(threads) => threads.install(work),
+        None => work(),
+    }
+}
+
 /// Renders with threads of its own. Every pixel is computed alone, so pictures do not depend on the number of threads.
 #[derive(Debug)]
 pub struct CpuRaycaster {
@@ -271,8 +279,7 @@ impl Raycaster for CpuRaycaster {
         let shown = ShownEntries::of(&data.tables);
         let reads = Reads { scene: &data, set: self.set, by_twin: self.by_twin, shown, watch };
         let work = || jobs.par_iter().map(|job| render_job(scene, &reads, emptiness.as_ref(), job)).collect();
-        // A system that gives no more threads has those of the others.
-        kernel_threads().map_or_else(work, |threads| threads.install(work))
+        on_kernel_threads(work)
     }
 }
 

@@ -23,6 +23,8 @@ pub struct Recipe {
     pub homogeneous: Option<u16>,
     /// Also which voxels are in a region: for region views and region transfer functions.
     pub region_flags: bool,
+    /// Each voxel as the span of codes that it may have, if it is flattened; nothing else but flags.
+    pub interval: bool,
 }
 
 impl Recipe {
@@ -30,11 +32,15 @@ impl Recipe {
     #[must_use]
     pub fn of(scene: &Scene, flattened: bool, has_regions: bool) -> Self {
         let acceleration = &scene.quality.acceleration;
+        let interval = scene.quality.extreme.is_some();
         let radius = scene.look.style.gradient_radius();
         let homogeneous = match acceleration.leap {
             // What a cube is flattened by has no bound on surfaces and gradients, and is no label.
             Leap::Macrocells(range)
-                if scene.look.style.surfaces.is_empty() && radius == 0 && scene.quality.filter != Filter::Nearest =>
+                if !interval
+                    && scene.look.style.surfaces.is_empty()
+                    && radius == 0
+                    && scene.quality.filter != Filter::Nearest =>
             {
                 Some((f64::from(range) * 65535.0) as u16)
             }
@@ -45,10 +51,11 @@ impl Recipe {
             // Steps are at most 16 voxels: 33.
             guard: flattened.then(|| guard_width(scene.quality.step, radius) as u8),
             radius: radius as u8,
-            macrocell: (acceleration.skip_empty || homogeneous.is_some())
+            macrocell: (acceleration.skip_empty && !interval || homogeneous.is_some())
                 .then(|| acceleration.macrocell.voxels() as u8),
             homogeneous,
             region_flags: shows_kinds && has_regions,
+            interval,
         }
     }
 

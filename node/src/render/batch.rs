@@ -14,7 +14,8 @@ use super::slices::{Rest, SliceSize};
 use super::workshop::{MAX_BATCH_BYTES, Turns, Workshop};
 use crate::brick::residency::{BrickKey, Wanted};
 use crate::error::NodeError;
-use crate::kernel::{Job, JobImage, ResidentBrick, Watch, new_pixels};
+use crate::interval;
+use crate::kernel::{BackendInfo, Job, JobImage, ResidentBrick, Watch, new_pixels};
 use crate::stores::OpenStore;
 
 /// The plan's units in their order, rendered when they are needed, several at once where they are small. Holds no
@@ -64,7 +65,12 @@ impl<'a> Batches<'a> {
         watch: Watch<'a>,
         turns: &'a dyn Turns,
     ) -> Self {
-        let size = SliceSize::new(workshop.raycaster.info());
+        let info = workshop.raycaster.info();
+        let size = match &plan.interval {
+            // The processor walks them, whatever renders pictures.
+            Some(_) => SliceSize::new(&BackendInfo { is_on_processor: true, ..info.clone() }),
+            None => SliceSize::new(info),
+        };
         Self { plan, store, workshop, watch, turns, next: 0, begun: VecDeque::new(), has_worked: false, size }
     }
 
@@ -112,7 +118,11 @@ impl<'a> Batches<'a> {
         let brick = |position: &usize| resident[&key(position)].clone();
         let job = |part: &Part| Job { bricks: part.positions.iter().map(&brick).collect(), rect: part.rect };
         let jobs: Vec<Job> = parts.iter().map(job).collect();
-        let render = || workshop.raycaster.render_watched(&self.plan.scene, &jobs, watch);
+        let (scene, raycaster) = (&self.plan.scene, workshop.raycaster);
+        let render = || match &self.plan.interval {
+            Some(interval) => interval::render(scene, interval, raycaster.info(), &jobs, watch),
+            None => raycaster.render_watched(scene, &jobs, watch),
+        };
         let started = Instant::now();
         // Of a throttled node the rest is work, too.
         let (images, work_ms) = workshop.pace.work(&|| watch.goes_on().is_err(), render)?;

@@ -2,16 +2,19 @@
 
 use std::sync::Arc;
 
+use brickcast_shaders::interval::IntervalTables;
 use brickcast_volume::BrickIndex;
 use brickcast_volume::look_on::{BricksOf, LookOn};
 use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::regions::Drawn;
-use brickcast_volume::scene::Scene;
+use brickcast_volume::scene::{Extreme, Scene};
 use brickcast_volume::store::BrickSource;
 
 use super::tables::TableCache;
+use crate::brick::bytes::interval_bytes;
 use crate::brick::residency::{BrickKey, Wanted};
 use crate::error::NodeError;
+use crate::interval::IntervalScene;
 use crate::kernel::{LookTraits, Raycaster, Recipe, TakeKind, knows_only_region};
 
 /// Decides for one scene on one store.
@@ -46,6 +49,14 @@ impl<'a> BrickChoice<'a> {
         Ok(Self { store, scene, look, slabs })
     }
 
+    /// One end of the scene's intervals.
+    pub(crate) fn interval(&self, extreme: Extreme) -> IntervalScene {
+        let (look, range) = (&self.look, self.store.manifest().range);
+        let tables = (&**look.main(), look.region().map(|table| &**table));
+        let tables = IntervalTables::new(&self.scene.look, range, tables, self.slabs.as_ref());
+        IntervalScene { extreme, tables }
+    }
+
     /// What of the scene says which kernel a brick takes.
     pub(crate) fn look_traits(&self) -> LookTraits {
         let look = &self.scene.look;
@@ -62,6 +73,7 @@ impl<'a> BrickChoice<'a> {
         let key = BrickKey { store: self.store.hash(), brick: id, ghost, recipe };
         let bytes = match drawn.only_region {
             Some(_) if knows_only_region(ghost) => 0,
+            _ if recipe.interval => interval_bytes(owned.stored(ghost).voxel_count(), recipe),
             _ => raycaster.brick_bytes(owned.stored(ghost).voxel_count(), recipe),
         };
         Some(Chosen { wanted: Wanted { key, bytes }, drawn })

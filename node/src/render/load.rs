@@ -10,6 +10,7 @@ use super::meter::LoadMeter;
 use super::workshop::Workshop;
 use crate::brick::residency::{BrickKey, Lease, Load, Wanted};
 use crate::error::NodeError;
+use crate::interval::IntervalBrick;
 use crate::kernel::{BrickInput, Raycaster, ResidentBrick, knows_only_region};
 use crate::stores::OpenStore;
 
@@ -77,7 +78,10 @@ fn load_brick(
         false => None,
     };
     if let Some(region) = only_region(&key, store) {
-        return Ok(raycaster.upload_uniform(owned, region.mean())?);
+        return match recipe.interval {
+            true => Ok(Arc::new(IntervalBrick::uniform(&owned, &region))),
+            false => Ok(raycaster.upload_uniform(owned, region.mean())?),
+        };
     }
     let voxels = store.read_brick(index, key.ghost, cache).map_err(broken)?;
     // Inner guards look one voxel further.
@@ -89,5 +93,9 @@ fn load_brick(
         None => None,
     };
     let regions = regions.as_ref().map(|(regions, table)| (regions, *table));
-    Ok(raycaster.upload(owned, &BrickInput { voxels: &voxels, regions, recipe })?)
+    let input = BrickInput { voxels: &voxels, regions, recipe };
+    match recipe.interval {
+        true => Ok(Arc::new(IntervalBrick::new(owned, &input)?)),
+        false => Ok(raycaster.upload(owned, &input)?),
+    }
 }

@@ -14,6 +14,7 @@ use super::slices::SliceSize;
 use super::workshop::{MAX_BAND_PIXELS, Workshop};
 use crate::brick::residency::Wanted;
 use crate::error::NodeError;
+use crate::interval::IntervalScene;
 use crate::kernel::{KernelScene, KernelStyle};
 
 /// A frame cut into pieces and units.
@@ -22,6 +23,8 @@ pub(super) struct FramePlan {
     pub tree: MergeTree,
     pub from: Viewpoint,
     pub scene: KernelScene,
+    /// Where one end of intervals is asked for, and not the picture itself.
+    pub interval: Option<IntervalScene>,
     pub bricks: Vec<PlannedBrick>,
     /// In the order in which they are answered.
     pub pieces: Vec<Piece>,
@@ -100,6 +103,7 @@ impl FramePlan {
                     choice.slabs.clone(),
                 ),
             },
+            interval: scene.quality.extreme.map(|extreme| choice.interval(extreme)),
             bricks: Vec::new(),
             pieces: Vec::new(),
             units: Vec::new(),

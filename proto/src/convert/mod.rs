@@ -47,6 +47,8 @@ pub enum WireError {
     Tile(#[from] TileError),
     #[error("exact mode needs f32 transport, the order asks for {0}")]
     ExactTransport(&'static str),
+    #[error("an interval picture needs f32 transport, the order asks for {0}")]
+    ExtremeTransport(Transport),
     #[error("pixels of kind `{kind}` need f32 transport, the order asks for {transport}")]
     CodesTransport { kind: PixelKind, transport: Transport },
     #[error("0 is no node of a merge tree; its root is 1")]

@@ -96,6 +96,9 @@ impl TryFrom<wire::RenderOrder> for RenderOrder {
         match transport {
             Transport::F16 if scene.quality.exact => return Err(WireError::ExactTransport("f16")),
             Transport::U8 if scene.quality.exact => return Err(WireError::ExactTransport("u8")),
+            Transport::F16 | Transport::U8 if scene.quality.extreme.is_some() => {
+                return Err(WireError::ExtremeTransport(transport));
+            }
             _ => {}
         }
         let kind = scene.look.style.mode.pixel_kind();

@@ -1,6 +1,6 @@
 //! The scene: camera, transfer function, filter, transport.
 
-use brickcast_volume::scene::{Filter, Look, PixelSamples, Quality, Scene, SceneParts, Transport, ViewSpec};
+use brickcast_volume::scene::{Extreme, Filter, Look, PixelSamples, Quality, Scene, SceneParts, Transport, ViewSpec};
 use brickcast_volume::transfer_function::{ColorPoint, MAX_POINTS, OpacityPoint, TransferFunction};
 use brickcast_volume::{Camera, PictureSize, Projection};
 use glam::DVec3;
@@ -90,6 +90,23 @@ fn filter_from_wire(filter: i32) -> Result<Filter, WireError> {
     }
 }
 
+fn extreme_to_wire(extreme: Option<Extreme>) -> i32 {
+    match extreme {
+        None => wire::Extreme::None.into(),
+        Some(Extreme::Lowest) => wire::Extreme::Lowest.into(),
+        Some(Extreme::Highest) => wire::Extreme::Highest.into(),
+    }
+}
+
+fn extreme_from_wire(extreme: i32) -> Result<Option<Extreme>, WireError> {
+    match wire::Extreme::try_from(extreme) {
+        Ok(wire::Extreme::None) => Ok(None),
+        Ok(wire::Extreme::Lowest) => Ok(Some(Extreme::Lowest)),
+        Ok(wire::Extreme::Highest) => Ok(Some(Extreme::Highest)),
+        Err(_) => Err(WireError::Unknown { what: "extreme", value: extreme.to_string() }),
+    }
+}
+
 pub(super) fn format_to_wire(format: Transport) -> i32 {
     match format {
         Transport::F16 => wire::PixelFormat::F16.into(),
@@ -125,6 +142,7 @@ impl From<&Scene> for wire::Scene {
             region_view: view_to_wire(look.region_view),
             region_transfer_function: look.region_transfer_function.as_ref().map(Into::into),
             style: Some((&look.style).into()),
+            extreme: extreme_to_wire(quality.extreme),
         }
     }
 }
@@ -151,6 +169,7 @@ impl TryFrom<wire::Scene> for Scene {
             exact: scene.exact,
             acceleration: scene.acceleration.map(TryInto::try_into).transpose()?.unwrap_or_default(),
             samples: PixelSamples::One,
+            extreme: extreme_from_wire(scene.extreme)?,
         };
         Ok(Self::new(look, view, quality)?)
     }

@@ -11,7 +11,8 @@ use brickcast_proto::{
     decode_tile, encode_tile, wire,
 };
 use brickcast_volume::scene::{
-    Acceleration, Filter, Leap, Look, MacrocellEdge, PixelSamples, Quality, RegionView, Scene, Transport, ViewSpec,
+    Acceleration, Extreme, Filter, Leap, Look, MacrocellEdge, PixelSamples, Quality, RegionView, Scene, Transport,
+    ViewSpec,
 };
 use brickcast_volume::style::{Clip, ClipPlane, Integration, Isosurface, Lighting, Mode, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
@@ -96,6 +97,7 @@ fn scene(random: &mut Random) -> Scene {
             leap_tolerance: (random.below(2) == 0).then(|| random.unit() as f32),
         },
         samples: PixelSamples::One,
+        extreme: (random.below(2) == 0).then(|| [Extreme::Lowest, Extreme::Highest][random.below(2)]),
     };
     if random.below(4) == 0 {
         quality.filter = Filter::Nearest;
@@ -143,7 +145,11 @@ fn order(random: &mut Random) -> RenderOrder {
         chunks: (0..3).map(|c| ChunkId::new(i * 3 + c)).collect(),
         tiles: TileRect { lo: [0, 0], hi: [tiles.hi[0], 1 + i % tiles.hi[1]] },
     };
-    let transport = if scene.quality.exact { Transport::F32 } else { [Transport::F16, Transport::U8][random.below(2)] };
+    let transport = if scene.quality.exact || scene.quality.extreme.is_some() {
+        Transport::F32
+    } else {
+        [Transport::F16, Transport::U8][random.below(2)]
+    };
     RenderOrder {
         session: SessionId(random.below(1000) as u64),
         frame: FrameId(random.below(1000) as u64),

@@ -116,7 +116,7 @@ impl<'a> SlabTable<'a> {
 impl Bindings<'_> {
     /// Where the brick says of each voxel whether it is in a region.
     #[inline(always)]
-    pub(super) fn has_flags(&self) -> bool {
+    pub(crate) fn has_flags(&self) -> bool {
         self.key.regions && self.brick.region_flags == RegionFlags::Texture as u32
     }
 }
@@ -128,12 +128,12 @@ impl<'a> Along<'a> {
     }
 
     #[inline(always)]
-    pub(super) fn frame(&self) -> &'a FrameUniform {
+    pub(crate) fn frame(&self) -> &'a FrameUniform {
         self.bound.scene.frame
     }
 
     #[inline(always)]
-    pub(super) fn style(&self) -> &'a StyleUniform {
+    pub(crate) fn style(&self) -> &'a StyleUniform {
         self.bound.scene.style
     }
 }

@@ -31,6 +31,6 @@ pub(super) fn classify(bound: &Bindings<'_>, in_region: bool, code: f32) -> [f32
 
 /// Does the view show samples of this kind?
 #[inline(always)]
-pub(super) fn is_shown(bound: &Bindings<'_>, in_region: bool) -> bool {
+pub(crate) fn is_shown(bound: &Bindings<'_>, in_region: bool) -> bool {
     !bound.key.regions || bound.scene.frame.shown & if in_region { SHOWS_REGIONS } else { SHOWS_RESIDUAL } != 0
 }

@@ -8,7 +8,7 @@ pub const NO_DATA: f32 = -1.0;
 
 /// Has a sample this code?
 #[inline(always)]
-pub(super) fn is_no_data(code: f32) -> bool {
+pub(crate) fn is_no_data(code: f32) -> bool {
     code < 0.0
 }
 

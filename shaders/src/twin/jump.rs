@@ -5,7 +5,7 @@ use crate::layout::FrameUniform;
 
 /// The first sample that the brick does not own: the first k with `k * step >= t_out`.
 #[inline(always)]
-pub(super) fn first_outside(frame: &FrameUniform, k: f32, t_out: f32) -> f32 {
+pub(crate) fn first_outside(frame: &FrameUniform, k: f32, t_out: f32) -> f32 {
     let mut k_out = rounded_up(t_out / frame.step).max(k + 1.0);
     // The quotient errs by a few units in the last place, the product decides.
     for _ in 0..2 {
@@ -37,7 +37,7 @@ pub(super) fn leaves(ray: &Ray, center: [f32; 3], half: f32) -> f32 {
 
 /// The opacity of `n` samples of opacity `alpha`: by squaring, as exact as n single ones.
 #[inline(always)]
-pub(super) fn opacity_of(alpha: f32, n: f32) -> f32 {
+pub(crate) fn opacity_of(alpha: f32, n: f32) -> f32 {
     let (mut clear, mut square, mut left) = (1.0, 1.0 - alpha, n as u32);
     while left > 0 {
         if left & 1 == 1 {

@@ -10,9 +10,9 @@ use super::walk::leap::deep_at;
 
 /// Of a place: what its colour is multiplied by, and how much white is added per opacity.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Lit {
-    pub(super) factor: f32,
-    pub(super) glint: f32,
+pub(crate) struct Lit {
+    pub(crate) factor: f32,
+    pub(crate) glint: f32,
 }
 
 /// Where the gradient vanishes.
@@ -61,7 +61,7 @@ pub(super) fn light_at(along: &Along<'_>, p: [f32; 3]) -> Lit {
 }
 
 /// Phong's factors on the face, of the volume or of a clip, by which the ray enters: the cut is flat, whatever is cut.
-pub(super) fn light_of_entry(along: &Along<'_>) -> Lit {
+pub(crate) fn light_of_entry(along: &Along<'_>) -> Lit {
     let (ray, style, per_unit) = (along.ray, along.style(), along.frame().voxels_per_unit);
     // World, either way round; towards the eye where the ray starts inside.
     let mut normal: [f32; 3] = std::array::from_fn(|a| -ray.direction[a] / per_unit[a]);

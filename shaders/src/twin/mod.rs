@@ -1,10 +1,10 @@
 //! The kernels on the CPU: scalar, in their WGSL's files, names and order of operations.
 
 pub mod bindings;
-mod classify;
+pub(crate) mod classify;
 pub mod holes;
-mod jump;
-mod light;
+pub(crate) mod jump;
+pub(crate) mod light;
 pub mod macrocell;
 pub mod march;
 pub mod part;

@@ -50,13 +50,13 @@ pub fn pixel_ray(frame: &FrameUniform, x: u32, y: u32) -> Ray {
     Ray { origin, direction, inverse }
 }
 
-pub(super) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 /// The first sample at or behind `t`, exactly.
 #[inline(always)]
-pub(super) fn first_sample(frame: &FrameUniform, t: f32) -> f32 {
+pub(crate) fn first_sample(frame: &FrameUniform, t: f32) -> f32 {
     // The quotient errs by a few units in the last place, the product decides.
     let mut k = rounded_up(t / frame.step);
     for _ in 0..4 {

@@ -7,26 +7,26 @@ use std::ops::{Add, Mul, Sub};
 use super::holes::NO_DATA;
 use crate::layout::{BrickUniform, FrameUniform};
 
-pub(super) const CODE: f32 = 1.0 / 65535.0;
+pub(crate) const CODE: f32 = 1.0 / 65535.0;
 
 /// What does not change along a ray.
 #[derive(Debug)]
 pub struct Reader<'a> {
-    pub(super) codes: &'a [u16],
+    pub(crate) codes: &'a [u16],
     /// Subtract from a global position + 0.5, rounded down, for the texel of the support's low corner.
-    pub(super) first_texel: [i32; 3],
+    pub(crate) first_texel: [i32; 3],
     /// -1 where one texel is the whole brick: nothing to interpolate between.
-    pub(super) last_corner: [i32; 3],
-    pub(super) row: usize,
-    pub(super) slice: usize,
+    pub(crate) last_corner: [i32; 3],
+    pub(crate) row: usize,
+    pub(crate) slice: usize,
     /// Values are those of voxels, never between.
-    pub(super) is_nearest: bool,
+    pub(crate) is_nearest: bool,
     /// Texels of code 0 hold no data.
-    pub(super) has_holes: bool,
+    pub(crate) has_holes: bool,
 }
 
 impl<'a> Reader<'a> {
-    pub(super) fn new(frame: &FrameUniform, brick: &BrickUniform, codes: &'a [u16]) -> Self {
+    pub(crate) fn new(frame: &FrameUniform, brick: &BrickUniform, codes: &'a [u16]) -> Self {
         let dims = brick.stored_dims;
         Self {
             codes,
@@ -43,7 +43,7 @@ impl<'a> Reader<'a> {
 impl Reader<'_> {
     /// Index of the voxel that holds a global position.
     #[inline(always)]
-    pub(super) fn nearest_index(&self, p_voxel: [f32; 3]) -> usize {
+    pub(crate) fn nearest_index(&self, p_voxel: [f32; 3]) -> usize {
         let at: [usize; 3] = std::array::from_fn(|a| {
             (p_voxel[a] as i32 + 1 - self.first_texel[a]).min(self.last_corner[a] + 1).max(0) as usize
         });
@@ -52,7 +52,7 @@ impl Reader<'_> {
 
     /// The texel of the voxel that holds a global position.
     #[inline(always)]
-    pub(super) fn nearest(&self, p_voxel: [f32; 3]) -> u16 {
+    pub(crate) fn nearest(&self, p_voxel: [f32; 3]) -> u16 {
         self.codes.get(self.nearest_index(p_voxel)).copied().unwrap_or(0)
     }
 
@@ -65,7 +65,7 @@ impl Reader<'_> {
 
     /// The texel of the support's low corner, and the weights of what lies beyond it.
     #[inline(always)]
-    pub(super) fn corner(&self, p_voxel: [f32; 3]) -> (usize, [f32; 3]) {
+    pub(crate) fn corner(&self, p_voxel: [f32; 3]) -> (usize, [f32; 3]) {
         let mut w = [0.0; 3];
         let mut corner = [0; 3];
         for a in 0..3 {
@@ -81,7 +81,7 @@ impl Reader<'_> {
 
     /// The value code, 0..=1, at a global position; [`NO_DATA`] where it has none.
     #[inline(always)]
-    pub(super) fn read_volume(&self, p_voxel: [f32; 3]) -> f32 {
+    pub(crate) fn read_volume(&self, p_voxel: [f32; 3]) -> f32 {
         if self.is_nearest {
             return self.read_nearest(p_voxel);
         }
@@ -108,7 +108,7 @@ pub(super) fn between<T: Copy + Add<Output = T> + Sub<Output = T> + Mul<Output =
 
 /// Into 0..=last; in this form one instruction a side, which `f32::clamp` is not.
 #[inline(always)]
-pub(super) fn clamped(x: f32, last: f32) -> f32 {
+pub(crate) fn clamped(x: f32, last: f32) -> f32 {
     let x = if x > 0.0 { x } else { 0.0 };
     if x < last { x } else { last }
 }

@@ -30,7 +30,7 @@ pub struct Step {
 
 /// The first position behind the cube.
 #[inline(always)]
-pub(super) fn exit_of(frame: &FrameUniform, ray: &Ray, step: &Step) -> f32 {
+pub(crate) fn exit_of(frame: &FrameUniform, ray: &Ray, step: &Step) -> f32 {
     rounded_up(leaves(ray, step.center, step.half) / frame.step)
 }
 

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
 mod constants;
+mod intervals;
 mod keys;
 mod layout;
 mod leaping;

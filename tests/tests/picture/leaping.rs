@@ -2,11 +2,10 @@
 
 use crate::rig::{self, Rig, contrast, kernels, orbit, phantom, prepared, runtime, scene, worst};
 use brickcast::plan::Assignment;
-use brickcast::session::audit;
 use brickcast_volume::MergeTree;
 use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::regions::code::{code_of_density, density_of_code};
-use brickcast_volume::scene::{Acceleration, Filter, Leap, MacrocellEdge, Scene, SceneParts, Transport};
+use brickcast_volume::scene::{Acceleration, Filter, Leap, MacrocellEdge, Scene, SceneParts};
 use brickcast_volume::store::{ChunkCache, Store};
 use brickcast_volume::transfer_function::{Colormap, TransferFunction};
 
@@ -151,13 +150,9 @@ fn no_defect_is_lost() {
                 let mut plain = scene(&bad, orbit(&bad, view), function.unwrap());
                 plain = plain.with(|s| s.view.size = brickcast_volume::PictureSize::new(176, 176).unwrap()).unwrap();
                 let fast = plain.with(|s| s.quality.acceleration = ALL).unwrap();
-                let seen = fast.view_of(&bad.manifest().geometry).unwrap();
-                let bounds = audit::bounds(bad_rig.session.store(), &fast, &seen);
                 let (p1, p0) = (bad_rig.render(&plain).await, good_rig.render(&plain).await);
                 let (f1, f0) = (bad_rig.render(&fast).await, good_rig.render(&fast).await);
                 assert!(f1.stats.leapt_positions * 4 > f1.stats.positions, "hardly anything was leapt: {:?}", f1.stats);
-                let report = audit::compare(&f1.picture, &p1.picture, &bounds, &fast, Transport::F32);
-                assert!(report.bound_held && report.largest_bound < 0.9, "{report:?}");
                 let (shown, lost) = contrast(&p1.picture, &p0.picture, &f1.picture, &f0.picture);
                 assert!(shown > 400, "the plain picture hardly shows pores: {shown} pixels");
                 assert_eq!(lost, 0, "bricks of {brick_size}, {count} nodes, {view:?}: of {shown} pixels");

@@ -13,6 +13,7 @@ mod faces;
 mod harness_can_fail;
 mod holes;
 mod integral;
+mod intervals;
 mod leaping;
 mod partition;
 mod referee;

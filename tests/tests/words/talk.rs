@@ -183,4 +183,22 @@ fn only_who_names_leaping_is_told_that_nothing_leaps() {
     let (audit, said) = brickcast_both(at, &with);
     assert!(!said.contains("no regions"), "{said}");
     assert!(audit.starts_with("audit: without leaping the picture differs by at most "), "{audit}");
+    assert!(audit.contains("every pixel of both pictures lies within"), "{audit}");
+    // The widths, as floats of the picture's size.
+    let error = [&with[..with.len() - 1], &["--error", "e.exr"]].concat();
+    brickcast_ok(at, &error);
+    let widths = brickcast::output::exr::read(&at.join("e.exr")).unwrap();
+    assert_eq!((widths.size().width(), widths.size().height()), (48, 32));
+    let widest = widths.pixels().iter().flat_map(|p| p.to_array()).fold(0.0, f32::max);
+    assert!(widths.pixels().iter().all(|p| p.to_array().iter().all(|w| *w >= 0.0)) && widest > 0.0 && widest < 1.0);
+    for (flags, words) in [
+        (&["--error", "e.png"][..], "give the file a name that ends in .exr"),
+        (&["--error", "e.exr", "--accel", "ess"], "add leap to --accel"),
+        (&["--error", "e.exr", "--mode", "mip"], "intervals are of colours; leave out --mode"),
+        (&["--error", "x.exr", "--stats", "x.exr"], "that is the same file as --stats"),
+    ] {
+        let refused = brickcast(at, &[&["render", "r", "--backend", "cpu", "-o", "y.png"], flags].concat());
+        let said = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(refused.status.code() == Some(2) && said.contains(words), "{said}");
+    }
 }

@@ -9,6 +9,7 @@
 
 pub mod brute_force;
 mod elements;
+pub mod extremes;
 mod nodes;
 mod subranges;
 #[cfg(test)]
@@ -55,6 +56,8 @@ impl TableSize {
 pub struct Preintegrated {
     /// Nodes, entries of each side: at least 2.
     pub size: usize,
+    /// Where the nodes stand, in parts of a code ([`PARTS`]), ascending.
+    pub nodes: Vec<u32>,
     /// By block of `65536 / warp.len()` codes (a power of two): the node coordinate at its start, and what it grows by
     /// to its end; linear between.
     pub warp: Vec<[f32; 2]>,
@@ -111,10 +114,10 @@ impl Preintegrated {
         let shown_before = shown_before(&elements);
         if lit {
             let [total, front, back] = subranges::integrate::<8, 3, _>(&elements, delta_over_unit);
-            Self { size, warp, total, lit: Some(Lit { front, back }), shown_before }
+            Self { size, nodes: elements.nodes, warp, total, lit: Some(Lit { front, back }), shown_before }
         } else {
             let [total] = subranges::integrate::<4, 1, _>(&elements, delta_over_unit);
-            Self { size, warp, total, lit: None, shown_before }
+            Self { size, nodes: elements.nodes, warp, total, lit: None, shown_before }
         }
     }
 }

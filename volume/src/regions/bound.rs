@@ -4,43 +4,78 @@
 //! front to back. Replacing sample j changes what is seen by `T_j |d(alpha c) - d(alpha) B|`, where `T_j` is the
 //! transparency before it and B, the colour behind, lies in 0..=1 like c. That is at most `T_j w` with
 //! `w = d(alpha) + alpha d(c)`, and `T_j <= (1 - a)^j` with a the least opacity that a sample of the brick can have.
-//! Summed: `w (1 - (1 - a)^n) / a` for n samples. (docs/algorithms.md, The bound.) What is in front of the brick only
+//! Summed: `w (1 - (1 - a)^n) / a` for n samples. (docs/algorithms.md, The bound.)
+//!
+//! And whatever its samples are, n of them are one whose opacity lies in `[1 - (1 - a_lo)^n, 1 - (1 - a_hi)^n]` and
+//! whose colour lies within those of the brick's range. Before a colour B that is the same in both, two such differ by
+//! no more than the box of them is wide at B = 0 or B = 1: in between, the largest is convex in B, the smallest
+//! concave. The lesser of the two bounds counts, at every number of samples up to n. What is in front of the brick only
 //! makes it less, so a pixel's bound is the sum over the bricks on its ray.
 
 use std::collections::VecDeque;
 
 use crate::transfer_function::TransferTable;
+use crate::transfer_function::extremes::{NOTHING, Span, around};
 
 /// What one sample can change, and how much of that the samples before it leave visible.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ChangeRate {
+pub(super) struct ChangeRate {
     /// The most that one sample alone can change: w above.
     sample: f64,
-    /// The least opacity of a sample: a above.
-    opacity: f64,
+    /// Opacities of a sample: a above is the least.
+    opacity: [f64; 2],
+    /// Of every channel, the colours of a sample with opacity.
+    colors: [Span; 3],
 }
 
 impl ChangeRate {
-    pub const NONE: Self = Self { sample: 0.0, opacity: 0.0 };
+    pub(super) const NONE: Self = Self { sample: 0.0, opacity: [0.0; 2], colors: [NOTHING; 3] };
 
     /// Of two rates, one that bounds both.
     #[must_use]
-    pub fn or(self, other: Self) -> Self {
-        Self { sample: self.sample.max(other.sample), opacity: self.opacity.min(other.opacity) }
+    pub(super) fn or(self, other: Self) -> Self {
+        Self {
+            sample: self.sample.max(other.sample),
+            opacity: [self.opacity[0].min(other.opacity[0]), self.opacity[1].max(other.opacity[1])],
+            colors: std::array::from_fn(|c| around(self.colors[c], other.colors[c])),
+        }
     }
 
     /// The most by which any channel of a premultiplied pixel can change over at most `samples` samples; in 0..=1.
     #[must_use]
-    pub fn over(self, samples: u32) -> f32 {
-        let n = f64::from(samples);
-        let reach = if self.opacity > 0.0 { (1.0 - libm::pow(1.0 - self.opacity, n)) / self.opacity } else { n };
-        (self.sample * reach).min(1.0) as f32
+    pub(super) fn over(self, samples: u32) -> f32 {
+        if self.sample == 0.0 {
+            return 0.0;
+        }
+        let bound = (1..=samples).map(|n| self.summed(n).min(self.boxed(n))).fold(0.0, f64::max);
+        bound.min(1.0) as f32
+    }
+
+    /// One sample after the other.
+    fn summed(&self, samples: u32) -> f64 {
+        let (n, least) = (f64::from(samples), self.opacity[0]);
+        let reach = if least > 0.0 { (1.0 - libm::pow(1.0 - least, n)) / least } else { n };
+        self.sample * reach
+    }
+
+    /// All of them as one.
+    fn boxed(&self, samples: u32) -> f64 {
+        let opacity = self.opacity.map(|a| 1.0 - libm::pow(1.0 - a, f64::from(samples)));
+        let [lo, hi] = opacity;
+        let colors = self.colors.iter().filter(|span| span[0] <= span[1]).map(|span| span.map(f64::from));
+        let channel = |[least, most]: [f64; 2]| {
+            let before_black = hi * most - lo * least;
+            let before_white = hi * (1.0 - least) - lo * (1.0 - most);
+            before_black.max(before_white)
+        };
+        // Opacity itself is a colour of 1 everywhere.
+        colors.map(channel).fold(hi - lo, f64::max)
     }
 }
 
 /// For samples that move within the codes `range` by at most `deviation` codes each.
 #[must_use]
-pub fn change_rate(table: &TransferTable, range: [u16; 2], deviation: u16) -> ChangeRate {
+pub(super) fn change_rate(table: &TransferTable, range: [u16; 2], deviation: u16) -> ChangeRate {
     if deviation == 0 {
         return ChangeRate::NONE;
     }
@@ -54,6 +89,8 @@ pub fn change_rate(table: &TransferTable, range: [u16; 2], deviation: u16) -> Ch
     let window = (f64::from(deviation) * per_code).ceil() as usize + 2;
     let entries = &table.entries[from..=to];
     let least = entries.iter().map(|e| f64::from(e[3])).fold(f64::MAX, f64::min);
+    let most = entries.iter().map(|e| f64::from(e[3])).fold(0.0, f64::max);
+    let colors = std::array::from_fn(|c| entries.iter().map(|e| [e[c]; 2]).fold(NOTHING, around));
     let spans: [Vec<[f32; 2]>; 4] = std::array::from_fn(|c| windows_of(entries, c, window));
     let worst = (0..spans[3].len())
         .map(|i| {
@@ -62,7 +99,7 @@ pub fn change_rate(table: &TransferTable, range: [u16; 2], deviation: u16) -> Ch
             width(3) + f64::from(spans[3][i][1]) * color
         })
         .fold(0.0, f64::max);
-    ChangeRate { sample: worst, opacity: least }
+    ChangeRate { sample: worst, opacity: [least, most], colors }
 }
 
 /// Minimum and maximum of a channel over every run of `window + 1` entries, in one pass (two queues of candidates);
@@ -149,6 +186,17 @@ mod tests {
         let ramp = table(&[(0.0, 0.2, 0.1), (65535.0, 0.8, 0.9)]);
         assert_eq!(change_bound(&ramp, [0, 65535], 0, 1000), 0.0);
         assert!(change_bound(&ramp, [0, 65535], 30, 100) < change_bound(&ramp, [0, 65535], 300, 100));
+    }
+
+    /// Nearly opaque material of one colour: however its values move, it stays what it is.
+    #[test]
+    fn what_hides_all_behind_it_changes_by_its_colours_alone() {
+        let table = table(&[(0.0, 0.5, 0.3), (30_000.0, 0.5, 0.9), (65_535.0, 0.5, 0.9)]);
+        let rate = change_rate(&table, [0, 65_535], 4000);
+        assert!(rate.over(1) > 0.02 && rate.summed(200) > 0.05, "{rate:?}");
+        assert!(rate.boxed(200) < 1e-6 && f64::from(rate.over(200)) < rate.summed(200), "{}", rate.over(200));
+        // No more samples, no smaller bound: a ray may take fewer.
+        assert!((1..200).all(|n| rate.over(n) <= rate.over(n + 1)));
     }
 
     proptest! {

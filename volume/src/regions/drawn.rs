@@ -71,8 +71,7 @@ pub fn longest_chord(geometry: &Geometry, owned: &OwnedBox, delta: f64) -> u32 {
 }
 
 /// How much V' can change of what a brick shows; see [`change_rate`].
-#[must_use]
-pub fn brick_change(tables: &SceneTables<'_>, raw: [u16; 2], facts: &BrickFacts) -> ChangeRate {
+fn brick_change(tables: &SceneTables<'_>, raw: [u16; 2], facts: &BrickFacts) -> ChangeRate {
     let range = [raw[0].min(facts.min), raw[1].max(facts.max)];
     let rate = |table| change_rate(table, range, facts.deviation);
     let inside = rate(tables.in_regions());
@@ -115,7 +114,12 @@ pub fn drawn(
         _ => false,
     };
     let flat = candidate.filter(|_| !over_tolerance);
-    let range = flat.map_or(raw, |f| [f.min.saturating_sub(CODED_SLACK), f.max.saturating_add(CODED_SLACK)]);
+    let coded = flat.map_or(raw, |f| [f.min.saturating_sub(CODED_SLACK), f.max.saturating_add(CODED_SLACK)]);
+    // An interval holds both pictures: what either of them shows.
+    let range = match scene.quality.extreme {
+        None => coded,
+        Some(_) => [coded[0].min(raw[0]), coded[1].max(raw[1])],
+    };
     if tables.is_empty_over(range, facts) {
         return None;
     }
@@ -128,7 +132,7 @@ mod tests {
     use glam::UVec3;
 
     use super::*;
-    use crate::scene::{Acceleration, Look, Quality, ViewSpec};
+    use crate::scene::{Acceleration, Extreme, Look, Quality, ViewSpec};
     use crate::style::Isosurface;
     use crate::transfer_function::{Colormap, TransferFunction};
     use crate::{Camera, Orbit, PictureSize};
@@ -164,6 +168,25 @@ mod tests {
         let below = BrickFacts { min: 0, max: 29_000, ..FACTS };
         assert!(decide(Leap::Regions, None, RegionView::All, [0, 31_000], below).is_none());
         assert!(decide(Leap::Off, None, RegionView::All, [0, 31_000], below).is_some_and(|d| !d.flattened));
+    }
+
+    /// What V' does not show and the volume does belongs to the interval of both.
+    #[test]
+    fn an_interval_leaves_out_only_what_neither_picture_shows() {
+        let facts = BrickFacts { min: 100, max: 29_000, ..FACTS };
+        let decide = |extreme, raw| {
+            let (scene, geometry) = scene(Leap::Regions, None, RegionView::All);
+            let scene = scene.with(|s| s.quality.extreme = extreme).unwrap();
+            let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(32) };
+            let table = TransferTable::build(&scene.look.transfer_function, (0.0, 65535.0), 0.5);
+            let tables = SceneTables::new(&scene, &[], &table, None);
+            drawn(&scene, &tables, &geometry, &owned, raw, Some(&facts))
+        };
+        assert_eq!(decide(None, [0, 31_000]), None);
+        for extreme in [Extreme::Lowest, Extreme::Highest] {
+            assert!(decide(Some(extreme), [0, 31_000]).is_some_and(|d| d.flattened));
+            assert_eq!(decide(Some(extreme), [0, 29_900]), None);
+        }
     }
 
     /// Flat and plain bricks draw the volume's own 16 bits where coded ones draw 14: the range must hold both.

@@ -14,15 +14,16 @@ pub(crate) mod flood;
 pub(crate) mod given;
 mod reach;
 pub(crate) mod runs;
+mod spans;
 mod table;
 mod texels;
 pub(crate) mod windows;
 
-pub use bound::{ChangeRate, change_rate};
 pub use code::{Density, density_of_code, guard_width};
-pub use drawn::{Drawn, SceneTables, brick_change, drawn, longest_chord};
+pub use drawn::{Drawn, SceneTables, drawn, longest_chord};
 pub use flood::MAX_FLOOD_VOXELS;
 pub use reach::within_reach;
+pub use spans::{CodeSpans, INNER_BIT, code_spans, codes_of_region};
 pub use table::{BrickFacts, BrickRegions, MAX_REGIONS, NO_REGION, Region, RegionTable};
 pub use texels::{RegionTexels, RegionTexelsError, region_texels};
 pub use windows::{Windows, window_width};

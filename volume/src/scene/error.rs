@@ -1,7 +1,7 @@
 //! Why a scene is none.
 
 use super::quality::PixelSamples;
-use crate::style::StyleError;
+use crate::style::{Mode, StyleError};
 use crate::visibility::{MAX_PIXELS, MAX_SIDE};
 
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -22,6 +22,8 @@ pub enum SceneError {
         size[0], size[1], samples.count(), rays[0], rays[1]
     )]
     Rays { size: [u32; 2], samples: PixelSamples, rays: [u32; 2] },
+    #[error("a picture of mode {0} has no interval: intervals are of colours (mode composite)")]
+    Extreme(Mode),
     #[error(transparent)]
     Style(#[from] StyleError),
 }

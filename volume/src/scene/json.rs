@@ -76,6 +76,7 @@ impl Scene {
             exact: fields.get("exact")?,
             acceleration: acceleration_from(&fields.object("acceleration")?)?,
             samples: samples_from(fields)?,
+            extreme: None,
         };
         let whole =
             |error: super::SceneError| FieldError { field: "the scene:".to_owned(), problem: error.to_string() };

@@ -10,12 +10,15 @@ use std::ops::Deref;
 
 use crate::camera::Camera;
 use crate::space::Geometry;
+use crate::style::Mode;
 use crate::visibility::{PictureSize, View, ViewError};
 
 pub use self::error::SceneError;
 pub use self::json::SCENE_FIELDS;
 pub use self::look::{Look, RegionView};
-pub use self::quality::{Acceleration, Filter, Leap, LeapKind, MacrocellEdge, PixelSamples, Quality, Transport};
+pub use self::quality::{
+    Acceleration, Extreme, Filter, Leap, LeapKind, MacrocellEdge, PixelSamples, Quality, Transport,
+};
 pub use self::view::ViewSpec;
 pub use crate::words::{UnknownWord, Word, Words};
 
@@ -67,6 +70,14 @@ impl Scene {
         let mut scene = self.clone();
         scene.parts.quality.acceleration.leap = Leap::Off;
         scene
+    }
+
+    /// One end of the interval in which the scene's pictures lie, with leaping and without.
+    ///
+    /// # Errors
+    /// A projection has none.
+    pub fn extreme(&self, extreme: Extreme) -> Result<Self, SceneError> {
+        self.with(|s| s.quality.extreme = Some(extreme))
     }
 
     /// How large the picture of its rays is: the view's, times the samples along a pixel's sides.
@@ -130,6 +141,9 @@ impl TryFrom<SceneParts> for Scene {
         parts.quality.check()?;
         parts.look.check()?;
         parts.look.style.validate_with(parts.quality.filter)?;
+        if parts.quality.extreme.is_some() && parts.look.style.mode != Mode::Composite {
+            return Err(SceneError::Extreme(parts.look.style.mode));
+        }
         let size = parts.view.size;
         let rays = parts.quality.samples.rays_of(size.width(), size.height())?;
         Ok(Self { parts, rays })

@@ -167,6 +167,25 @@ impl PixelSamples {
     }
 }
 
+/// One half of an interval picture (docs/adr/0016-intervals.md): of each pixel, one end of what the pictures of V' and
+/// of the volume can be, whatever the values in flattened regions. Pixels of both are joined as colours are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Extreme {
+    /// The least colours, and the largest opacity.
+    Lowest,
+    /// The largest colours, and the least opacity.
+    Highest,
+}
+
+words!(
+    Extreme,
+    "extreme",
+    [
+        (Lowest, "lowest", "The least colours, the largest opacity"),
+        (Highest, "highest", "The largest colours, the least opacity")
+    ]
+);
+
 /// How exactly and how fast a picture is drawn. The default is the command line's, without acceleration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quality {
@@ -180,6 +199,8 @@ pub struct Quality {
     pub acceleration: Acceleration,
     /// Of a pixel, averaged once the rays are joined and coloured.
     pub samples: PixelSamples,
+    /// None: the picture itself. No manifest tells of another.
+    pub extreme: Option<Extreme>,
 }
 
 impl Default for Quality {
@@ -191,6 +212,7 @@ impl Default for Quality {
             exact: false,
             acceleration: Acceleration::default(),
             samples: PixelSamples::default(),
+            extreme: None,
         }
     }
 }

@@ -6,6 +6,7 @@ pub mod colormap;
 mod colormap_tables;
 pub mod detail;
 pub(crate) mod empty;
+pub mod extremes;
 mod function;
 pub mod materials;
 pub mod of_projection;
@@ -15,6 +16,7 @@ pub mod table;
 pub mod window;
 
 pub use colormap::Colormap;
+pub use extremes::{Shown, TableExtremes};
 pub use function::{ColorPoint, MAX_POINTS, MAX_X, OpacityPoint, TransferFunction, TransferFunctionError};
 pub use preset::{Preset, PresetError, PresetErrorKind, PresetList, PresetOptions};
 pub use table::TransferTable;

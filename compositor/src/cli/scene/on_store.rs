@@ -59,6 +59,7 @@ impl ScenePlan {
             exact: self.exact,
             acceleration: self.acceleration.on(leap),
             samples: self.samples,
+            extreme: None,
         };
         let view = ViewSpec { camera, size: self.size };
         let scene = Scene::new(look, view, quality).map_err(Failure::usage)?;

@@ -72,6 +72,7 @@ impl Way {
             macrocell: self.macrocell,
             homogeneous: self.homogeneous,
             region_flags: self.view != RegionView::All || self.has_region_table,
+            interval: false,
         }
     }
 

@@ -136,6 +136,7 @@ impl Case<'_> {
             macrocell: (way.skips || way.homogeneous.is_some()).then_some(4),
             homogeneous: way.homogeneous,
             region_flags: false,
+            interval: false,
         };
         let ghost = self.style.ghost(self.step);
         let bricks = self.resident(|owned| {

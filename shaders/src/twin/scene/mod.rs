@@ -1,7 +1,7 @@
 //! `wgsl/scene/` on the CPU: which part of a ray there is, and where its positions lie.
 
 mod plain;
-pub(super) mod styled;
+pub(crate) mod styled;
 
 pub use super::part::Scene;
 pub use plain::Plain;

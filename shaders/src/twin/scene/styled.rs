@@ -29,20 +29,20 @@ impl Scene for Styled {
 
 /// The place at `k` steps, which need not be whole; index space, clamped to the volume.
 #[inline(always)]
-pub(in super::super) fn place_at(along: &Along<'_>, k: f32) -> [f32; 3] {
+pub(crate) fn place_at(along: &Along<'_>, k: f32) -> [f32; 3] {
     let t = k * along.frame().step;
     inside(along.style(), std::array::from_fn(|a| along.ray.origin[a] + t * along.ray.direction[a]))
 }
 
 /// Clamped to the volume.
 #[inline(always)]
-pub(in super::super) fn inside(style: &StyleUniform, p: [f32; 3]) -> [f32; 3] {
+pub(crate) fn inside(style: &StyleUniform, p: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|a| p[a].max(0.0).min(style.volume_hi[a] as f32))
 }
 
 /// What clips leave of a ray: `[t_lo, t_hi)`.
 #[inline(always)]
-pub(in super::super) fn clip_span(style: &StyleUniform, ray: &Ray) -> (f32, f32) {
+pub(crate) fn clip_span(style: &StyleUniform, ray: &Ray) -> (f32, f32) {
     let (mut t_lo, mut t_hi) = (0.0_f32, FAR);
     for [nx, ny, nz, w] in &style.planes[..style.plane_count as usize] {
         let inside = nx * ray.origin[0] + ny * ray.origin[1] + nz * ray.origin[2] - w;
@@ -68,7 +68,7 @@ pub const LEAST_CUT: f32 = 1e-3;
 
 /// Where the ray enters the volume, were it endless; t.
 #[inline(always)]
-pub(in super::super) fn volume_entry(style: &StyleUniform, ray: &Ray) -> f32 {
+pub(crate) fn volume_entry(style: &StyleUniform, ray: &Ray) -> f32 {
     let mut t_in = 0.0_f32;
     for a in 0..3 {
         if ray.direction[a] != 0.0 {
@@ -83,6 +83,6 @@ pub(in super::super) fn volume_entry(style: &StyleUniform, ray: &Ray) -> f32 {
 /// The first sample behind the cut by which clipping lets the ray in at `t_lo`; -1 where the volume's own face does, or
 /// nothing.
 #[inline(always)]
-pub(in super::super) fn first_behind_cut(frame: &FrameUniform, style: &StyleUniform, ray: &Ray, t_lo: f32) -> f32 {
+pub(crate) fn first_behind_cut(frame: &FrameUniform, style: &StyleUniform, ray: &Ray, t_lo: f32) -> f32 {
     if t_lo <= volume_entry(style, ray) + LEAST_CUT { -1.0 } else { first_sample(frame, t_lo) }
 }

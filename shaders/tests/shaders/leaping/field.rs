@@ -114,7 +114,12 @@ impl Field {
     }
 
     pub(crate) fn regions(&self, stored: StoredBox) -> BrickRegions {
-        let covered = StoredBox { lo: stored.lo - 1, hi: stored.hi + 1 };
+        self.regions_around(stored, 1)
+    }
+
+    /// With so many voxels more on every side.
+    pub(crate) fn regions_around(&self, stored: StoredBox, margin: i32) -> BrickRegions {
+        let covered = StoredBox { lo: stored.lo - margin, hi: stored.hi + margin };
         BrickRegions {
             covered,
             labels: cut(covered, |p| self.labels[self.at(p)]),

@@ -2,9 +2,9 @@
 //! only loop, its take watched, against the plain raycast of V'.
 
 mod extremes;
-mod field;
+pub(crate) mod field;
 mod hazards;
-mod march;
-mod property;
+pub(crate) mod march;
+pub(crate) mod property;
 mod skipping;
 mod watch;

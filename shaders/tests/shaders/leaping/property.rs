@@ -9,21 +9,21 @@ use super::hazards::{HALF_CODE, noise, rays};
 use super::march::{Broken, compare, ray};
 
 /// A small random generator with a state that proptest chooses.
-struct Dice(u64);
+pub(crate) struct Dice(pub(crate) u64);
 
 impl Dice {
-    fn roll(&mut self, below: u32) -> u32 {
+    pub(crate) fn roll(&mut self, below: u32) -> u32 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         ((self.0 >> 33) % u64::from(below)) as u32
     }
 
-    fn unit(&mut self) -> f64 {
+    pub(crate) fn unit(&mut self) -> f64 {
         f64::from(self.roll(1 << 20)) / f64::from(1 << 20)
     }
 }
 
 /// Boxes upon boxes, each a region, noise or a flat that is no region; then pores of a voxel or two.
-fn volume(dice: &mut Dice) -> Field {
+pub(crate) fn volume(dice: &mut Dice) -> Field {
     let dims = [10 + dice.roll(22), 10 + dice.roll(22), 10 + dice.roll(22)];
     let background = dice.roll(3);
     let mut boxes = Vec::new();
@@ -50,7 +50,7 @@ fn volume(dice: &mut Dice) -> Field {
     })
 }
 
-fn random_rays(dice: &mut Dice, dims: [f64; 3], voxels_per_unit: DVec3) -> Vec<Ray> {
+pub(crate) fn random_rays(dice: &mut Dice, dims: [f64; 3], voxels_per_unit: DVec3) -> Vec<Ray> {
     let mut rays = Vec::new();
     for _ in 0..12 {
         let inside = DVec3::from_array(dims.map(|n| n * dice.unit()));

@@ -87,6 +87,7 @@ fn quality() -> impl Strategy<Value = Quality> {
             exact,
             acceleration,
             samples,
+            extreme: None,
         },
     )
 }

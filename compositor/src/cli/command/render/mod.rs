@@ -7,6 +7,7 @@ mod manifest;
 mod nodes;
 mod output_paths;
 mod plan;
+mod proof;
 mod redraw;
 mod report;
 mod sequence;

@@ -8,7 +8,7 @@ use crate::cli::failure::Failure;
 use crate::output::animation::numbered;
 use crate::output::manifest::manifest_path;
 
-/// What `render` is asked to write beside its statistics, and to read.
+/// What `render` is asked to write beside statistics and widths, and to read.
 pub(crate) struct RenderPaths<'a> {
     pub(crate) output: Option<&'a Path>,
     /// Of the pictures; 1 for an animation in one file.
@@ -20,15 +20,15 @@ pub(crate) struct RenderPaths<'a> {
 
 impl RenderPaths<'_> {
     /// # Errors
-    /// Usage: `stats` is one of the other files, however it is spelt.
-    pub(crate) fn check(&self, stats: &Path) -> Result<(), Failure> {
+    /// Usage: `written`, which `flag` names, is one of the other files, however it is spelt.
+    pub(crate) fn check(&self, flag: &str, written: &Path) -> Result<(), Failure> {
         let same = |what: &str| {
-            let shown = stats.display();
-            Failure::usage(anyhow!("--stats {shown}: that is the same file as {what}; give it another name"))
+            let shown = written.display();
+            Failure::usage(anyhow!("{flag} {shown}: that is the same file as {what}; give it another name"))
         };
-        let real_stats = real(stats);
+        let real_written = real(written);
         for (what, path) in &self.inputs {
-            if real(path) == real_stats {
+            if real(path) == real_written {
                 return Err(same(what));
             }
         }
@@ -40,11 +40,11 @@ impl RenderPaths<'_> {
                 (1, _) | (_, None) => real(output),
                 (files, Some(name)) => numbered(&folder.join(name), i, files),
             };
-            if real_stats == picture {
+            if real_written == picture {
                 return Err(same("the picture (--output)"));
             }
             let beside = if self.files == 1 { real(&manifest_path(output)) } else { manifest_path(&picture) };
-            if self.has_manifest && real_stats == beside {
+            if self.has_manifest && real_written == beside {
                 return Err(same("the picture's manifest (which --no-manifest leaves out)"));
             }
         }
@@ -72,7 +72,7 @@ mod tests {
         let (output, stats, input) = (folder.join(output), folder.join(stats), folder.join("part.nrrd"));
         let inputs = vec![("PATH", input.as_path())];
         let paths = RenderPaths { output: Some(&output), files, has_manifest, inputs };
-        paths.check(&stats).err().map(|failure| {
+        paths.check("--stats", &stats).err().map(|failure| {
             assert!(matches!(failure, Failure::Usage(_)));
             failure.message()
         })

@@ -29,6 +29,8 @@ pub(super) struct RenderPlan {
     pub(super) stats: Option<PathBuf>,
     pub(super) balance: Settings,
     pub(super) audit: bool,
+    /// Where the widths of intervals go.
+    pub(super) error: Option<PathBuf>,
     pub(super) dry_run: bool,
 }
 
@@ -74,7 +76,11 @@ impl RenderPlan {
             return Err(Failure::usage(anyhow!("--frames {}: must lie between 1 and {MAX_FRAMES}", args.frames)));
         }
         if args.audit {
-            scenes.check_audit()?;
+            scenes.check_intervals("--audit")?;
+        }
+        if let Some(path) = &args.error {
+            scenes.check_intervals("--error")?;
+            check_error(path)?;
         }
         if args.orbit.is_some_and(|d| !d.is_finite()) {
             return Err(Failure::usage(anyhow!("--orbit: must be a finite number of degrees")));
@@ -104,13 +110,14 @@ impl RenderPlan {
         }
         // One frame teaches nothing, nodes inside this process share its memory and cores, and an audit's frames are of
         // another kind.
-        let several = scenes.count() > 1 && nodes.are_elsewhere() && !args.audit;
+        let several = scenes.count() > 1 && nodes.are_elsewhere() && !args.audit && args.error.is_none();
         Ok(Self {
             source: SourcePlan::of(args.path, args.prepare, &scenes, nodes.are_elsewhere())?,
             balance: args.balance.settings(if several { BalanceArg::Dynamic } else { BalanceArg::Off }),
             background,
             stats: args.stats,
             audit: args.audit,
+            error: args.error,
             dry_run: args.dry_run,
             nodes,
             scenes,
@@ -157,20 +164,37 @@ fn check_paths(args: &RenderArgs, scenes: &ScenesPlan, output: Option<&OutputPla
             "--output {path}: that is the picture which --check compares with; give it another name"
         )));
     }
-    args.stats.as_deref().map_or(Ok(()), |stats| paths.check(stats))
+    let (stats, error) = (args.stats.as_deref(), args.error.as_deref());
+    stats.map_or(Ok(()), |stats| paths.check("--stats", stats))?;
+    error.map_or(Ok(()), |error| paths.check("--error", error))?;
+    match (stats, error) {
+        (Some(stats), Some(error)) if real(stats) == real(error) => {
+            let path = error.display();
+            Err(Failure::usage(anyhow!("--error {path}: that is the same file as --stats; give it another name")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Widths are floats of four channels.
+fn check_error(path: &Path) -> Result<(), Failure> {
+    match OutputFormat::from_path(path) {
+        Ok(OutputFormat::Exr) => Ok(OutputFormat::Exr.check(path)?),
+        _ => Err(Failure::usage(anyhow!(
+            "--error {}: widths are written as OpenEXR; give the file a name that ends in .exr",
+            path.display()
+        ))),
+    }
 }
 
 impl ScenesPlan {
     fn asked(args: &RenderArgs) -> Result<Self, Failure> {
-        let scene = if args.audit {
-            // What it compares is the picture with leaps, whatever they save.
-            let mut audited = args.scene.clone();
-            audited.accel.settle_for_leaps();
-            audited.plan(Unasked::Plain)?
-        } else {
-            args.scene.plan(Unasked::Chosen)?
-        };
-        let scene = Box::new(scene);
+        let mut asked = args.scene.clone();
+        if args.audit || args.error.is_some() {
+            // Both are of the picture with leaps, whatever they save.
+            asked.accel.settle_for_leaps();
+        }
+        let scene = Box::new(asked.plan(if args.audit { Unasked::Plain } else { Unasked::Chosen })?);
         Ok(Self::Asked { scene, frames: args.frames, path: args.camera_path, degrees: args.orbit.unwrap_or(360.0) })
     }
 
@@ -225,26 +249,24 @@ impl ScenesPlan {
         }
     }
 
-    fn check_audit(&self) -> Result<(), Failure> {
-        let holds = |style: &Style| style.shading.is_none() && style.mode == Mode::Composite;
-        let (leaps, has_bound) = match self {
-            Self::Asked { scene, .. } => (scene.leaps_through_regions(), holds(scene.style())),
+    /// `flag` asks for intervals.
+    fn check_intervals(&self, flag: &str) -> Result<(), Failure> {
+        let has_any = |style: &Style| style.mode == Mode::Composite;
+        let (leaps, has_intervals) = match self {
+            Self::Asked { scene, .. } => (scene.leaps_through_regions(), has_any(scene.style())),
             Self::Drawn(redraw) => {
                 let scenes = || redraw.manifests.iter().map(|manifest| &manifest.scene);
                 let leaps = scenes().all(|scene| scene.quality.acceleration.leap == Leap::Regions);
-                (leaps, scenes().all(|scene| holds(&scene.look.style)))
+                (leaps, scenes().all(|scene| has_any(&scene.look.style)))
             }
         };
         if !leaps {
             return Err(Failure::usage(anyhow!(
-                "--audit compares with and without leaping through regions: add leap to --accel"
+                "{flag} says what leaping through regions changes: add leap to --accel"
             )));
         }
-        if !has_bound {
-            return Err(Failure::usage(anyhow!(
-                "--audit: its bound holds for colours as they are; leave out --mode, and light (--shading none where \
-                 there are isosurfaces)"
-            )));
+        if !has_intervals {
+            return Err(Failure::usage(anyhow!("{flag}: intervals are of colours; leave out --mode")));
         }
         Ok(())
     }

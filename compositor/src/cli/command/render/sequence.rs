@@ -1,8 +1,7 @@
 //! Frame after frame: rendered, written, told of, compared.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use anyhow::anyhow;
 use brickcast_volume::leftovers::Farewell;
 use brickcast_volume::scene::{Scene, Transport};
 
@@ -10,12 +9,13 @@ use super::frames::Frames;
 use super::kept::Unended;
 use super::manifest::{Origin, manifest};
 use super::plan::{RenderPlan, ScenesPlan};
+use super::proof;
 use crate::cli::failure::Failure;
 use crate::cli::progress::Bar;
 use crate::cli::say::{answer, say};
 use crate::cli::scene::nothing_shows::{self, Outlook};
 use crate::output::{Difference, FrameOptions, FrameWriter, animation_manifest, hatched, write_manifest};
-use crate::session::audit::{self, Audit};
+use crate::session::audit::Audit;
 use crate::session::{Frame, FrameStats, LoadStats, Session};
 
 /// What became of a sequence.
@@ -61,9 +61,10 @@ pub(super) async fn draw(
             "a node's memory budget holds fewer bricks than it renders: frames load on the way and are slow"
         );
     }
-    if plan.audit && session.store().manifest.regions.is_none() {
-        let why = "the store has no regions, so no ray leaps, and both pictures are drawn in the same way";
-        say(quiet, &format!("--audit: {why}; stores that were prepared with --segmentation-range W have some"))?;
+    let flag = if plan.audit { "--audit" } else { "--error" };
+    if (plan.audit || plan.error.is_some()) && session.store().manifest.regions.is_none() {
+        let why = "the store has no regions, so no ray leaps, and the picture without leaping is the same";
+        say(quiet, &format!("{flag}: {why}; stores that were prepared with --segmentation-range W have some"))?;
     }
     let mut all = Sequence {
         load,
@@ -110,13 +111,13 @@ async fn each(
         if let (ScenesPlan::Drawn(redraw), true) = (&plan.scenes, frame.complete) {
             all.differences.extend(redraw.compare(i, &frame.picture, plan.background));
         }
-        if plan.audit {
-            match audited(session, (&scene, transport), &frame, plan.nodes.deadline).await {
+        if plan.audit || plan.error.is_some() {
+            match proof::of_frame(plan, session, (&scene, transport), i, &frame).await? {
                 Ok(audit) => {
-                    answer(quiet, &audit.in_words())?;
-                    all.audits.push(audit);
+                    audit.map_or(Ok(()), |audit| answer(quiet, &audit.in_words()))?;
+                    all.audits.extend(audit);
                 }
-                Err(why) => all.problems.push(format!("frame {i}: no audit: {why:#}")),
+                Err(why) => all.problems.push(format!("frame {i}: {why}")),
             }
         }
         all.frames.push(frame.stats);
@@ -184,21 +185,4 @@ impl<'a> Files<'a> {
         }
         Ok(written)
     }
-}
-
-/// Renders the frame again without leaping and compares.
-async fn audited(
-    session: &mut Session,
-    (scene, transport): (&Scene, Transport),
-    frame: &Frame,
-    deadline: Duration,
-) -> anyhow::Result<Audit> {
-    let store = session.store().clone();
-    let view = scene.view_of(&store.manifest.geometry)?;
-    let bounds = audit::bounds(&store, scene, &view);
-    let without = session.render(&scene.without_leaping(), transport, deadline).await?;
-    if !(frame.complete && without.complete) {
-        return Err(anyhow!("a frame was not complete, so there is nothing to compare"));
-    }
-    Ok(audit::compare(&frame.picture, &without.picture, &bounds, scene, transport))
 }
