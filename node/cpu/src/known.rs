@@ -11,8 +11,7 @@ use super::read::Reader;
 
 /// An instance of the loop.
 pub(crate) trait Known: Copy + 'static {
-    /// Reads what comes next before it takes what is here. Where light is read, too, that gains nothing; where a map
-    /// leads rays elsewhere, it costs more than it gains.
+    /// Reads what probably comes next before it takes what is here. Where light is read, too, that gains nothing.
     const READS_AHEAD: bool;
 
     /// Is it for this key, and a brick that is read so?
@@ -76,7 +75,7 @@ impl Known for Any {
 }
 
 impl<const TAKE: u8, const MAP: bool> Known for Plain<TAKE, MAP> {
-    const READS_AHEAD: bool = TAKE != LIT && !MAP;
+    const READS_AHEAD: bool = TAKE != LIT;
 
     #[inline(always)]
     fn is_for(key: KernelKey, reader: &Reader<'_>) -> bool {

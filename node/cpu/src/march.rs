@@ -20,10 +20,6 @@ use super::slab_table::Slabs;
 use super::take::Take;
 use super::walk::Walk;
 
-/// Lanes that must ask the map wait until they are at least one to so many that can read: they ask one by one otherwise,
-/// at one border of cells after the other, and asking costs the same for one lane as for all.
-const WAIT_FOR: u32 = 2;
-
 /// What a brick adds to `sum` along the `wanted` rays.
 #[inline(always)]
 pub(crate) fn march<L: Lanes, K: Known>(
@@ -74,35 +70,34 @@ pub(crate) fn march<L: Lanes, K: Known>(
     let mut went_on = alive;
     // May something be known of positions before they are read?
     let may_know = key.leaps || (K::has_map(key) && (key.cubes || key.take.is_projection()));
-    let fresh = Step::fresh(l, k);
-    let mut step = fresh;
     // A position's value is asked for a turn before it is taken: what memory takes its time for is not waited for.
-    let mut ahead = if K::READS_AHEAD { reader.read(l, probe.place(k)) } else { zero };
+    let mut has_ahead = K::READS_AHEAD && !K::has_map(key);
+    let mut ahead = if has_ahead { reader.read(l, probe.place(k)) } else { zero };
+    let mut next = k;
     loop {
         let goes_on = sum[3].lt(stop);
         let mut live: L::M = k.lt(k_end) & goes_on;
         if !live.any() {
             break;
         }
+        let mut step = Step {
+            code: zero,
+            is_known: none,
+            jumps: none,
+            k_exit: k,
+            looked: none,
+            is_by_map: none,
+            is_deep: none,
+            is_flat: none,
+        };
         if K::has_map(key) {
-            loop {
-                let walking = k.lt(k_end) & went_on;
-                let asks = walking & walk.looks();
-                let ready = walking & !asks;
-                if !asks.any() || asks.count() * WAIT_FOR < ready.count() {
-                    live = ready & goes_on;
-                    break;
-                }
-                walk.ask_map(&mut step, (&mut k, k_end), &mut follows, (asks, goes_on), &mut counts);
-            }
-            went_on = goes_on;
+            let walking = k.lt(k_end) & went_on;
+            live = walk.ask_map(&mut step, (&mut k, k_end), &mut follows, (walking, live), &mut counts);
             if !live.any() {
-                // All that could have read has stopped; others may wait to ask.
-                continue;
+                break;
             }
-        } else {
-            step = fresh;
         }
+        went_on = goes_on;
         let p = probe.place(k);
         if key.leaps {
             walk.ask_code(&mut step, p, (k, k_end), (live, &mut counts));
@@ -112,13 +107,13 @@ pub(crate) fn march<L: Lanes, K: Known>(
         let mut in_region = step.is_deep | every;
         let reads = live & !step.is_known;
         if reads.any() {
-            let read = if K::READS_AHEAD {
-                let here = ahead;
+            // The map may have led some ray elsewhere.
+            let is_next = K::READS_AHEAD && (!K::has_map(key) || !(live & !k.same(next)).any());
+            let read = if is_next && has_ahead { ahead } else { reader.read(l, p) };
+            if is_next {
                 ahead = reader.read(l, probe.place(k + one));
-                here
-            } else {
-                reader.read(l, p)
-            };
+            }
+            (has_ahead, next) = (is_next, k + one);
             code = if may_know { L::F::select(reads, read, code) } else { read };
             counts.samples = counts.samples.count(reads);
             if has_flags {
@@ -144,22 +139,14 @@ pub(crate) fn march<L: Lanes, K: Known>(
             shows = taking.take(p, &run, taken, &mut sum);
         }
         if K::has_map(key) {
-            // Lanes that wait keep all that they have.
-            walk.leave_map(&step, (k, n), shows, live);
-            if key.leaps {
-                walk.leave_code(&step, code, live);
-            }
-            step.forget(live);
-            follows = (taken & live) | (follows & !live);
-            k = L::F::select(live, k + n, k);
-        } else {
-            if key.leaps {
-                walk.leave_code(&step, code, !none);
-            }
-            follows = taken;
-            // Rays that have ended or stopped go on, too, and take nothing.
-            k = k + n;
+            walk.leave_map(&step, (k, n), shows);
         }
+        if key.leaps {
+            walk.leave_code(&step, code);
+        }
+        follows = taken;
+        // Rays that have ended or stopped go on, too, and take nothing.
+        k = k + n;
     }
     (sum, counts.total(l))
 }

@@ -3,7 +3,6 @@
 use super::lanes::Lanes;
 
 /// What a walk knows of positions before they are read: the twin's `Step`, a lane each.
-#[derive(Clone, Copy)]
 pub(crate) struct Step<L: Lanes> {
     /// Of the position (0..=1), where that is known.
     pub(crate) code: L::F,
@@ -33,34 +32,4 @@ pub(crate) struct Run<L: Lanes> {
     pub(crate) is_flat: L::M,
     /// The position before it was taken: a slab lies between.
     pub(crate) follows: L::M,
-}
-
-impl<L: Lanes> Step<L> {
-    /// Nothing is known yet; `k_exit` is any number.
-    #[inline(always)]
-    pub(crate) fn fresh(l: L, k_exit: L::F) -> Self {
-        let none = l.mask(0);
-        Self {
-            code: l.splat(0.0),
-            is_known: none,
-            jumps: none,
-            k_exit,
-            looked: none,
-            is_by_map: none,
-            is_deep: none,
-            is_flat: none,
-        }
-    }
-
-    /// Nothing is known of the next positions of lanes that were taken; others keep what the map said.
-    #[inline(always)]
-    pub(crate) fn forget(&mut self, taken: L::M) {
-        let others = !taken;
-        self.is_known = self.is_known & others;
-        self.jumps = self.jumps & others;
-        self.looked = self.looked & others;
-        self.is_by_map = self.is_by_map & others;
-        self.is_deep = self.is_deep & others;
-        self.is_flat = self.is_flat & others;
-    }
 }

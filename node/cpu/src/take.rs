@@ -214,14 +214,9 @@ impl<'a, L: Lanes, K: Known> Take<'a, L, K> {
         }
         if take.ends_beyond() {
             back.k = run.k + run.n - one;
-            if K::has_map(self.key()) {
-                self.front = End::select(taken, &back, &self.front);
-                self.front_in_region = (run.in_region & taken) | (self.front_in_region & !taken);
-            } else {
-                // Of no meaning where nothing was taken: no slab follows there.
-                self.front = back;
-                self.front_in_region = run.in_region;
-            }
+            // Of no meaning where nothing was taken: no slab follows there.
+            self.front = back;
+            self.front_in_region = run.in_region;
         }
         taken & zero.lt(opacity)
     }

@@ -62,94 +62,92 @@ impl<'a, L: Lanes, K: Known> Walk<'a, L, K> {
         }
     }
 
-    /// Lanes that must ask the map before they take a position.
-    #[inline(always)]
-    pub(crate) fn looks(&self) -> L::M {
-        self.looks
-    }
-
-    /// Asks the map once: lanes jump over what is empty, and must ask again, or know what they have to take.
+    /// Asks the map, and jumps over what is empty, until every lane has a position to take, or none left; lanes that
+    /// have one.
     #[inline(always)]
     pub(crate) fn ask_map(
         &mut self,
         step: &mut Step<L>,
         (k, k_end): (&mut L::F, L::F),
         follows: &mut L::M,
-        (asks, goes_on): (L::M, L::M),
+        (walking, live): (L::M, L::M),
         counts: &mut Counts<L>,
-    ) {
+    ) -> L::M {
         let (l, bound, probe) = (self.probe.l, self.bound, self.probe);
         let (frame, brick, key) = (bound.scene.frame, bound.brick, K::key(bound.key));
-        let Some((map, dims)) = bound.data.map else {
-            self.looks = self.looks & !asks;
-            return;
-        };
+        let Some((map, dims)) = bound.data.map else { return live };
         let (one, none) = (l.splat(1.0), l.mask(0));
         let edge = l.splat((1_u32 << brick.cell_shift) as f32);
         // Cells know no regions: their samples may need different tables.
         let hears_cubes = key.cubes && !(key.regions && brick.region_flags == RegionFlags::Texture as u32);
         let (takes_empty, ends_beyond) = (key.take.is_projection(), key.take.ends_beyond());
-        let p = probe.place(*k);
-        let (mut center, mut at) = (p, l.splat_int(0));
-        for a in [2, 1, 0] {
-            let along = p[a].cut_off().shift_right(brick.cell_shift) - l.splat_int(brick.cell_lo[a]);
-            let cell = along.larger(l.splat_int(0)).smaller(l.splat_int(dims[a] as i32 - 1));
-            at = at * l.splat_int(dims[a] as i32) + cell;
-            center[a] = ((cell + l.splat_int(brick.cell_lo[a])).floats() + l.splat(0.5)) * edge;
+        let (mut live, mut walking) = (live, walking);
+        let mut asks = walking & self.looks;
+        while asks.any() {
+            let p = probe.place(*k);
+            let (mut center, mut at) = (p, l.splat_int(0));
+            for a in [2, 1, 0] {
+                let along = p[a].cut_off().shift_right(brick.cell_shift) - l.splat_int(brick.cell_lo[a]);
+                let cell = along.larger(l.splat_int(0)).smaller(l.splat_int(dims[a] as i32 - 1));
+                at = at * l.splat_int(dims[a] as i32) + cell;
+                center[a] = ((cell + l.splat_int(brick.cell_lo[a])).floats() + l.splat(0.5)) * edge;
+            }
+            // SAFETY: cells were clamped to those of the map, which is whole (`Reader::new`).
+            let texel = unsafe { l.words(map.as_ptr(), at) };
+            let byte = l.splat_int(0xff);
+            let empty = if key.skips { texel & byte } else { l.splat_int(0) };
+            let alike = if hears_cubes { texel.shift_right(8) & byte } else { l.splat_int(0) };
+            let is_empty = empty.gt(l.splat_int(0));
+            let cells = L::I::select(is_empty, empty, alike.larger(l.splat_int(1)));
+            let half = (cells.floats() - l.splat(0.5)) * edge;
+            let k_exit = probe.rays.exit_of(l, frame, center, half).smaller(k_end).larger(*k + one);
+            let mut skips = none;
+            let mut stays = asks;
+            if takes_empty {
+                // Nothing there changes the pixel: a run of the code that says so.
+                let neutral = asks & is_empty;
+                let code = f32::from(key.take.pixel_kind().neutral_code()) / 65535.0;
+                step.code = L::F::select(asks, l.splat(code), step.code);
+                step.is_known = step.is_known | neutral;
+            } else if ends_beyond {
+                // Both ends of all slabs up to the one that leaves.
+                skips = asks & is_empty & (!*follows | self.front_is_empty);
+                // The slab that enters what shows starts in the empty.
+                let backs = asks & !is_empty & self.has_skipped;
+                stays = asks & !skips & !backs;
+                counts.skips = counts.skips.count(skips & live).count(backs & live);
+                self.reads_empty = (self.reads_empty & !asks) | (stays & is_empty) | backs;
+                self.front_is_empty = self.front_is_empty & !(skips | backs);
+                self.has_skipped = (self.has_skipped & !backs) | skips;
+                self.looks = self.looks & !backs;
+                *follows = *follows & !(skips | backs);
+                *k = L::F::select(backs, *k - one, *k);
+                self.forget(backs);
+            } else {
+                skips = asks & is_empty;
+                stays = asks & !skips;
+                counts.skips = counts.skips.count(skips & live);
+                *follows = *follows & !skips;
+            }
+            *k = L::F::select(skips, k_exit, *k);
+            self.forget(skips);
+            let is_alike = stays & !is_empty & alike.gt(l.splat_int(0));
+            if is_alike.any() {
+                let value = texel.shift_right_unsigned(16).floats() / l.splat(65535.0);
+                step.code = L::F::select(is_alike, value, step.code);
+                step.is_flat = step.is_flat | is_alike;
+                step.is_known = step.is_known | is_alike;
+            }
+            step.looked = step.looked | stays;
+            step.k_exit = L::F::select(stays, k_exit, step.k_exit);
+            let is_within = k.lt(k_end);
+            (walking, live) = (walking & is_within, live & is_within);
+            asks = skips & walking;
         }
-        // SAFETY: cells were clamped to those of the map, which is whole (`Reader::new`).
-        let texel = unsafe { l.words(map.as_ptr(), at) };
-        let byte = l.splat_int(0xff);
-        let empty = if key.skips { texel & byte } else { l.splat_int(0) };
-        let alike = if hears_cubes { texel.shift_right(8) & byte } else { l.splat_int(0) };
-        let is_empty = empty.gt(l.splat_int(0));
-        let cells = L::I::select(is_empty, empty, alike.larger(l.splat_int(1)));
-        let half = (cells.floats() - l.splat(0.5)) * edge;
-        let k_exit = probe.rays.exit_of(l, frame, center, half).smaller(k_end).larger(*k + one);
-        let mut skips = none;
-        let mut stays = asks;
-        if takes_empty {
-            // Nothing there changes the pixel: a run of the code that says so.
-            let neutral = asks & is_empty;
-            let code = f32::from(key.take.pixel_kind().neutral_code()) / 65535.0;
-            step.code = L::F::select(asks, l.splat(code), step.code);
-            step.is_known = step.is_known | neutral;
-        } else if ends_beyond {
-            // Both ends of all slabs up to the one that leaves.
-            skips = asks & is_empty & (!*follows | self.front_is_empty);
-            // The slab that enters what shows starts in the empty.
-            let backs = asks & !is_empty & self.has_skipped;
-            stays = asks & !skips & !backs;
-            counts.skips = counts.skips.count(skips & goes_on).count(backs & goes_on);
-            self.reads_empty = (self.reads_empty & !asks) | (stays & is_empty) | backs;
-            self.front_is_empty = self.front_is_empty & !(skips | backs);
-            self.has_skipped = (self.has_skipped & !backs) | skips;
-            self.looks = self.looks & !backs;
-            *follows = *follows & !(skips | backs);
-            *k = L::F::select(backs, *k - one, *k);
-            self.forget(backs);
-        } else {
-            skips = asks & is_empty;
-            stays = asks & !skips;
-            counts.skips = counts.skips.count(skips & goes_on);
-            *follows = *follows & !skips;
-        }
-        *k = L::F::select(skips, k_exit, *k);
-        self.forget(skips);
-        let is_alike = stays & !is_empty & alike.gt(l.splat_int(0));
-        if is_alike.any() {
-            let value = texel.shift_right_unsigned(16).floats() / l.splat(65535.0);
-            step.code = L::F::select(is_alike, value, step.code);
-            step.is_flat = step.is_flat | is_alike;
-            step.is_known = step.is_known | is_alike;
-        }
-        step.looked = step.looked | stays;
-        step.k_exit = L::F::select(stays, k_exit, step.k_exit);
-        self.looks = self.looks & !stays;
-        let known = asks & step.is_known;
-        step.jumps = step.jumps | known;
-        step.is_by_map = step.is_by_map | known;
-        counts.skips = counts.skips.count(known & goes_on);
+        step.jumps = step.is_known;
+        step.is_by_map = step.is_known;
+        counts.skips = counts.skips.count(step.is_by_map & live);
+        live
     }
 
     /// After positions that the map alone knew: they are probed behind.
@@ -162,22 +160,21 @@ impl<'a, L: Lanes, K: Known> Walk<'a, L, K> {
         }
     }
 
-    /// After `n` positions from `k` of `live` rays; `shows`: something of them does.
+    /// After `n` positions from `k`; `shows`: something of them does. All rays that go on took some.
     #[inline(always)]
-    pub(crate) fn leave_map(&mut self, step: &Step<L>, (k, n): (L::F, L::F), shows: L::M, live: L::M) {
+    pub(crate) fn leave_map(&mut self, step: &Step<L>, (k, n): (L::F, L::F), shows: L::M) {
         let l = self.probe.l;
         // A leap says nothing of its cell, nor does an empty one of the next position where this one is read.
         let is_short = (step.is_deep & step.jumps) | self.reads_empty;
         let next = L::F::select(is_short, k + l.splat(1.0), step.k_exit);
-        self.k_look = L::F::select(step.looked & live, next, self.k_look);
-        let mut looks = self.k_look.le(k + n);
+        self.k_look = L::F::select(step.looked, next, self.k_look);
+        self.looks = self.k_look.le(k + n);
         if !K::key(self.bound.key).cubes {
-            looks = looks & !shows;
+            self.looks = self.looks & !shows;
         }
-        self.looks = (looks & live) | (self.looks & !live);
-        self.has_skipped = self.has_skipped & !live;
-        self.front_is_empty = (self.reads_empty & live) | (self.front_is_empty & !live);
-        self.reads_empty = self.reads_empty & !live;
+        self.has_skipped = l.mask(0);
+        self.front_is_empty = self.reads_empty;
+        self.reads_empty = l.mask(0);
     }
 
     /// Leaps where texels say how far.
@@ -215,16 +212,15 @@ impl<'a, L: Lanes, K: Known> Walk<'a, L, K> {
         step.is_flat = step.is_flat | leaps | inner;
     }
 
-    /// After positions of this code of `live` rays.
+    /// After positions of this code. All rays that go on took some.
     #[inline(always)]
-    pub(crate) fn leave_code(&mut self, step: &Step<L>, code: L::F, live: L::M) {
+    pub(crate) fn leave_code(&mut self, step: &Step<L>, code: L::F) {
         let l = self.probe.l;
         let (zero, one) = (l.splat(0.0), l.splat(1.0));
         let is_equal = (code - self.last).abs().le(l.splat(NEARLY_EQUAL));
         let fewer = self.probes.larger(one) - one;
         let needed = L::F::select(is_equal | step.is_deep, one, zero);
-        let probes = L::F::select(step.is_by_map, l.splat(ENTRY_PROBES as f32), fewer.larger(needed));
-        self.probes = L::F::select(live, probes, self.probes);
-        self.last = L::F::select(live, code, self.last);
+        self.probes = L::F::select(step.is_by_map, l.splat(ENTRY_PROBES as f32), fewer.larger(needed));
+        self.last = code;
     }
 }

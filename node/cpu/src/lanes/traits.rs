@@ -61,11 +61,6 @@ pub(crate) trait Mask: Copy + BitAnd<Output = Self> + BitOr<Output = Self> + Not
     fn any(self) -> bool {
         self.bits() != 0
     }
-
-    #[inline(always)]
-    fn count(self) -> u32 {
-        self.bits().count_ones()
-    }
 }
 
 /// Work over lanes of any set.
