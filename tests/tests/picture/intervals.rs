@@ -39,7 +39,8 @@ fn changes(store: &Store) -> Vec<(&'static str, Box<dyn Fn(&mut SceneParts)>)> {
     let integral = Style { integration: Integration::Preintegrated(TableSize::N256), ..Style::default() };
     let phong = |lighting| Some(Phong { lighting, ..Phong::default() });
     let (lo, hi) = store.manifest().range;
-    let surfaces = vec![Isosurface { value: lo + 0.35 * (hi - lo), color: [0.9, 0.5, 0.2], opacity: 0.6 }];
+    // A few voxels of noise: other bricks are still flattened.
+    let surfaces = vec![Isosurface { value: lo + 0.98 * (hi - lo), color: [0.9, 0.5, 0.2], opacity: 0.6 }];
     let center = store.manifest().geometry.center_world();
     let clip = Clip { planes: vec![ClipPlane { normal: DVec3::X, offset: center.x }], ..Clip::default() };
     let styled = |style: Style| -> Box<dyn Fn(&mut SceneParts)> { Box::new(move |s| s.look.style = style.clone()) };
@@ -86,7 +87,7 @@ impl Proof {
 fn both_pictures_lie_within_at_every_pixel() {
     let folder = tempfile::tempdir().unwrap();
     let input = phantom(folder.path(), "part", [72, 64, 68], 16, 0.2);
-    // Small ones, so that isosurfaces leave some of them alone.
+    // Small ones, so that an isosurface leaves most of them alone.
     let store = prepared(&input, folder.path(), 16, Some(0.05));
     runtime().block_on(async {
         for (at, kernel) in kernels().into_iter().enumerate() {

@@ -106,19 +106,20 @@ impl SlabExtremes {
     pub fn over(&self, front: Span, back: Span) -> SlabShown {
         let slabs = &self.slabs;
         let [lo, hi] = around(front, back);
-        if self.is_clear([lo.floor() as usize, hi.floor() as usize]) {
+        // Elements that a slab may run through; of one value, those on both sides of it.
+        let elements = slabs.size.saturating_sub(2);
+        let last = (hi.ceil() as usize).saturating_sub(1).clamp(lo.floor() as usize, elements.max(lo.floor() as usize));
+        let color = self.colors.of((lo.floor() as usize).min(elements), last.min(elements), around3);
+        let color = color.unwrap_or([NOTHING; 3]);
+        // Where no element has opacity there is no colour either.
+        if color[0][0] > color[0][1] || self.is_clear([lo.floor() as usize, hi.floor() as usize]) {
             let shown = Shown { color: [NOTHING; 3], alpha: [0.0; 2] };
             return SlabShown { shown, premul: [[0.0; 2]; 3] };
         }
         let found = few(&slabs.total, slabs.size, front, back);
         let found = found.or_else(|| self.steady(front, back));
         let [r, g, b, alpha] = found.unwrap_or_else(|| self.covered(front, back));
-        // Elements that a slab may run through; of one value, those on both sides of it.
-        let elements = slabs.size.saturating_sub(2);
-        let last = (hi.ceil() as usize).saturating_sub(1).clamp(lo.floor() as usize, elements.max(lo.floor() as usize));
-        let color = self.colors.of((lo.floor() as usize).min(elements), last.min(elements), around3);
-        let shown = Shown { color: color.unwrap_or([NOTHING; 3]), alpha };
-        SlabShown { shown, premul: [r, g, b] }
+        SlabShown { shown: Shown { color, alpha }, premul: [r, g, b] }
     }
 
     /// Does nothing show of slabs between values from one node to the next behind another?
@@ -302,6 +303,8 @@ mod tests {
             let hi: [f32; 2] = std::array::from_fn(|i| (lo[i] + width[i]).min(1.0));
             let span = |i: usize| [extremes.place(lo[i]), extremes.place(hi[i])];
             let got = extremes.over(span(0), span(1));
+            let is_finite = got.shown.color.iter().flatten().all(|c| c.is_finite());
+            prop_assert!(got.shown.is_clear() || is_finite, "opacity without a colour: {got:?}");
             for i in 0..=40 {
                 for j in 0..=40 {
                     let at = |n: usize, part: i32| extremes.place(lo[n] + (hi[n] - lo[n]) * (part as f32 / 40.0));
