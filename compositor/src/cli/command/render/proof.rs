@@ -9,6 +9,10 @@ use crate::output::exr;
 use crate::session::audit::{self, Audit};
 use crate::session::{Frame, Session};
 
+/// A frame of intervals takes as long as some tens of ordinary ones (docs/figures/benchmarks.md), whose deadline the user
+/// gave.
+const FRAMES_OF_TIME: u32 = 60;
+
 /// Renders the intervals of the `i`-th frame and, for an audit, the frame again without leaping; writes the widths. In
 /// words, why there is nothing to say.
 ///
@@ -23,7 +27,7 @@ pub(super) async fn of_frame(
 ) -> Result<Result<Option<Audit>, String>, Failure> {
     const INCOMPLETE: &str = "a frame was not complete, so nothing is proved of it";
     let deadline = plan.nodes.deadline;
-    let bounded = session.intervals(scene, deadline).await?;
+    let bounded = session.intervals(scene, deadline.saturating_mul(FRAMES_OF_TIME)).await?;
     let Some(intervals) = bounded.intervals.filter(|_| frame.complete) else { return Ok(Err(INCOMPLETE.to_owned())) };
     tracing::info!(
         "intervals: {:.0} and {:.0} ms, the picture {:.0} ms",
