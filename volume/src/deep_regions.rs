@@ -1,7 +1,8 @@
 //! Whether leaping through regions shortens the rays of a look: how much of what shows lies deep inside of regions.
 //!
-//! Leaping changes the picture, within its bound. So whether a store's regions are flattened must not depend on bricks,
-//! nodes or backends: it goes by the look and by what the manifest counts. How a brick is walked then is another matter.
+//! Leaping changes the picture, within its bound. So whether a store's regions are flattened must not depend on
+//! bricks, nodes or backends: it goes by the look and by what the manifest counts. How a brick is walked then is
+//! another matter.
 
 use crate::store::{HISTOGRAM_BINS, Manifest};
 use crate::transfer_function::TransferFunction;
@@ -15,8 +16,9 @@ const LEAST_LEFT: f64 = 0.05;
 /// Places in a bin of the histogram at which the function is looked at.
 const PLACES: u32 = 8;
 
-/// Of the voxels that `function` shows, the share that lies deep in regions through which light passes; `delta_over_unit`
-/// is a step in opacity units. Nothing where the store has no regions, or does not say how deep they are.
+/// Of the voxels that `function` shows, the share that lies deep in regions through which light passes;
+/// `delta_over_unit` is a step in opacity units. Nothing where the store has no regions, or does not say how deep they
+/// are.
 #[must_use]
 pub fn deep_share(store: &Manifest, function: &TransferFunction, delta_over_unit: f64) -> Option<f64> {
     let deep = store.regions.as_ref()?.leap_histogram.as_ref()?;

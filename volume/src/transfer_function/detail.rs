@@ -96,7 +96,8 @@ mod tests {
         assert!([4.0, 1.0, 0.1, 0.01].iter().all(|&step| misses(&edge, step)));
     }
 
-    /// Faint detail beside a bright rest does not count, nor does detail of what is clear; colour counts as opacity does.
+    /// Faint detail beside a bright rest does not count, nor does detail of what is clear; colour counts as opacity
+    /// does.
     #[test]
     fn what_counts_is_what_shows() {
         let faint = function(&[(0.1, 0.0), (0.6, 0.02), (0.601, 0.05), (0.602, 0.02), (1.0, 1.0)]);

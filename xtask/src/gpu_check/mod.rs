@@ -74,7 +74,8 @@ fn checked(args: &GpuCheckArgs, program: &Path, scratch: &Path, end: Instant) ->
         is_good &= counts.is_some_and(|counts| counts.failed == 0 && counts.passed > 0);
         tests.push(json!({
             "program": name, "filter": filter,
-            "passed": counts.map(|c| c.passed), "failed": counts.map(|c| c.failed), "ignored": counts.map(|c| c.ignored),
+            "passed": counts.map(|c| c.passed), "failed": counts.map(|c| c.failed),
+            "ignored": counts.map(|c| c.ignored),
             "seconds": ended.map(|ended| ended.seconds),
         }));
     }

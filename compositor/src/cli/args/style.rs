@@ -30,8 +30,8 @@ pub enum IntegrationArg {
 pub struct StyleArgs {
     /// How the transfer function is integrated along a ray
     ///
-    /// auto: slabs (preintegrated) where the function has what the step would miss, or where --lighting or an isosurface
-    /// needs them; else single samples, which cost less. It is told which, and why.
+    /// auto: slabs (preintegrated) where the function has what the step would miss, or where --lighting or an
+    /// isosurface needs them; else single samples, which cost less. It is told which, and why.
     #[arg(long, value_enum, default_value_t)]
     pub integration: IntegrationArg,
     /// Entries of the pre-integration table: 256 (while a transfer function is dragged) or 1024

@@ -52,8 +52,8 @@ pub struct RegionsEntry {
     pub largest: u64,
     /// Voxels that can leap with the narrowest guard, of width 2.
     pub leap_voxels: u64,
-    /// The same by the means of their regions, in the bins of the manifest's histogram. Nothing in stores before version
-    /// 8.
+    /// The same by the means of their regions, in the bins of the manifest's histogram. Nothing in stores before
+    /// version 8.
     pub leap_histogram: Option<Vec<u64>>,
     pub files: RegionHashes,
 }

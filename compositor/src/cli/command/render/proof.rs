@@ -9,8 +9,8 @@ use crate::output::exr;
 use crate::session::audit::{self, Audit};
 use crate::session::{Frame, Session};
 
-/// A frame of intervals takes as long as some tens of ordinary ones (docs/figures/benchmarks.md), whose deadline the user
-/// gave.
+/// A frame of intervals takes as long as some tens of ordinary ones (docs/figures/benchmarks.md), whose deadline the
+/// user gave.
 const FRAMES_OF_TIME: u32 = 60;
 
 /// Renders the intervals of the `i`-th frame and, for an audit, the frame again without leaping; writes the widths. In
