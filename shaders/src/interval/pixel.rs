@@ -181,8 +181,8 @@ mod tests {
         ray.push(Sample::known(back));
         ray.push(Sample::known(Premul::CLEAR));
         let (interval, pixel) = (ray.interval(), over(front, back).to_array());
-        for c in 0..4 {
-            assert!((interval.lo[c] - pixel[c]).abs() < 1e-6 && (interval.hi[c] - pixel[c]).abs() < 1e-6);
+        for ((lo, hi), pixel) in interval.lo.iter().zip(&interval.hi).zip(pixel) {
+            assert!((lo - pixel).abs() < 1e-6 && (hi - pixel).abs() < 1e-6);
         }
         // Analytic: n steps of a in [0.1, 0.2] and white, behind them nothing.
         ray.clear();

@@ -34,8 +34,11 @@ fn looking(store: &Store, azimuth: f64, function: TransferFunction) -> Scene {
     scene(store, orbit(store, view), function).with(|s| s.quality.acceleration = LEAPS).unwrap()
 }
 
+/// What makes a scene one of another style.
+type Change = Box<dyn Fn(&mut SceneParts)>;
+
 /// All that intervals are of.
-fn changes(store: &Store) -> Vec<(&'static str, Box<dyn Fn(&mut SceneParts)>)> {
+fn changes(store: &Store) -> Vec<(&'static str, Change)> {
     let integral = Style { integration: Integration::Preintegrated(TableSize::N256), ..Style::default() };
     let phong = |lighting| Some(Phong { lighting, ..Phong::default() });
     let (lo, hi) = store.manifest().range;
@@ -43,7 +46,7 @@ fn changes(store: &Store) -> Vec<(&'static str, Box<dyn Fn(&mut SceneParts)>)> {
     let surfaces = vec![Isosurface { value: lo + 0.98 * (hi - lo), color: [0.9, 0.5, 0.2], opacity: 0.6 }];
     let center = store.manifest().geometry.center_world();
     let clip = Clip { planes: vec![ClipPlane { normal: DVec3::X, offset: center.x }], ..Clip::default() };
-    let styled = |style: Style| -> Box<dyn Fn(&mut SceneParts)> { Box::new(move |s| s.look.style = style.clone()) };
+    let styled = |style: Style| -> Change { Box::new(move |s| s.look.style = style.clone()) };
     let residual = window(store, 0.1, 0.9, 0.2);
     vec![
         ("sampled", Box::new(|_: &mut SceneParts| ())),

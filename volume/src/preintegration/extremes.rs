@@ -311,11 +311,11 @@ mod tests {
                     let slab = bilinear(&slabs.total, slabs.size, at(0, i), at(1, j));
                     let alpha = slab[3];
                     prop_assert!(got.shown.alpha[0] - 1e-5 <= alpha && alpha <= got.shown.alpha[1] + 1e-5);
-                    for c in 0..3 {
-                        let [low, high] = got.premul[c];
-                        prop_assert!(low - 1e-5 <= slab[c] && slab[c] <= high + 1e-5);
+                    for ((seen, premul), color) in slab.into_iter().zip(got.premul).zip(got.shown.color) {
+                        let [low, high] = premul;
+                        prop_assert!(low - 1e-5 <= seen && seen <= high + 1e-5);
                         if alpha > 1e-3 {
-                            let (color, [low, high]) = (slab[c] / alpha, got.shown.color[c]);
+                            let (color, [low, high]) = (seen / alpha, color);
                             prop_assert!(low - 1e-3 <= color && color <= high + 1e-3, "{color} in {low}..{high}");
                         }
                     }

@@ -33,6 +33,9 @@ use crate::store::shard::write::ShardWriter;
 use crate::store::tiles::Tile;
 use crate::store::zarr_json;
 
+/// Codes in a bin of the manifest's histogram.
+const CODES_PER_BIN: usize = 65_536 / HISTOGRAM_BINS;
+
 /// What a store with regions has beside its voxels.
 pub(crate) struct Written {
     pub(crate) entry: RegionsEntry,
@@ -79,7 +82,7 @@ pub(crate) fn write_regions(
     let mut leap_histogram = vec![0_u64; HISTOGRAM_BINS];
     for (part, &label) in found.kept.iter().zip(&label_of_kept) {
         if let Some(region) = table.get(label) {
-            leap_histogram[usize::from(code_of_density(region.mean())) * HISTOGRAM_BINS >> 16] += part.leaps;
+            leap_histogram[usize::from(code_of_density(region.mean())) / CODES_PER_BIN] += part.leaps;
         }
     }
     let files = vec![
