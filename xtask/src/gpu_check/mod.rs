@@ -28,6 +28,9 @@ pub(crate) struct GpuCheckArgs {
     /// Write the JSON here, too
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Pixels along a side of the pictures; a software driver wants fewer
+    #[arg(long, default_value_t = 512)]
+    size: u32,
     /// Seconds for all of it: what would begin later is left out, and the check has failed
     #[arg(long, default_value_t = 480)]
     limit: u64,
@@ -59,7 +62,7 @@ pub(crate) fn run(args: &GpuCheckArgs) -> anyhow::Result<bool> {
 }
 
 fn checked(args: &GpuCheckArgs, program: &Path, scratch: &Path, end: Instant) -> anyhow::Result<(Value, bool)> {
-    let mut report = race::run(program, scratch, end)?;
+    let mut report = race::run(program, scratch, args.size, end)?;
     let mut is_good = report["left_out"].as_array().is_none_or(Vec::is_empty);
     let mut tests = Vec::new();
     for (name, filter) in TESTS {

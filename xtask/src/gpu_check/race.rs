@@ -9,20 +9,8 @@ use serde_json::{Value, json};
 use super::children::Child;
 
 /// What all rows have in common: one node, one view.
-const VIEW: [&str; 12] = [
-    "--counts",
-    "1",
-    "--repeat",
-    "5",
-    "--size",
-    "512x512",
-    "--azimuth",
-    "30",
-    "--elevation",
-    "20",
-    "--window",
-    "12000,41000",
-];
+const VIEW: [&str; 10] =
+    ["--counts", "1", "--repeat", "5", "--azimuth", "30", "--elevation", "20", "--window", "12000,41000"];
 
 /// A style, and its flags. `plain` takes every sample of every ray: the kernel's own speed.
 const STYLES: [(&str, &[&str]); 11] = [
@@ -40,7 +28,7 @@ const STYLES: [(&str, &[&str]); 11] = [
 ];
 
 /// Figures of all styles; what did not end in time is named as left out.
-pub(super) fn run(program: &Path, scratch: &Path, end: Instant) -> anyhow::Result<Value> {
+pub(super) fn run(program: &Path, scratch: &Path, size: u32, end: Instant) -> anyhow::Result<Value> {
     let text = |path: &Path| path.to_str().map(str::to_owned).context("the temporary folder's name is no UTF-8");
     let volume = text(&scratch.join("phantom.nrrd"))?;
     let stores = ["large", "small"].map(|name| scratch.join(name));
@@ -62,7 +50,8 @@ pub(super) fn run(program: &Path, scratch: &Path, end: Instant) -> anyhow::Resul
         let json_path = scratch.join("bench.json");
         let json_text = text(&json_path)?;
         let words: Vec<&str> = ["bench", store].into_iter().chain(VIEW).chain(flags.iter().copied()).collect();
-        let words = [&words[..], &["--json", &json_text]].concat();
+        let side = size.to_string();
+        let words = [&words[..], &["--size", &side, "--json", &json_text]].concat();
         match Child::new(program, &words, name).run(end)? {
             None => left_out.push(name),
             Some(ended) if !ended.is_success => bail!("{name}: brickcast {} failed", words.join(" ")),
@@ -74,7 +63,7 @@ pub(super) fn run(program: &Path, scratch: &Path, end: Instant) -> anyhow::Resul
             }
         }
     }
-    Ok(json!({ "adapters": adapters, "size": [512, 512], "step": 0.5, "styles": rows, "left_out": left_out }))
+    Ok(json!({ "adapters": adapters, "size": [size, size], "step": 0.5, "styles": rows, "left_out": left_out }))
 }
 
 /// What the bench wrote into a folder of this program's own.
