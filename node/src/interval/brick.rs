@@ -93,7 +93,8 @@ mod tests {
         let voxels = BrickVoxels { stored, codes: vec![7; stored.voxel_count() as usize], has_holes: false };
         let count = covered.voxel_count() as usize;
         let mut labels = vec![1; count];
-        labels[count / 2] = 0;
+        // Well within the stored box, six voxels wide.
+        labels[(4 * 8 + 4) * 8 + 4] = 0;
         let regions = BrickRegions { covered, labels, distances: vec![1; count] };
         let table = RegionTable(vec![Region { root: 0, voxels: 9, sum: 18, min: 1, max: 3 }]);
         for (guard, region_flags) in [(None, false), (Some(4), false), (None, true), (Some(4), true)] {
