@@ -47,8 +47,22 @@ impl ChangeRate {
         if self.sample == 0.0 {
             return 0.0;
         }
-        let bound = (1..=samples).map(|n| self.summed(n).min(self.boxed(n))).fold(0.0, f64::max);
-        bound.min(1.0) as f32
+        // Asked for every brick of a plan: powers only where a box says more than what is known.
+        let summed = self.summed(samples);
+        let mut left = [1.0; 2];
+        let mut most = 0.0_f64;
+        for n in 1..=samples {
+            left = [left[0] * (1.0 - self.opacity[0]), left[1] * (1.0 - self.opacity[1])];
+            let boxed = self.boxed(left.map(|left| 1.0 - left));
+            if boxed > most {
+                most = boxed.min(self.summed(n)).max(most);
+            }
+            // Sums only grow, and nothing is more than the last, or than all.
+            if most >= summed.min(1.0) {
+                break;
+            }
+        }
+        most.min(1.0) as f32
     }
 
     /// One sample after the other.
@@ -58,10 +72,8 @@ impl ChangeRate {
         self.sample * reach
     }
 
-    /// All of them as one.
-    fn boxed(&self, samples: u32) -> f64 {
-        let opacity = self.opacity.map(|a| 1.0 - libm::pow(1.0 - a, f64::from(samples)));
-        let [lo, hi] = opacity;
+    /// All of them as one of an opacity between these.
+    fn boxed(&self, [lo, hi]: [f64; 2]) -> f64 {
         let colors = self.colors.iter().filter(|span| span[0] <= span[1]).map(|span| span.map(f64::from));
         let channel = |[least, most]: [f64; 2]| {
             let before_black = hi * most - lo * least;
@@ -194,7 +206,8 @@ mod tests {
         let table = table(&[(0.0, 0.5, 0.3), (30_000.0, 0.5, 0.9), (65_535.0, 0.5, 0.9)]);
         let rate = change_rate(&table, [0, 65_535], 4000);
         assert!(rate.over(1) > 0.02 && rate.summed(200) > 0.05, "{rate:?}");
-        assert!(rate.boxed(200) < 1e-6 && f64::from(rate.over(200)) < rate.summed(200), "{}", rate.over(200));
+        let boxed = rate.boxed(rate.opacity.map(|a| 1.0 - libm::pow(1.0 - a, 200.0)));
+        assert!(boxed < 1e-6 && f64::from(rate.over(200)) < rate.summed(200), "{}", rate.over(200));
         // No more samples, no smaller bound: a ray may take fewer.
         assert!((1..200).all(|n| rate.over(n) <= rate.over(n + 1)));
     }
