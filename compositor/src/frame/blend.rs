@@ -41,7 +41,7 @@ pub fn blend(
     let mut picture = Picture::new(size, vec![Premul::CLEAR; size.pixel_count()])?;
     let (width, columns) = (size.width() as usize, TileRect::of_picture(size).hi[0]);
     // A thread draws what it joined, while that is at hand.
-    let bands = picture.pixels_mut().par_chunks_mut(width * TILE as usize).enumerate();
+    let bands = picture.pixels_mut().par_chunks_mut(width * TILE as usize).enumerate().with_max_len(1);
     bands.try_for_each(|(row, band)| {
         let tiles = (0..columns).into_par_iter().filter_map(|column| finished([column, row as u32]));
         let tiles: Vec<FinishedTile> = tiles.collect::<Result<_, KindError>>()?;

@@ -298,7 +298,8 @@ fn render_job(
     let placed: Vec<PlacedBrick<'_>> = bricks.iter().map(|brick| brick.placed(reads)).collect();
     let mut pixels = new_pixels(scene.pixel_kind(), &job.rect)?;
     let edge = tile_edge(job.rect.pixel_count(), rayon::current_num_threads());
-    let tiles = tiles_of(&job.rect, pixels.raw_mut(), edge).into_par_iter();
+    // One by one: what rayon would keep together is a quarter of the picture, whose other quarters may be empty.
+    let tiles = tiles_of(&job.rect, pixels.raw_mut(), edge).into_par_iter().with_max_len(1);
     let is_wanted = |pause: Pause| match pause {
         // The pulse is one number for all threads: too dear for every row.
         Pause::Brick => reads.watch.goes_on().is_ok(),

@@ -72,7 +72,7 @@ pub(crate) fn render(
             .collect();
         let mut pixels = new_pixels(scene.pixel_kind(), &job.rect)?;
         let width = job.rect.size().x as usize;
-        let rows = pixels.raw_mut().par_chunks_mut(width.max(1)).enumerate();
+        let rows = pixels.raw_mut().par_chunks_mut(width.max(1)).enumerate().with_max_len(1);
         let row = |(y, row): (usize, &mut [RawPixel])| {
             let mut counts = vec![RayCounts::default(); placed.len()];
             let mut samples = RaySamples::default();

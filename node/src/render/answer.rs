@@ -19,6 +19,7 @@ pub(super) fn answer(piece: &Piece, layer: &LayerOrder, order: &RenderOrder, pic
     let tiles: Vec<[u32; 2]> = piece.tiles.tiles().collect();
     let encoded: Vec<Option<TilePart>> = tiles
         .par_iter()
+        .with_max_len(1)
         .map(|&tile| {
             let pixels = cut(tile, order, picture?)?;
             let pixels = encode_tile(&pixels, order.transport)?;

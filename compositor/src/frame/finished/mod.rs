@@ -123,7 +123,7 @@ impl<'a> Finished<'a> {
         let joined: Vec<Option<FinishedTile>> = match due[..] {
             [] => return,
             [(_, tile)] => vec![joining.joined(tile, ledger)],
-            _ => due.par_iter().map(|(_, tile)| joining.joined(*tile, ledger)).collect(),
+            _ => due.par_iter().with_max_len(1).map(|(_, tile)| joining.joined(*tile, ledger)).collect(),
         };
         for ((index, _), joined) in due.into_iter().zip(joined) {
             let Some(tile) = joined else { continue };
