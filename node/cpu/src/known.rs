@@ -34,6 +34,10 @@ pub(crate) struct Any;
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Plain<const TAKE: u8, const MAP: bool>;
 
+/// Single samples of volumes with leaps and a map, without regions' own functions and holes, between voxels.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Leaping;
+
 /// Takes of [`Plain`]: single samples; and without isosurfaces slabs without light, and all that is lit.
 pub(crate) const SAMPLES: u8 = 0;
 pub(crate) const SLABS: u8 = 1;
@@ -96,5 +100,30 @@ impl<const TAKE: u8, const MAP: bool> Known for Plain<TAKE, MAP> {
     #[inline(always)]
     fn reader(reader: Reader<'_>) -> Reader<'_> {
         reader.plain()
+    }
+}
+
+impl Known for Leaping {
+    /// What comes next may be a leap away.
+    const READS_AHEAD: bool = false;
+
+    #[inline(always)]
+    fn is_for(key: KernelKey, reader: &Reader<'_>) -> bool {
+        key == Self::key(key) && reader.is_plain()
+    }
+
+    #[inline(always)]
+    fn key(_: KernelKey) -> KernelKey {
+        KernelKey { skips: true, cubes: false, leaps: true, regions: false, holes: false, take: TakeKind::Sampled }
+    }
+
+    #[inline(always)]
+    fn has_map(_: KernelKey) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn reader(reader: Reader<'_>) -> Reader<'_> {
+        reader.whole()
     }
 }

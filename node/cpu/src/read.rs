@@ -86,8 +86,14 @@ impl<'a> Reader<'a> {
 
     /// The same, of one that is plain, as constants.
     #[inline(always)]
+    pub(crate) fn whole(self) -> Self {
+        Self { is_nearest: false, has_holes: false, ..self }
+    }
+
+    /// The same, of one without leaps.
+    #[inline(always)]
     pub(crate) fn plain(self) -> Self {
-        Self { is_nearest: false, has_holes: false, means: None, ..self }
+        Self { means: None, ..self.whole() }
     }
 
     #[inline(always)]

@@ -5,7 +5,7 @@ use brickcast_shaders::twin::bindings::{Bindings, RayCounts};
 use brickcast_volume::{PixelRect, RawPixel};
 use glam::UVec2;
 
-use super::known::{Any, Known, LIT, Plain, SAMPLES, SLABS};
+use super::known::{Any, Known, LIT, Leaping, Plain, SAMPLES, SLABS};
 use super::lanes::{Floats, InstructionSet, Lanes, Mask, Task, WIDEST};
 use super::march::march;
 use super::packet::{Packet, lanes_in, pixel_of, shape};
@@ -129,7 +129,7 @@ fn over_packets<L: Lanes>(
     // Each costs seconds of compiling: not where nobody waits for pictures.
     if L::IS_FAST {
         first_of!(Plain::<SAMPLES, false>, Plain::<SAMPLES, true>, Plain::<SLABS, false>, Plain::<SLABS, true>);
-        first_of!(Plain::<LIT, false>, Plain::<LIT, true>);
+        first_of!(Plain::<LIT, false>, Plain::<LIT, true>, Leaping);
     }
     l.enter(BrickTask { known: Any, l, bound, reader, packets, touched })
 }
