@@ -1,5 +1,6 @@
 //! What the finest voxels under each voxel of a coarser level are, gathered as they pass by: plane by plane, level by
-//! level, each level's planes from those of the next finer one. Memory: a plane of a tile, a third more than of level 1.
+//! level, each level's planes from those of the next finer one. Memory: a plane of a tile, a third more than of level
+//! 1.
 //!
 //! Tiles begin and end at multiples of 2^8 voxels, so a voxel of levels 1 to 8 lies in one tile. One of a coarser level
 //! may lie in several: what is under the voxels of level 8, one for each shard, is kept until all tiles have passed.

@@ -134,7 +134,8 @@ fn image(m: &Manifest, name: &str, more: &str) -> Vec<u8> {
     .into_bytes()
 }
 
-/// `0/zarr.json`, and that of each level's array. The attribute `brickcast` tells other readers how stored numbers become values.
+/// `0/zarr.json`, and that of each level's array. The attribute `brickcast` tells other readers how stored numbers
+/// become values.
 pub(super) fn array(m: &Manifest) -> Vec<u8> {
     let no_data = m.no_data.as_ref().map_or(String::new(), |n| format!(r#", "no_data": {}"#, n.stored));
     let attributes = format!(

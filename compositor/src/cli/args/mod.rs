@@ -167,7 +167,8 @@ pub struct PrepareArgs {
     /// Data values that become black and white of the 16 bits; default: smallest and largest
     #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true)]
     pub range: Option<[f64; 2]>,
-    /// Coarser levels of detail, each of half as many voxels per axis: `auto`, until the volume is one brick, or at most N
+    /// Coarser levels of detail, each of half as many voxels per axis: `auto`, until the volume is one brick, or at
+    /// most N
     #[arg(long, value_name = "auto|N", default_value = "auto", value_parser = levels)]
     pub levels: Levels,
     /// Replace an existing store

@@ -30,8 +30,8 @@ pub const HISTOGRAM_BINS: usize = 256;
 pub struct Manifest {
     /// Of the format; see [`crate::store::STORE_VERSION`].
     pub version: u64,
-    /// 0 for a store; else which of its store's coarser levels this is the manifest of. That says of the whole volume what
-    /// its store says of it, but for the counts of voxels: `histogram`, `no_data`, `regions`.
+    /// 0 for a store; else which of its store's coarser levels this is the manifest of. That says of the whole volume
+    /// what its store says of it, but for the counts of voxels: `histogram`, `no_data`, `regions`.
     pub level: u8,
     pub geometry: Geometry,
     pub grid: BrickGrid,

@@ -50,8 +50,8 @@ impl Finest {
         self.join(&Self { sum: ordinal.into(), count: 1, low: ordinal, high: ordinal });
     }
 
-    /// The mean, rounded half up. Never the ordinal of `no_data` where there are data: where it would be, there are data
-    /// above it, and the mean is one more.
+    /// The mean, rounded half up. Never the ordinal of `no_data` where there are data: where it would be, there are
+    /// data above it, and the mean is one more.
     #[inline(always)]
     fn mean(&self, no_data: Option<u16>) -> u16 {
         let mean = match self.count {

@@ -82,8 +82,8 @@ impl Job<'_> {
         })
     }
 
-    /// That of a coarser level of the store of `whole`: what is said of the volume is said of the finest voxels, and only
-    /// counts of voxels are the level's own.
+    /// That of a coarser level of the store of `whole`: what is said of the volume is said of the finest voxels, and
+    /// only counts of voxels are the level's own.
     pub(super) fn level_manifest(&self, whole: &Manifest, histogram: &Histogram, no_data: u64) -> Manifest {
         let codes = whole.value_map().code_of_ordinal_table();
         let code = |ordinal: u16| codes.get(usize::from(ordinal)).copied().unwrap_or(u16::MAX);

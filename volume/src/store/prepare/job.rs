@@ -49,9 +49,9 @@ use crate::store::zarr_json;
 /// Makes the store `out` of an input that stands at its first plane. The same input and options give the same bytes.
 ///
 /// Memory follows the tile, [`PrepareOptions::tile_voxels`], not the plane: 16 planes of it in the stored type, 22 to
-/// 31 for halos, and as many again as halos are compressed; 16 more where there are several tiles; 9 to 11 bytes a voxel
-/// of a plane for coarser levels; 4 MiB of the input, and 80 KiB per shard. With regions whole planes are held: 32 of codes, 37 to 66 of labels and distances for their
-/// halos, and the components that are open: see [`segment`].
+/// 31 for halos, and as many again as halos are compressed; 16 more where there are several tiles; 9 to 11 bytes a
+/// voxel of a plane for coarser levels; 4 MiB of the input, and 80 KiB per shard. With regions whole planes are held:
+/// 32 of codes, 37 to 66 of labels and distances for their halos, and the components that are open: see [`segment`].
 ///
 /// # Errors
 /// An input that cannot be read, a target that exists or is no store, options that do not fit, a failing disk. Nothing

@@ -66,8 +66,9 @@ struct Inner {
 }
 
 impl Store {
-    /// Opens a store after checking that it is finished: the manifests of all levels, the hashes of all small files, and
-    /// that every shard is there in its full length. Contents of shards are checked as they are read, see [`Store::verify`].
+    /// Opens a store after checking that it is finished: the manifests of all levels, the hashes of all small files,
+    /// and that every shard is there in its full length. Contents of shards are checked as they are read, see
+    /// [`Store::verify`].
     ///
     /// # Errors
     /// Not a finished store, unknown version, a file that is not the one that the manifest speaks of.

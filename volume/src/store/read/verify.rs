@@ -11,9 +11,9 @@ use crate::store::progress::{Phase, Progress};
 use crate::store::shard::read::Shards;
 
 impl Store {
-    /// Reads every shard and halo of every level, decodes every inner chunk and record, and compares all bytes with the manifest's
-    /// hashes. A chunk (or a halo's brick and layer) is named where one is broken; bytes that belong to no chunk are
-    /// found by the shard's hash.
+    /// Reads every shard and halo of every level, decodes every inner chunk and record, and compares all bytes with the
+    /// manifest's hashes. A chunk (or a halo's brick and layer) is named where one is broken; bytes that belong to no
+    /// chunk are found by the shard's hash.
     ///
     /// # Errors
     /// The first damage found; [`crate::store::inspect`] finds all.

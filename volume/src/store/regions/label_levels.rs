@@ -1,8 +1,9 @@
 //! Given labels on coarser levels: of the finest voxels with data under one of a level's, the most frequent label; the
 //! smallest of those that are.
 //!
-//! Counted exactly, from the finest labels, in one pass over the label volume. Memory: a plane of counts for each level,
-//! about 20 bytes for each voxel of the finest plane, and 16 for each further label that lies under one of theirs.
+//! Counted exactly, from the finest labels, in one pass over the label volume. Memory: a plane of counts for each
+//! level, about 20 bytes for each voxel of the finest plane, and 16 for each further label that lies under one of
+//! theirs.
 
 use std::cmp::Reverse;
 
