@@ -41,7 +41,7 @@ impl ChunkId {
 
 /// A brick by its level of detail and its place in tables over all bricks of that level, x fastest:
 /// [`crate::BrickGrid::id`] gives it, [`crate::BrickGrid::index_of`] takes it back. Level 0 is the finest, the store's
-/// own voxels; there is no other yet.
+/// own voxels; nobody names bricks of others yet.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct BrickId {
     level: u8,

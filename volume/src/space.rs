@@ -83,6 +83,20 @@ impl Geometry {
         Ok(Self { directions: DMat3::from_cols_array(&directions.to_cols_array().map(|c| c + 0.0)), ..self })
     }
 
+    /// Where level `level` of this volume lies: each of its voxels stands for `2^level` of this one's on every axis, or
+    /// for those that are left at the high ends.
+    ///
+    /// # Errors
+    /// A level so coarse that no volume has its spacing or origin.
+    pub fn at_level(&self, level: u8) -> Result<Self, GeometryError> {
+        let factor = f64::from(level.min(32)).exp2();
+        let dims = self.dims.map(|n| u64::from(n).div_ceil(1 << level.min(32)) as u32);
+        let along = self.spacing * ((factor - 1.0) * 0.5);
+        let moved = if self.is_straight() { along } else { self.directions * along };
+        let level = Self::new(dims.to_array(), (self.spacing * factor).to_array(), (self.origin + moved).to_array())?;
+        Ok(Self { directions: self.directions, ..level })
+    }
+
     /// Voxels per axis, x fastest.
     #[must_use]
     pub fn dims(&self) -> UVec3 {
@@ -189,6 +203,27 @@ mod tests {
         assert_eq!(g.voxel_from_world(DVec3::new(10.0, 20.0, 30.0)), DVec3::splat(0.5));
         assert_eq!(g.world_from_voxel(DVec3::new(1.5, 1.5, 1.5)), DVec3::new(11.0, 22.0, 33.0));
         assert_eq!(g.center_world(), DVec3::new(11.0, 24.0, 39.0));
+    }
+
+    /// The first voxel of a level has its centre in the midst of those that it stands for, whichever way axes point.
+    #[test]
+    fn levels_lie_where_the_voxels_lie_that_they_stand_for() {
+        let straight = Geometry::new([9, 5, 8], [1.0, 2.0, 3.0], [10.0, 20.0, 30.0]).unwrap();
+        let turned = straight.with_directions(DMat3::from_cols(DVec3::Y, DVec3::NEG_X, DVec3::NEG_Z)).unwrap();
+        for g in [straight, turned, straight.with_directions(DMat3::from_rotation_y(0.7)).unwrap()] {
+            assert_eq!(g.at_level(0).unwrap(), g);
+            for (level, dims) in [(1, [5, 3, 4]), (2, [3, 2, 2]), (3, [2, 1, 1]), (9, [1, 1, 1])] {
+                let coarse = g.at_level(level).unwrap();
+                assert_eq!((coarse.dims().to_array(), coarse.directions()), (dims, g.directions()));
+                let scale = f64::from(1 << level);
+                for p in [DVec3::ZERO, DVec3::new(0.5, 1.0, 2.5)] {
+                    let apart = coarse.world_from_voxel(p) - g.world_from_voxel(p * scale);
+                    assert!(apart.length() < 1e-9, "level {level}: {apart}");
+                }
+            }
+            assert!(g.at_level(200).is_ok_and(|far| far.dims() == UVec3::ONE));
+        }
+        assert!(Geometry::new([9; 3], [4e11; 3], [0.0; 3]).unwrap().at_level(2).is_err());
     }
 
     /// Both ways, for a mirror, a permutation and a rotation; by hand for one of them.

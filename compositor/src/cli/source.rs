@@ -108,11 +108,12 @@ impl OnTheWayArgs {
             PrepareOptions { brick_size: self.brick, range, force: true, regions, ..PrepareOptions::default() };
         let source = format::open(input, &hints)?;
         let header = source.header();
-        // As if nothing could be compressed; what is wider is mapped to 16 bits.
-        let bytes = header.geometry.voxel_count().saturating_mul(header.voxel_type.bytes().min(2) as u64);
+        // As if nothing could be compressed; what is wider is mapped to 16 bits. Coarser levels are a seventh more.
+        let finest = header.geometry.voxel_count().saturating_mul(header.voxel_type.bytes().min(2) as u64);
+        let bytes = finest.saturating_add(finest / 7);
         let version = env!("CARGO_PKG_VERSION");
-        let (brick, regions) = (self.brick, &options.regions);
-        let words = format!("{brick}|{range:?}|{:?}|{regions:?}|{version}|{STORE_VERSION}", self.raw);
+        let PrepareOptions { brick_size: brick, regions, levels, .. } = &options;
+        let words = format!("{brick}|{range:?}|{:?}|{regions:?}|{levels:?}|{version}|{STORE_VERSION}", self.raw);
         let store = self.cache.open()?.obtain(&Wanted {
             input,
             bytes,
@@ -174,6 +175,7 @@ fn words(phase: Phase) -> &'static str {
     match phase {
         Phase::Unpack => "unpacking",
         Phase::Scan | Phase::Write | Phase::Finish => "preparing",
+        Phase::Levels => "coarser levels of",
         Phase::Flood => "flood filling",
         Phase::Distances => "distances of",
         Phase::Regions => "regions of",

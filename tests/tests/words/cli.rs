@@ -73,6 +73,31 @@ fn info_speaks_of_inputs_and_stores_alike() {
     assert!(brickcast_ok(at, &["info", "part"]).contains("48 x 40 x 44"));
 }
 
+#[test]
+fn levels_are_made_until_the_volume_is_one_brick_or_as_many_as_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    part(at);
+    let levels = |flags: &[&str]| {
+        brickcast_ok(at, &[&["prepare", "part.nrrd", "part", "--brick", "16", "--force"], flags].concat());
+        let info: serde_json::Value = serde_json::from_str(&brickcast_ok(at, &["info", "part", "--json"])).unwrap();
+        (info["levels"].to_string(), brickcast_ok(at, &["info", "part"]))
+    };
+    let (json, text) = levels(&[]);
+    assert_eq!(json, "[[48,40,44],[24,20,22],[12,10,11]]");
+    assert!(text.contains("levels     3: 48 x 40 x 44, 24 x 20 x 22, 12 x 10 x 11\n"), "{text}");
+    assert_eq!(levels(&["--levels", "auto"]).0, json);
+    assert_eq!(levels(&["--levels", "99"]).0, json);
+    assert_eq!(levels(&["--levels", "1"]).0, "[[48,40,44],[24,20,22]]");
+    assert_eq!(levels(&["--levels", "0"]).0, "[[48,40,44]]");
+    for bad in ["-1", "many", "256"] {
+        let (code, error) = fails(at, &["prepare", "part.nrrd", "bad", &format!("--levels={bad}")]);
+        assert!(code == 2 && error.contains(bad) && error.contains("auto"), "{code}: {error}");
+    }
+    let input: serde_json::Value = serde_json::from_str(&brickcast_ok(at, &["info", "part.nrrd", "--json"])).unwrap();
+    assert!(input["levels"].is_null());
+}
+
 /// With regions, `info` says so; the cache tells regions, labels and none apart.
 #[test]
 fn regions_are_asked_for_by_range_or_label_volume() {

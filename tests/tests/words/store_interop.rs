@@ -129,7 +129,9 @@ group = zarr.open_group(store, mode="r")
 assert group.attrs["ome"]["version"] == "0.5", group.attrs["ome"]
 assert image["name"] == 'a "quoted" name.nrrd', image
 assert image["axes"] == [{"name": n, "type": "space", "unit": "millimeter"} for n in "zyx"], image["axes"]
-(dataset,) = image["datasets"]
+datasets = image["datasets"]
+dataset = datasets[0]
+assert [d["path"] for d in datasets] == ["0", "1", "2", "3"], datasets
 scale, translation = dataset["coordinateTransformations"]
 assert scale == {"type": "scale", "scale": [1.5, 0.5, 0.25]}, scale
 assert translation == {"type": "translation", "translation": [3.5, -2.0, 1.0]}, translation
@@ -144,11 +146,29 @@ assert group["labels"].attrs["ome"] == {"version": "0.5", "labels": ["regions"]}
 label = group["labels/regions"]
 (levels,) = label.attrs["ome"]["multiscales"]
 assert label.attrs["ome"]["image-label"] == {"source": {"image": "../../"}}, label.attrs["ome"]
-assert levels["axes"] == image["axes"] and len(levels["datasets"]) == len(image["datasets"])
-assert levels["datasets"][0]["coordinateTransformations"] == dataset["coordinateTransformations"]
+assert levels["axes"] == image["axes"] and levels["datasets"] == datasets, levels
 array = label[levels["datasets"][0]["path"]]
 assert array.dtype == numpy.uint32 and array.shape == want.shape
 assert numpy.array_equal(array[...], numpy.fromfile(labels, dtype="<u4").reshape(array.shape)), "other labels"
+def sums(voxels, n):
+    for axis in range(3):
+        voxels = numpy.add.reduceat(voxels, range(0, voxels.shape[axis], n), axis)
+    return voxels
+for level, dataset in enumerate(datasets):
+    n = 2**level
+    scale, translation = (t[t["type"]] for t in dataset["coordinateTransformations"])
+    assert scale == [1.5 * n, 0.5 * n, 0.25 * n], scale
+    assert translation == [3.5 + 0.75 * (n - 1), -2.0 + 0.25 * (n - 1), 1.0 + 0.125 * (n - 1)], translation
+    total, count = sums(want.astype("i8"), n), sums(numpy.ones(want.shape, "i8"), n)
+    array = group[dataset["path"]]
+    assert array.dtype == numpy.dtype(dtype) and array.shape == total.shape, (level, array.shape)
+    assert array.attrs["brickcast"] == group["0"].attrs["brickcast"], level
+    assert numpy.array_equal(array[...], (2 * total + count) // (2 * count)), f"level {level} is not of means"
+    array = label[dataset["path"]]
+    assert array.dtype == numpy.uint32 and array.shape == total.shape and array[...].max() > 0, level
+    if level > 0:
+        array = zarr.open_array(store, path=f"levels/{level}/distances", mode="r")
+        assert array.dtype == numpy.uint8 and array.shape == total.shape and array[...].max() >= 3, level
 array = group["distances"]
 assert array.dtype == numpy.uint8
 assert numpy.array_equal(array[...], numpy.fromfile(distances, dtype="u1").reshape(array.shape)), "other distances"

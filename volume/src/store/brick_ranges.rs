@@ -140,13 +140,35 @@ impl RangeBuilder {
     /// Takes a tile's planes that start at `z0`, x fastest. Tiles and planes may come in any pieces; voxels on a margin
     /// count for all cubes that they touch.
     pub(super) fn add<T: Voxel>(&mut self, tile: &Tile, z0: u32, slab: &[T]) {
+        let ([nx, _], no_data) = (tile.size(), self.no_data.map(T::at));
+        self.add_lines(tile, z0..z0 + (slab.len() / tile.voxels()) as u32, |line, lows: &mut [T], highs| {
+            widen(lows, highs, &slab[line * nx..][..nx], no_data);
+        });
+    }
+
+    /// Takes a tile's plane of voxels that stand for others: the smallest and the largest ordinal of each, the first
+    /// above the second where none holds data.
+    pub(super) fn add_bounds(&mut self, tile: &Tile, z: u32, low: &[u16], high: &[u16]) {
+        let [nx, _] = tile.size();
+        self.add_lines(tile, z..z + 1, |line, lows: &mut [u16], highs| {
+            let of_line = line * nx..(line + 1) * nx;
+            lows.iter_mut().zip(&low[of_line.clone()]).for_each(|(low, v)| *low = (*low).min(*v));
+            highs.iter_mut().zip(&high[of_line]).for_each(|(high, v)| *high = (*high).max(*v));
+        });
+    }
+
+    /// `widen` widens bounds at each x by a row of the tile's planes.
+    fn add_lines<T: Voxel>(
+        &mut self,
+        tile: &Tile,
+        Range { start: z0, end: z1 }: Range<u32>,
+        widen: impl Fn(usize, &mut [T], &mut [T]) + Sync,
+    ) {
         let (cubes, n, counts) = (self.cubes, self.cubes.dims, self.cubes.counts());
         let [nx, ny] = tile.size();
-        let z1 = z0 + (slab.len() / (nx * ny)) as u32;
         if z1 == z0 {
             return;
         }
-        let no_data = self.no_data.map(T::at);
         let (xs, ys) = (cubes.met(tile.lo[0], tile.hi[0], counts.x), cubes.met(tile.lo[1], tile.hi[1], counts.y));
         let x_boxes: Vec<_> = xs.clone().map(|bx| cubes.reached(bx, n.x, tile.lo[0], tile.hi[0])).collect();
         let (layer, row) = ((counts.x * counts.y) as usize, counts.x as usize);
@@ -159,8 +181,7 @@ impl RangeBuilder {
                 let (mut lows, mut highs) = (vec![T::MAX; nx], vec![T::MIN; nx]);
                 for z in zs.clone() {
                     for y in cubes.reached(by, n.y, tile.lo[1], tile.hi[1]) {
-                        let line = &slab[(z * ny + y) * nx..][..nx];
-                        widen(&mut lows, &mut highs, line, no_data);
+                        widen(z * ny + y, &mut lows, &mut highs);
                     }
                 }
                 for ([min, max], xs) in row.iter_mut().zip(&x_boxes) {

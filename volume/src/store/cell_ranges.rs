@@ -7,7 +7,7 @@ use super::error::StoreError;
 use super::manifest::Manifest;
 use crate::brick::OwnedBox;
 
-/// The smallest edge of a cell, voxels.
+/// The smallest edge of a cell, voxels of level 0.
 const SMALLEST_EDGE: u32 = 4;
 /// The most cells: keeps the table within 1 MiB, whatever the volume.
 pub(super) const MAX_CELLS: u64 = 1 << 18;
@@ -25,9 +25,11 @@ pub struct CellRanges {
     ranges: Vec<[u16; 2]>,
 }
 
-/// The cells of a volume: of the smallest edge, a power of two from 4 on, that leaves at most 2^18 of them.
-pub(super) fn cells_of(dims: UVec3) -> Cubes {
-    let mut cubes = Cubes { dims, edge: SMALLEST_EDGE, margin: MARGIN };
+/// The cells of a volume of `dims` voxels: of the smallest edge, a power of two from 4 on, that leaves at most 2^18 of
+/// them. Those of a coarser level are the same cubes of space, as far as its voxels can tell them apart.
+pub(super) fn cells_of(dims: UVec3, level: u8) -> Cubes {
+    let edge = SMALLEST_EDGE.checked_shr(level.into()).unwrap_or(0).max(1);
+    let mut cubes = Cubes { dims, edge, margin: MARGIN };
     while cubes.count() > MAX_CELLS {
         cubes.edge *= 2;
     }
@@ -51,7 +53,7 @@ impl CellRanges {
     /// Bytes that are not the ones that `manifest` speaks of.
     pub fn from_bytes(manifest: &Manifest, bytes: &[u8]) -> Result<Option<Self>, StoreError> {
         let Some(hash) = manifest.files.cells else { return Ok(None) };
-        let cubes = cells_of(manifest.geometry.dims());
+        let cubes = cells_of(manifest.geometry.dims(), manifest.level);
         let ranges = table_from_bytes("cell", cubes, bytes, hash, manifest.no_data.is_some())?;
         Ok(Some(Self::new(cubes, ranges)))
     }
@@ -82,18 +84,31 @@ mod tests {
     #[test]
     fn cells_are_as_small_as_a_mebibyte_allows() {
         for (dims, edge) in [([1, 1, 1], 4), ([256; 3], 4), ([257, 256, 256], 8), ([512; 3], 8), ([2048; 3], 32)] {
-            let cubes = cells_of(UVec3::from(dims));
+            let cubes = cells_of(UVec3::from(dims), 0);
             assert_eq!(cubes.edge, edge, "{dims:?}");
             assert!(cubes.count() <= MAX_CELLS);
         }
         // The largest volume that can be.
-        assert!(cells_of(UVec3::splat(1 << 16)).count() <= MAX_CELLS);
+        assert!(cells_of(UVec3::splat(1 << 16), 0).count() <= MAX_CELLS);
+    }
+
+    #[test]
+    fn cells_of_all_levels_are_the_same_cubes_until_a_voxel_is_larger() {
+        for dims in [UVec3::new(256, 200, 31), UVec3::splat(512), UVec3::new(2047, 1, 900)] {
+            let finest = cells_of(dims, 0);
+            for level in 0..=9_u8 {
+                let cubes = cells_of(dims.map(|n| n.div_ceil(1 << level)), level);
+                let edge = finest.edge.max(1 << level);
+                assert_eq!(cubes.edge << level, edge, "{dims} on level {level}");
+                assert_eq!(cubes.counts(), dims.map(|n| n.div_ceil(edge)));
+            }
+        }
     }
 
     #[test]
     fn the_box_is_around_all_that_shows_and_no_larger() {
         let dims = UVec3::new(17, 9, 10);
-        let cubes = cells_of(dims);
+        let cubes = cells_of(dims, 0);
         let count = cubes.count() as usize;
         let mut ranges = vec![[5, 6]; count];
         let all = CellRanges::new(cubes, ranges.clone());

@@ -4,7 +4,8 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::hash::ContentHash;
-use super::profile::{InnerChunk, MANIFEST_FILE, MAX_SHARDS, ShardIndex, StoreArray};
+use super::level::LevelArray;
+use super::profile::{InnerChunk, MANIFEST_FILE, MAX_SHARDS, ShardIndex};
 use super::regions::error::RegionsError;
 use crate::brick::BrickGridError;
 use crate::format::FormatError;
@@ -32,6 +33,15 @@ pub enum StoreError {
     NotAFile { path: PathBuf },
     #[error("manifest: {0}; prepare the store again")]
     Manifest(#[from] ManifestError),
+    #[error("{file}: {error}; prepare the store again")]
+    LevelManifest {
+        /// Below the store.
+        file: String,
+        error: ManifestError,
+    },
+    /// Something in a coarser level of a store.
+    #[error("level {level}: {error}")]
+    Level { level: u8, error: Box<StoreError> },
     #[error("{}: {got} bytes, the manifest promises {want}; the store is damaged: prepare it again", path.display())]
     FileLength { path: PathBuf, got: u64, want: u64 },
     #[error(
@@ -46,23 +56,23 @@ pub enum StoreError {
     #[error(
         "shard table: entry of shard {array}/{shard} says {bytes} bytes, which no shard has; prepare the store again"
     )]
-    ShardTable { array: StoreArray, shard: ShardIndex, bytes: u64 },
+    ShardTable { array: LevelArray, shard: ShardIndex, bytes: u64 },
     #[error("shard {array}/{shard} is missing ({}); the store is damaged: prepare it again", path.display())]
-    ShardMissing { array: StoreArray, shard: ShardIndex, path: PathBuf },
+    ShardMissing { array: LevelArray, shard: ShardIndex, path: PathBuf },
     #[error(
         "shard {array}/{shard} ({}): {got} bytes, the manifest promises {want}; the store is damaged: prepare it again",
         path.display()
     )]
-    ShardLength { array: StoreArray, shard: ShardIndex, path: PathBuf, got: u64, want: u64 },
+    ShardLength { array: LevelArray, shard: ShardIndex, path: PathBuf, got: u64, want: u64 },
     #[error("shard {array}/{shard} ({}): its index {fault}; the store is damaged: prepare it again", path.display())]
-    ShardIndex { array: StoreArray, shard: ShardIndex, path: PathBuf, fault: IndexFault },
+    ShardIndex { array: LevelArray, shard: ShardIndex, path: PathBuf, fault: IndexFault },
     #[error(
         "shard {array}/{shard} ({}): inner chunk {chunk}, bytes {start}..{end}: {fault}; the store is damaged: prepare \
          it again",
         path.display()
     )]
     Chunk {
-        array: StoreArray,
+        array: LevelArray,
         shard: ShardIndex,
         path: PathBuf,
         chunk: InnerChunk,
@@ -174,7 +184,27 @@ impl StoreError {
     /// True where the same call may succeed later with nothing changed: the system failed, not the data.
     #[must_use]
     pub fn is_retryable(&self) -> bool {
-        matches!(self, Self::Io { .. })
+        match self {
+            Self::Level { error, .. } => error.is_retryable(),
+            error => matches!(error, Self::Io { .. }),
+        }
+    }
+
+    /// What is wrong with a manifest, by its file; all else names its own.
+    pub(super) fn in_file(self, file: &str) -> Self {
+        match self {
+            Self::Manifest(error) => Self::LevelManifest { file: file.to_owned(), error },
+            error => error,
+        }
+    }
+
+    /// What went wrong with a coarser level, as it is told of the whole store.
+    pub(super) fn on_level(self, level: u8) -> Self {
+        match self {
+            // Whoever asks for a store asks for this one, whichever level's file it is; it is named.
+            Self::Outside { file } => Self::Outside { file },
+            error => Self::Level { level, error: Box::new(error) },
+        }
     }
 }
 
@@ -187,6 +217,8 @@ pub enum ManifestError {
     Json(String),
     #[error("format version {got}, this brickcast knows {known}; use the brickcast that wrote it")]
     Version { got: u64, known: u64 },
+    #[error("hash {got}, the store's manifest promises {want}")]
+    LevelHash { got: ContentHash, want: ContentHash },
     #[error("format `{0}` is not a brickcast store's")]
     Format(String),
     #[error("`{field}`: {why}")]

@@ -20,19 +20,19 @@ pub(super) const MAX_FILL: usize = 16;
 pub struct NoData {
     /// The stored number that they have.
     pub stored: i32,
-    /// How many they are.
+    /// How many they are; on a coarser level, none where each of its voxels stands for one with data.
     pub voxels: u64,
     /// The declared fill values, as they were declared; none where all are NaN.
     pub fill: Vec<f64>,
 }
 
 impl NoData {
-    pub(super) fn check(self, stored_type: StoredType, voxels: u64) -> Result<Self, ManifestError> {
+    pub(super) fn check(self, stored_type: StoredType, voxels: u64, level: u8) -> Result<Self, ManifestError> {
         let last = stored_type.min() + (stored_type.values() - 1) as i32;
         if !(stored_type.min()..=last).contains(&self.stored) {
             return Err(field("no_data", format!("{} is no number of type {}", self.stored, stored_type.name())));
         }
-        if self.voxels == 0 || self.voxels >= voxels {
+        if (self.voxels == 0 && level == 0) || self.voxels >= voxels {
             return Err(field("no_data", format!("{} of {voxels} voxels; some, and not all", self.voxels)));
         }
         if self.fill.len() > MAX_FILL || self.fill.iter().any(|v| v.is_nan()) {

@@ -9,6 +9,8 @@ pub enum Phase {
     Scan,
     /// Voxels are read, compressed and written.
     Write,
+    /// Coarser levels are compressed and written.
+    Levels,
     /// A flood fill in memory, where one was asked for.
     Flood,
     /// Distances to other labels: a sweep forward, a sweep backward.
@@ -23,7 +25,7 @@ pub enum Phase {
     Verify,
 }
 
-/// How far it is: bytes for verify, z-planes while regions are found, voxels for all else.
+/// How far it is: bytes for verify, z-planes while regions are found, voxels for all else; of the level that it is at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
     pub phase: Phase,

@@ -37,6 +37,11 @@ impl Tile {
         self.size().iter().product()
     }
 
+    /// The voxels of the next coarser level that it holds a part of.
+    pub(super) fn halved(&self) -> Self {
+        Self { lo: self.lo.map(|n| n / 2), hi: self.hi.map(|n| n.div_ceil(2)) }
+    }
+
     /// With `layers` more voxels on each side, inside the volume.
     pub(super) fn grown(&self, layers: u32, volume_dims: UVec3) -> Self {
         let end = [volume_dims.x, volume_dims.y];

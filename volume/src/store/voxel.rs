@@ -66,6 +66,16 @@ impl StoredType {
         1 << (8 * self.bytes())
     }
 
+    /// The same type as an input has it.
+    pub(super) fn voxel_type(self) -> VoxelType {
+        match self {
+            Self::U8 => VoxelType::U8,
+            Self::I8 => VoxelType::I8,
+            Self::U16 => VoxelType::U16,
+            Self::I16 => VoxelType::I16,
+        }
+    }
+
     /// The ordinal (value minus the smallest value) of the voxel whose bits are `bits`.
     pub(super) fn ordinal_of_bits(self, bits: u16) -> u16 {
         match self {
@@ -73,6 +83,11 @@ impl StoredType {
             Self::I8 => bits ^ 0x80,
             Self::I16 => bits ^ 0x8000,
         }
+    }
+
+    /// The bits of the voxel with an ordinal: turning the sign's bit over is its own inverse.
+    pub(super) fn bits_of_ordinal(self, ordinal: u16) -> u16 {
+        self.ordinal_of_bits(ordinal)
     }
 }
 
@@ -165,6 +180,7 @@ mod tests {
         }
         for v in [i8::MIN, -5, 0, 77, i8::MAX] {
             assert_eq!(StoredType::I8.ordinal_of_bits(u16::from(v as u8)), v.ordinal());
+            assert_eq!(StoredType::I8.bits_of_ordinal(v.ordinal()), u16::from(v as u8));
             assert_eq!(i8::at(v.ordinal()), v);
         }
     }

@@ -81,7 +81,25 @@ fn directions(m: &Manifest) -> String {
     )
 }
 
-/// An image of one resolution, in the array `0` below it; `more` goes on with the attributes of `ome`.
+/// Scale and translation of a level, along the array's own axes: levels lie on each other where nobody knows of
+/// directions, too.
+fn dataset(m: &Manifest, level: usize) -> String {
+    let factor = (level as f64).exp2();
+    let (spacing, origin) = (m.geometry.spacing(), m.geometry.origin());
+    format!(
+        r#"            {{
+              "path": "{level}",
+              "coordinateTransformations": [
+                {{ "type": "scale", "scale": {scale} }},
+                {{ "type": "translation", "translation": {translation} }}
+              ]
+            }}"#,
+        scale = zyx((spacing * factor).to_array()),
+        translation = zyx((origin + spacing * ((factor - 1.0) * 0.5)).to_array()),
+    )
+}
+
+/// An image, whose levels are the arrays `0`, `1`, ... below it; `more` goes on with the attributes of `ome`.
 fn image(m: &Manifest, name: &str, more: &str) -> Vec<u8> {
     let unit = m.space_unit.as_deref().and_then(ome_unit);
     let unit = unit.map_or(String::new(), |u| format!(r#", "unit": "{u}""#));
@@ -101,13 +119,7 @@ fn image(m: &Manifest, name: &str, more: &str) -> Vec<u8> {
 {axes}
           ],
           "datasets": [
-            {{
-              "path": "0",
-              "coordinateTransformations": [
-                {{ "type": "scale", "scale": {scale} }},
-                {{ "type": "translation", "translation": {origin} }}
-              ]
-            }}
+{datasets}
           ]
         }}
       ]{more}
@@ -117,13 +129,13 @@ fn image(m: &Manifest, name: &str, more: &str) -> Vec<u8> {
 "#,
         name = quoted(name),
         axes = axes.join(",\n"),
-        scale = zyx(m.geometry.spacing().to_array()),
-        origin = zyx(m.geometry.origin().to_array()),
+        datasets = (0..=m.levels.len()).map(|level| dataset(m, level)).collect::<Vec<_>>().join(",\n"),
     )
     .into_bytes()
 }
 
-/// `0/zarr.json`. The attribute `brickcast` tells other readers how stored numbers become values.
+/// `0/zarr.json`, and that of each level's array. The attribute `brickcast` tells other readers how stored numbers
+/// become values.
 pub(super) fn array(m: &Manifest) -> Vec<u8> {
     let no_data = m.no_data.as_ref().map_or(String::new(), |n| format!(r#", "no_data": {}"#, n.stored));
     let attributes = format!(

@@ -31,9 +31,10 @@ pub(crate) mod values;
 
 use std::path::PathBuf;
 
+use brickcast_volume::store::Levels;
 use clap::{ArgAction, Args, Parser, Subcommand};
 
-use self::values::{pair, picture_size, triple};
+use self::values::{levels, pair, picture_size, triple};
 use super::failure::EXIT_CODES;
 
 pub use self::accel::{AccelArg, AccelArgs};
@@ -168,6 +169,10 @@ pub struct PrepareArgs {
     /// Data values that become black and white of the 16 bits; default: smallest and largest
     #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true)]
     pub range: Option<[f64; 2]>,
+    /// Coarser levels of detail, each of half as many voxels per axis: `auto`, until the volume is one brick, or at
+    /// most N
+    #[arg(long, value_name = "auto|N", default_value = "auto", value_parser = levels)]
+    pub levels: Levels,
     /// Replace an existing store
     #[arg(long)]
     pub force: bool,

@@ -5,6 +5,7 @@ use std::marker::PhantomData;
 use std::time::Duration;
 
 use brickcast_volume::scene::Words;
+use brickcast_volume::store::Levels;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 
@@ -47,6 +48,14 @@ impl<T: Words> TypedValueParser for WordParser<T> {
 
     fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
         Some(Box::new(Self::words()))
+    }
+}
+
+/// Coarser levels of a store: `auto`, or the most that there may be.
+pub(super) fn levels(text: &str) -> Result<Levels, String> {
+    match text {
+        "auto" => Ok(Levels::Auto),
+        text => text.parse().map(Levels::AtMost).map_err(|_| "`auto`, or a number from 0 (none) to 255".to_owned()),
     }
 }
 

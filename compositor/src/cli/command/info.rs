@@ -73,6 +73,9 @@ fn describe(m: &Manifest, store: Option<&Store>) -> Value {
             "bricks_per_chunk_edge": tree.chunk_bricks(),
         });
     }
+    if let Some(store) = store {
+        out["levels"] = json!(levels(store));
+    }
     if let Some(r) = &m.regions {
         let table = store.and_then(Store::region_table);
         let deviation = table.map(|t| t.0.iter().map(|r| r.deviation()).max().unwrap_or(0));
@@ -90,6 +93,12 @@ fn describe(m: &Manifest, store: Option<&Store>) -> Value {
         });
     }
     out
+}
+
+/// Voxels per axis of every level, the finest first.
+fn levels(store: &Store) -> Vec<[u32; 3]> {
+    let of = |level| Some(store.level(level)?.manifest().geometry.dims().to_array());
+    (0..store.level_count()).filter_map(of).collect()
 }
 
 /// Where the default transfer function rises.
@@ -156,6 +165,10 @@ fn text(path: &str, m: &Manifest, value: &Value) -> String {
         let how = if m.lossless { "exact" } else { "mapped to 16 bits" };
         lines.push(format!("  store      {} ({how}, {})", store["hash"].as_str().unwrap_or_default(), m.writer));
     }
+    if let Some(levels) = value["levels"].as_array() {
+        let dims = levels.iter().filter_map(Value::as_array).map(|dims| words(dims)).collect::<Vec<_>>();
+        lines.push(format!("  levels     {}: {}", dims.len(), dims.join(", ")));
+    }
     if let Some(regions) = &m.regions {
         lines.push(format!("  regions    {}", region_words(regions, g.voxel_count()).replacen(" regions", "", 1)));
     }
@@ -170,6 +183,11 @@ fn text(path: &str, m: &Manifest, value: &Value) -> String {
     lines.push(format!("  histogram  {} to {}, logarithmic", m.data_range.0, m.data_range.1));
     lines.extend(chart(&m.histogram));
     lines.join("\n") + "\n"
+}
+
+/// Voxels per axis.
+fn words(dims: &[Value]) -> String {
+    dims.iter().map(Value::to_string).collect::<Vec<_>>().join(" x ")
 }
 
 /// The histogram as rows of characters, heights logarithmic.

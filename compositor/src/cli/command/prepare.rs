@@ -19,8 +19,14 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
     let hints = args.raw.hints()?;
     let range = args.range.map(|[lo, hi]| (lo, hi));
     let regions = args.regions.options(args.raw.dims)?;
-    let options =
-        PrepareOptions { brick_size: args.brick, range, force: args.force, regions, ..PrepareOptions::default() };
+    let options = PrepareOptions {
+        brick_size: args.brick,
+        range,
+        force: args.force,
+        regions,
+        levels: args.levels,
+        ..PrepareOptions::default()
+    };
     let started = Instant::now();
     let summary = prepare_input(&args.input, &hints, &args.store, &options)?;
     let seconds = started.elapsed().as_secs_f64();

@@ -1,5 +1,6 @@
 //! Which files and folders a store has: what else lies in its folder is not the store's.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use bytes::Bytes;
@@ -9,6 +10,7 @@ use crate::store::cell_ranges::cells_of;
 use crate::store::halo::index::ENTRY_BYTES;
 use crate::store::halo::reach::{REGION_HALO, VOXEL_HALO};
 use crate::store::hash::ContentHash;
+use crate::store::level::{LevelArray, MAX_COARSER, SHARED_FILES, key_on};
 use crate::store::manifest::Manifest;
 use crate::store::manifest::file as manifest_file;
 use crate::store::objects::Objects;
@@ -22,17 +24,18 @@ use crate::store::regions::facts_table::{FACTS_BYTES, REGION_BYTES};
 use crate::store::shard::table::RECORD_BYTES;
 
 /// A file that is read whole, with its length and hash as the manifest has them.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(crate) struct SmallFile {
-    pub(crate) name: &'static str,
+    /// Its key on the level.
+    pub(crate) name: Cow<'static, str>,
     /// The most that it can have.
     pub(crate) bytes: u64,
     pub(crate) hash: ContentHash,
 }
 
-/// All files of a store but its manifest, shards and records of halos.
+/// All files of a level's own but its manifest, shards and records of halos.
 pub(crate) fn small_files(manifest: &Manifest) -> Vec<SmallFile> {
-    let file = |name, bytes, hash| SmallFile { name, bytes, hash };
+    let file = |name: &'static str, bytes, hash| SmallFile { name: name.into(), bytes, hash };
     let bricks = manifest.grid.brick_count();
     let table =
         manifest.geometry.dims().map(|n| n.div_ceil(SHARD_EDGE)).as_u64vec3().element_product() * RECORD_BYTES as u64;
@@ -43,7 +46,7 @@ pub(crate) fn small_files(manifest: &Manifest) -> Vec<SmallFile> {
         file(RANGES_FILE, bricks * 4, f.ranges),
         file(SHARDS_FILE, table, f.shards),
     ];
-    let cells = cells_of(manifest.geometry.dims()).count() * 4;
+    let cells = cells_of(manifest.geometry.dims(), manifest.level).count() * 4;
     files.extend(f.cells.map(|hash| file(CELLS_FILE, cells, hash)));
     let index = |records: usize| bricks * (records * ENTRY_BYTES) as u64;
     if let Some(halo) = &manifest.halo {
@@ -63,6 +66,9 @@ pub(crate) fn small_files(manifest: &Manifest) -> Vec<SmallFile> {
             file(DISTANCE_SHARDS_FILE, table, f.distance_shards),
         ]);
     }
+    if manifest.level > 0 {
+        files.retain(|file| !SHARED_FILES.contains(&&*file.name));
+    }
     files
 }
 
@@ -73,33 +79,52 @@ fn read_free(folder: &Path) -> Option<Bytes> {
 }
 
 /// Where a store's files and folders may lie.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct StoreShape {
-    pub(crate) files: Vec<&'static str>,
-    pub(crate) arrays: Vec<StoreArray>,
+    files: Vec<Cow<'static, str>>,
+    arrays: Vec<ShapeOfArray>,
+}
+
+#[derive(Debug, Clone)]
+struct ShapeOfArray {
+    /// Below the store.
+    path: String,
     /// Shards per axis.
-    pub(crate) shards: UVec3,
+    shards: UVec3,
 }
 
 impl StoreShape {
     /// Of the one store that `manifest` speaks of.
     pub(crate) fn of(manifest: &Manifest) -> Self {
         let mut files: Vec<_> = small_files(manifest).into_iter().map(|f| f.name).collect();
-        files.push(MANIFEST_FILE);
+        files.push(MANIFEST_FILE.into());
         if let Some(halo) = &manifest.halo {
-            files.push(HALOS_FILE);
-            files.extend(halo.regions.map(|_| REGION_HALOS_FILE));
+            files.push(HALOS_FILE.into());
+            files.extend(halo.regions.map(|_| Cow::from(REGION_HALOS_FILE)));
         }
         let mut arrays = vec![StoreArray::Voxels];
         if manifest.regions.is_some() {
             arrays.extend([StoreArray::Labels, StoreArray::Distances]);
         }
-        Self { files, arrays, shards: manifest.geometry.dims().map(|n| n.div_ceil(SHARD_EDGE)) }
+        let dims = std::iter::once(manifest.geometry.dims()).chain(manifest.levels.iter().map(|level| level.dims));
+        Self::on_levels(&files, &arrays, dims.map(|dims| dims.map(|n| n.div_ceil(SHARD_EDGE))))
+    }
+
+    /// The files and arrays of a store on its levels, which have so many `shards` per axis: all levels have the same.
+    fn on_levels(files: &[Cow<'static, str>], arrays: &[StoreArray], shards: impl Iterator<Item = UVec3>) -> Self {
+        let mut shape = Self::default();
+        for (level, shards) in (0..).zip(shards) {
+            let own = files.iter().filter(|file| level == 0 || !SHARED_FILES.contains(&&***file));
+            shape.files.extend(own.map(|file| Cow::from(key_on(level, file).into_owned())));
+            let path = |array| LevelArray { array, level }.to_string();
+            shape.arrays.extend(arrays.iter().map(|array| ShapeOfArray { path: path(*array), shards }));
+        }
+        shape
     }
 
     /// Of any store of this or an earlier version (their files have the same names), or of a part of one.
     pub(crate) fn any() -> Self {
-        let files = vec![
+        let files = [
             MANIFEST_FILE,
             GROUP_FILE,
             ARRAY_FILE,
@@ -119,7 +144,9 @@ impl StoreShape {
             LABEL_SHARDS_FILE,
             DISTANCE_SHARDS_FILE,
         ];
-        Self { files, arrays: vec![StoreArray::Voxels, StoreArray::Labels, StoreArray::Distances], shards: UVec3::MAX }
+        let arrays = [StoreArray::Voxels, StoreArray::Labels, StoreArray::Distances];
+        let levels = usize::from(MAX_COARSER) + 1;
+        Self::on_levels(&files.map(Cow::from), &arrays, std::iter::repeat_n(UVec3::MAX, levels))
     }
 
     /// Of the store in `folder`, as strictly as its manifest allows; nothing where that is no manifest of ours at all.
@@ -132,26 +159,27 @@ impl StoreShape {
     /// A small one, for tests.
     #[cfg(test)]
     pub(crate) fn small() -> Self {
-        let files = vec![MANIFEST_FILE, LABEL_IMAGE_FILE];
-        Self { files, arrays: vec![StoreArray::Labels], shards: UVec3::new(2, 1, 11) }
+        let files = [MANIFEST_FILE, LABEL_IMAGE_FILE].map(Cow::from);
+        Self::on_levels(&files, &[StoreArray::Labels], [UVec3::new(2, 1, 11), UVec3::ONE].into_iter())
     }
 
     /// `path` is below the store's folder, `/` between names.
     pub(crate) fn has_file(&self, path: &str) -> bool {
-        self.files.contains(&path) || self.shard_part(path).is_some_and(|indices| indices == 3)
+        self.files.iter().any(|file| file == path) || self.shard_part(path).is_some_and(|indices| indices == 3)
     }
 
     pub(crate) fn has_folder(&self, path: &str) -> bool {
         let within = |file: &str| file.strip_prefix(path).is_some_and(|rest| rest.starts_with('/'));
-        let leads_to_array = self.arrays.iter().map(|a| a.path()).any(|array| array == path || within(array));
+        let leads_to_array = self.arrays.iter().any(|array| array.path == path || within(&array.path));
         let leads_to_file = self.files.iter().any(|file| within(file));
         leads_to_array || leads_to_file || self.shard_part(path).is_some_and(|indices| indices < 3)
     }
 
     /// How many of a shard's three indices `path` has, where it is one of a shard or leads to one.
     fn shard_part(&self, path: &str) -> Option<usize> {
-        let key = self.arrays.iter().find_map(|array| path.strip_prefix(array.path())?.strip_prefix("/c"))?;
-        let limits = [self.shards.z, self.shards.y, self.shards.x];
+        let within = |array: &ShapeOfArray| Some((path.strip_prefix(&*array.path)?.strip_prefix("/c")?, array.shards));
+        let (key, shards) = self.arrays.iter().find_map(within)?;
+        let limits = [shards.z, shards.y, shards.x];
         let indices: Vec<&str> = key.strip_prefix('/').map_or(Vec::new(), |key| key.split('/').collect());
         let good =
             |(index, limit): (&&str, u32)| index.parse::<u32>().is_ok_and(|n| n < limit && n.to_string() == **index);
@@ -167,7 +195,8 @@ mod tests {
     #[test]
     fn only_what_a_store_has_is_known() {
         let shape = StoreShape::small();
-        for file in ["brickcast.json", "labels/regions/zarr.json", "labels/regions/0/c/10/0/1"] {
+        let files = ["brickcast.json", "levels/1/level.json", "labels/regions/zarr.json", "labels/regions/0/c/10/0/1"];
+        for file in files.into_iter().chain(["labels/regions/1/c/0/0/0"]) {
             assert!(shape.has_file(file) && !shape.has_folder(file), "{file}");
         }
         for folder in [
@@ -177,6 +206,9 @@ mod tests {
             "labels/regions/0/c",
             "labels/regions/0/c/10",
             "labels/regions/0/c/10/0",
+            "labels/regions/1/c/0",
+            "levels",
+            "levels/1",
         ] {
             assert!(shape.has_folder(folder) && !shape.has_file(folder), "{folder}");
         }
@@ -193,6 +225,11 @@ mod tests {
             "labels/regions/0/c/+1/0/0",
             "labels/regions/0/c/1/0/0/0",
             "labels/regions/0/cc",
+            "labels/regions/1/c/0/0/1",
+            "labels/regions/2",
+            "levels/1/labels/regions/zarr.json",
+            "levels/1/brickcast.json",
+            "levels/2",
             "0/c/0/0/0",
             "labels/regions/0/c/ 1",
         ];

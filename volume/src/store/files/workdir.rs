@@ -215,7 +215,7 @@ fn sync_directory(path: &Path) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// [`sync_directory`] for `root` and every directory below; at most five levels, as a store has.
+/// [`sync_directory`] for `root` and every directory below; at most seven of them on a way, as a store has.
 fn sync_directories(root: &Path) -> Result<(), StoreError> {
     let mut open = vec![root.to_path_buf()];
     while let Some(dir) = open.pop() {

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::checks::{MAX_TEXT, field, hash};
 use super::halo::{self, HaloFile};
+use super::levels::{self, LevelFile};
 use super::notes;
 use super::regions::RegionsFile;
 use super::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
@@ -20,17 +21,21 @@ use crate::store::voxel::{SOURCE_TYPES, StoredType};
 
 const FORMAT: &str = "brickcast-store";
 /// Of the format that is written.
-pub const VERSION: u64 = 8;
+pub const VERSION: u64 = 9;
 /// Read as well: 4 lacks keys that may be left out, before 6 shards have no checksums of their chunks at their end,
-/// before 7 there are no cells, and before 8 nothing says which values leap voxels have.
+/// before 7 there are no cells, before 8 nothing says which values leap voxels have, and before 9 there are no levels.
 const OLDEST: u64 = 4;
 const FIRST_WITH_CELLS: u64 = 7;
+const FIRST_WITH_LEVELS: u64 = 9;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ManifestFile {
     format: String,
     version: u64,
+    /// Left out in the manifest of a store: which of its levels this is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    level: Option<u8>,
     writer: String,
     source: SourceFile,
     dims: [u32; 3],
@@ -69,6 +74,9 @@ struct ManifestFile {
     /// Left out where there are none: the bytes are those of a store that knows no regions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     regions: Option<RegionsFile>,
+    /// Left out where there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    levels: Vec<LevelFile>,
     /// Left out where there are none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     notes: Vec<String>,
@@ -157,9 +165,22 @@ fn checked_noise(noise: Option<f64>) -> Result<Option<f64>, ManifestError> {
 }
 
 impl Manifest {
+    /// Of a store; [`Manifest::level_from_bytes`] takes those of its coarser levels.
+    ///
     /// # Errors
     /// Anything that is not a valid manifest of this version.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, StoreError> {
+        match Self::any_from_bytes(bytes)? {
+            m if m.level == 0 => Ok(m),
+            m => Err(field("level", format!("this is level {} of a store; open the store itself", m.level)).into()),
+        }
+    }
+
+    /// Of a store or of a level: for whoever knows the level by its hash.
+    ///
+    /// # Errors
+    /// As [`Manifest::from_bytes`].
+    pub fn any_from_bytes(bytes: &[u8]) -> Result<Self, StoreError> {
         let got = bytes.len() as u64;
         if got > Self::MAX_BYTES {
             return Err(ManifestError::TooLong { got, max: Self::MAX_BYTES }.into());
@@ -212,7 +233,9 @@ impl TryFrom<ManifestFile> for Manifest {
             return Err(field("scale, offset", "must be finite, scale above 0").into());
         }
         check_range(file.range[0], file.range[1])?;
-        let no_data = file.no_data.map(|n| n.check(stored_type, geometry.voxel_count())).transpose()?;
+        let (level, levels) =
+            levels::parse(file.level, file.levels, (file.version, FIRST_WITH_LEVELS), (&geometry, file.brick_size))?;
+        let no_data = file.no_data.map(|n| n.check(stored_type, geometry.voxel_count(), level)).transpose()?;
         let data_range = file.range.into();
         let range = if no_data.is_some() { with_room_below(data_range) } else { data_range };
         check_range(range.0, range.1)?;
@@ -241,6 +264,7 @@ impl TryFrom<ManifestFile> for Manifest {
         }
         Ok(Self {
             version: file.version,
+            level,
             geometry,
             grid,
             range,
@@ -271,6 +295,7 @@ impl TryFrom<ManifestFile> for Manifest {
             },
             halo: halo::parse(file.halo, file.brick_size, file.regions.is_some())?,
             regions: file.regions.map(|regions| regions.parse(&geometry)).transpose()?,
+            levels,
             notes: notes::checked(file.notes)?,
         })
     }
@@ -299,6 +324,7 @@ impl From<&Manifest> for ManifestFile {
         Self {
             format: FORMAT.to_owned(),
             version: m.version,
+            level: (m.level > 0).then_some(m.level),
             writer: m.writer.clone(),
             source: SourceFile {
                 name: m.source.name.clone(),
@@ -338,6 +364,7 @@ impl From<&Manifest> for ManifestFile {
             },
             halo: m.halo.as_ref().map(HaloFile::from),
             regions: m.regions.as_ref().map(RegionsFile::from),
+            levels: m.levels.iter().map(LevelFile::from).collect(),
             notes: m.notes.clone(),
         }
     }

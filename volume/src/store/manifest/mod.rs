@@ -4,7 +4,9 @@
 pub(super) mod checks;
 pub(super) mod file;
 pub(super) mod halo;
+pub(super) mod levels;
 pub(super) mod notes;
+mod of_level;
 pub(super) mod regions;
 
 use crate::brick::BrickGrid;
@@ -15,6 +17,7 @@ use crate::store::no_data::NoData;
 use crate::store::value_map::ValueMap;
 use crate::store::voxel::StoredType;
 use halo::HaloEntry;
+use levels::LevelEntry;
 use regions::RegionsEntry;
 
 /// Shares of all voxels at which the manifest names values.
@@ -27,6 +30,9 @@ pub const HISTOGRAM_BINS: usize = 256;
 pub struct Manifest {
     /// Of the format; see [`crate::store::STORE_VERSION`].
     pub version: u64,
+    /// 0 for a store; else which of its store's coarser levels this is the manifest of. That says of the whole volume
+    /// what its store says of it, but for the counts of voxels: `histogram`, `no_data`, `regions`.
+    pub level: u8,
     pub geometry: Geometry,
     pub grid: BrickGrid,
     /// Data values (file's units) that codes 0 and 65535 stand for; lo < hi. Where voxels lack data, lo is a code's
@@ -69,6 +75,8 @@ pub struct Manifest {
     pub halo: Option<HaloEntry>,
     /// Nothing where the store was made without regions.
     pub regions: Option<RegionsEntry>,
+    /// The coarser levels, from level 1 on.
+    pub levels: Vec<LevelEntry>,
     /// What was guessed, mapped, counted or left aside on the way from the input, for people: harmless for a terminal,
     /// at most [`crate::store::MAX_NOTES`] of [`crate::store::MAX_NOTE_BYTES`].
     pub notes: Vec<String>,
@@ -125,6 +133,14 @@ pub struct FileHashes {
     pub shards: ContentHash,
     /// `cells.bin`: the cell ranges. Nothing in stores before version 7.
     pub cells: Option<ContentHash>,
+}
+
+impl FileHashes {
+    /// Of files that are still to be written.
+    pub(super) const UNKNOWN: Self = {
+        let unknown = ContentHash(0);
+        Self { group: unknown, array: unknown, ranges: unknown, shards: unknown, cells: Some(unknown) }
+    };
 }
 
 impl Manifest {

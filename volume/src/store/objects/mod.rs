@@ -3,6 +3,7 @@
 
 pub(super) mod folder;
 pub(super) mod jail;
+pub(super) mod level;
 pub(super) mod memory;
 mod nearby;
 
@@ -28,6 +29,11 @@ pub trait Objects: Debug + Send + Sync {
     /// [`StoreError::Io`] of the kind `NotFound` where there is none; what is no object that ends; what must not be
     /// read.
     fn open(&self, key: &str) -> Result<Arc<dyn Object>, StoreError>;
+
+    /// For messages: what is opened by this path need not be the object.
+    fn path_of(&self, key: &str) -> PathBuf {
+        self.place().join(key)
+    }
 }
 
 /// One object, as it was when it was opened: what takes its key later is another one. Reads from any number of threads.
@@ -59,11 +65,6 @@ impl dyn Object + '_ {
 }
 
 impl dyn Objects + '_ {
-    /// For messages: what is opened by this path need not be the object.
-    pub(crate) fn path_of(&self, key: &str) -> PathBuf {
-        self.place().join(key)
-    }
-
     pub(crate) fn read_at_most(&self, key: &str, most: u64) -> Result<Bytes, StoreError> {
         self.open(key)?.read_at_most(most)
     }

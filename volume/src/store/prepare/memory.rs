@@ -20,13 +20,24 @@ const PLANE_BYTES: u64 = 32;
 /// Bytes of a label and a distance.
 const HALO_BYTES: u64 = 4 + 1;
 
+/// Bytes for each voxel of a plane of a tile while coarser levels are gathered: a third of what is gathered of a voxel,
+/// and a quarter of it as it is written.
+const LEVEL_BYTES: u64 = 24 / 3 + 6_u64.div_ceil(4);
+/// Bytes that are gathered of a shard's voxels, where they lie in several voxels of the coarsest levels.
+const SEAM_BYTES: u64 = 24;
 /// Bytes of length and checksum of a record of a halo.
 const ENTRY_BYTES: u64 = 8;
 /// What does not follow the volume: pieces of the input, histograms, buffers of files.
 const FIXED_BYTES: u64 = 16 << 20;
 
 /// Bytes that the voxels of a volume need at least, whatever is in it; see [`crate::store::prepare`].
-pub(crate) fn voxel_bytes(grid: &BrickGrid, shards: &ShardGrid, tiles: &Tiles, stored: StoredType) -> u64 {
+pub(crate) fn voxel_bytes(
+    grid: &BrickGrid,
+    shards: &ShardGrid,
+    tiles: &Tiles,
+    stored: StoredType,
+    with_levels: bool,
+) -> u64 {
     let (several, depth) = (tiles.count() > 1, u64::from(grid.volume_dims().z));
     let with_halos = has_halos(grid.brick_size());
     let reach = if with_halos { VOXEL_HALO.last } else { 0 };
@@ -39,7 +50,9 @@ pub(crate) fn voxel_bytes(grid: &BrickGrid, shards: &ShardGrid, tiles: &Tiles, s
     let entries = if with_halos { grid.brick_count() * VOXEL_HALO.records() as u64 * ENTRY_BYTES } else { 0 };
     // Sorting them holds them twice.
     let tables = grid.brick_count() * 4 + table_bytes(shards) + entries * if several { 2 } else { 1 };
-    (slabs + shells) * stored.bytes() as u64 + open.unwrap_or(0) * INDEX_BYTES as u64 + tables + FIXED_BYTES
+    // Those of a level are an eighth of the next finer one's.
+    let levels = if with_levels { widest * LEVEL_BYTES + shards.count() * SEAM_BYTES + tables / 7 } else { 0 };
+    (slabs + shells) * stored.bytes() as u64 + open.unwrap_or(0) * INDEX_BYTES as u64 + tables + levels + FIXED_BYTES
 }
 
 /// Bytes that regions of a volume need at least, whatever is in it.
@@ -65,10 +78,10 @@ pub(crate) fn check(
     shards: &ShardGrid,
     tiles: &Tiles,
     stored: StoredType,
-    with_regions: bool,
+    (with_levels, with_regions): (bool, bool),
 ) -> Result<(), StoreError> {
     let limit = available();
-    check_voxels(voxel_bytes(grid, shards, tiles, stored), limit.as_ref())?;
+    check_voxels(voxel_bytes(grid, shards, tiles, stored, with_levels), limit.as_ref())?;
     match with_regions {
         true => Ok(check_regions(region_bytes(grid), limit.as_ref())?),
         false => Ok(()),
@@ -138,7 +151,7 @@ mod tests {
         let need = |dims: [u32; 3], size| {
             let (dims, stored) = (UVec3::from(dims), StoredType::U16);
             let (grid, shards) = (BrickGrid::new(dims, size).unwrap(), ShardGrid::new(dims).unwrap());
-            voxel_bytes(&grid, &shards, &Tiles::new(&grid, MAX_TILE_VOXELS), stored)
+            voxel_bytes(&grid, &shards, &Tiles::new(&grid, MAX_TILE_VOXELS), stored, true)
         };
         assert!(need([1 << 18, 1 << 18, 1], 128) < 600 << 20, "{}", need([1 << 18, 1 << 18, 1], 128));
         assert!(need([1 << 13, 1 << 13, 512], 64) < 700 << 20, "{}", need([1 << 13, 1 << 13, 512], 64));

@@ -28,6 +28,11 @@ impl Missing {
         self.ordinals.first().copied()
     }
 
+    /// Those of a coarser level, which has only the one number for all.
+    pub(crate) fn on_level(&self) -> Self {
+        Self { ordinals: self.ordinal().into_iter().collect(), nan: 0 }
+    }
+
     /// Gives all of `voxels` that lack data the same number.
     pub(crate) fn make_one<T: Voxel>(&self, voxels: &mut [T]) {
         if let [first, others @ ..] = &self.ordinals[..]

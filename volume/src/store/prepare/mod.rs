@@ -1,6 +1,9 @@
 //! From an input volume to a store.
 
+mod coarser;
+mod describe;
 mod fill;
+mod finish;
 mod histogram;
 pub(super) mod job;
 mod memory;
@@ -9,6 +12,7 @@ mod noise;
 pub(super) mod options;
 mod pass;
 mod quantise;
-mod spool;
+pub(super) mod spool;
 mod statistics;
+mod tables;
 mod told;

@@ -23,16 +23,37 @@ pub struct PrepareOptions {
     pub source_bytes: Option<u64>,
     /// Find regions that rays leap through; by default none.
     pub regions: Option<RegionOptions>,
+    /// Coarser levels of detail.
+    pub levels: Levels,
     /// The most voxels of a plane that are held at once: planes of more are prepared in tiles. The store does not
     /// depend on it.
     pub tile_voxels: u64,
+}
+
+/// How many coarser levels of detail a store has, each of half as many voxels on every axis.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Levels {
+    /// As many as it takes until the volume is one brick.
+    #[default]
+    Auto,
+    /// No more than these, and no more than [`Levels::Auto`] has; 0 is none.
+    AtMost(u8),
+}
+
+impl Levels {
+    pub(crate) fn most(self) -> u8 {
+        match self {
+            Self::Auto => u8::MAX,
+            Self::AtMost(most) => most,
+        }
+    }
 }
 
 /// How regions are found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RegionOptions {
     pub segmentation: Segmentation,
-    /// Regions of fewer voxels are left out; 0 and 1 leave out none.
+    /// Regions of fewer voxels are left out, on each level of its own voxels; 0 and 1 leave out none.
     pub min_region: u64,
 }
 
@@ -57,6 +78,7 @@ impl Default for PrepareOptions {
             source_name: None,
             source_bytes: None,
             regions: None,
+            levels: Levels::Auto,
             tile_voxels: MAX_TILE_VOXELS,
         }
     }

@@ -1,6 +1,7 @@
-//! An input that can only be read in order, unpacked once into a scratch file that can be read anywhere.
+//! Voxels in a scratch file that can be read anywhere: an input that can only be read in order, unpacked once; a level
+//! that was gathered and is still to be written.
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::{self, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
@@ -8,12 +9,13 @@ use super::pass::Pass;
 use crate::format::{FormatError, SourceHeader, VolumeSource};
 use crate::store::error::StoreError;
 use crate::store::progress::Phase;
+use crate::store::tiles::Tile;
 
 /// Bytes that are not written where all of them are 0: a scratch file has holes there.
 const HOLE: usize = 1 << 16;
 static ZEROS: [u8; HOLE] = [0; HOLE];
 
-/// Little-endian voxels in file order; the file is removed with its directory.
+/// Little-endian voxels in file order; the file is removed with this, or with its directory.
 #[derive(Debug)]
 pub(crate) struct Spool {
     header: SourceHeader,
@@ -24,27 +26,54 @@ pub(crate) struct Spool {
 }
 
 impl Spool {
+    /// Of a volume whose voxels are still to be put into a file of this name; all 0 until then.
+    pub(crate) fn create(header: SourceHeader, dir: &Path, name: &str) -> Result<Self, StoreError> {
+        let path = dir.join(name);
+        let file = File::options().read(true).write(true).create_new(true).open(&path);
+        let file = file.map_err(StoreError::io("create", &path))?;
+        let spool = Self { header, path, file, done: 0 };
+        spool.file.set_len(spool.bytes()).map_err(StoreError::io("write", &spool.path))?;
+        Ok(spool)
+    }
+
+    /// Puts a plane of a tile into its place.
+    pub(crate) fn put(&mut self, tile: &Tile, z: u32, plane: &[u8]) -> Result<(), StoreError> {
+        let d = self.header.geometry.dims();
+        let [width, _] = tile.size();
+        // Rows that follow each other in the file are written as one.
+        let run = if width == d.x as usize { tile.voxels() } else { width };
+        let bytes = self.header.voxel_type.bytes();
+        let first_rows = (tile.lo[1]..).step_by(run / width);
+        for (y, part) in first_rows.zip(plane.chunks_exact(run * bytes)) {
+            let start = u64::from(tile.lo[0]) + u64::from(d.x) * (u64::from(y) + u64::from(d.y) * u64::from(z));
+            let at = SeekFrom::Start(start * bytes as u64);
+            let written = self.file.seek(at).and_then(|_| self.file.write_all(part));
+            written.map_err(StoreError::io("write", &self.path))?;
+        }
+        Ok(())
+    }
+
+    /// Stands at the first voxel again.
+    pub(crate) fn start_over(&mut self) -> Result<(), StoreError> {
+        Ok(self.rewind()?)
+    }
+
     /// Reads all of the input, which stands at its first plane.
     pub(crate) fn of(pass: &mut Pass<'_>, dir: &Path) -> Result<Self, StoreError> {
-        let path = dir.join("voxels");
-        let file = File::options().read(true).write(true).create_new(true).open(&path);
-        let mut file = file.map_err(StoreError::io("create", &path))?;
+        let mut spool = Self::create(pass.header.clone(), dir, "voxels")?;
         let bytes = pass.header.voxel_type.bytes() as u64;
-        let whole = pass.header.geometry.voxel_count() * bytes;
-        let header = pass.header.clone();
-        file.set_len(whole).map_err(StoreError::io("write", &path))?;
+        let Self { file, path, .. } = &mut spool;
         pass.each_piece(Phase::Unpack, |start, piece| {
             let mut at = start * bytes;
             for part in piece.chunks(HOLE) {
                 if part != &ZEROS[..part.len()] {
                     let written = file.seek(SeekFrom::Start(at)).and_then(|_| file.write_all(part));
-                    written.map_err(StoreError::io("write", &path))?;
+                    written.map_err(StoreError::io("write", path))?;
                 }
                 at += part.len() as u64;
             }
             Ok(())
         })?;
-        let mut spool = Self { header, path, file, done: 0 };
         spool.rewind()?;
         Ok(spool)
     }
@@ -55,6 +84,13 @@ impl Spool {
 
     fn bytes(&self) -> u64 {
         self.header.geometry.voxel_count() * self.header.voxel_type.bytes() as u64
+    }
+}
+
+impl Drop for Spool {
+    fn drop(&mut self) {
+        // What is left goes with the directory.
+        let _ = fs::remove_file(&self.path);
     }
 }
 

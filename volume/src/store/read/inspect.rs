@@ -14,9 +14,11 @@ use crate::store::halo::bound::RecordBound;
 use crate::store::halo::reach::{REGION_HALO, VOXEL_HALO};
 use crate::store::halo::read::Halos;
 use crate::store::halo::regions as halo_regions;
+use crate::store::level::{LevelArray, key_on};
 use crate::store::manifest::Manifest;
 use crate::store::objects::Objects;
 use crate::store::objects::folder::StoreFolder;
+use crate::store::objects::level::objects_of_level;
 use crate::store::profile::{
     DISTANCE_SHARDS_FILE, HALO_INDEX_FILE, HALOS_FILE, LABEL_SHARDS_FILE, MANIFEST_FILE, REGION_HALO_INDEX_FILE,
     REGION_HALOS_FILE, SHARDS_FILE, StoreArray,
@@ -82,13 +84,16 @@ pub fn inspect(path: &Path, progress: &mut dyn FnMut(Progress)) -> Result<Inspec
         Err(error) if is_missing(&error) => return Err(StoreError::NotAStore { path: path.to_path_buf() }),
         read => read?,
     };
-    let mut inspection = Inspection { objects, faults: Vec::new(), progress, done: 0, total: 0 };
+    let mut inspection = Inspection { objects, level: 0, faults: Vec::new(), progress, done: 0, total: 0 };
     let manifest = Manifest::from_bytes(&bytes);
     let shape = manifest.as_ref().map_or_else(|_| StoreShape::any(), StoreShape::of);
     let found = Found::below(path, &shape)?;
     inspection.total = found.bytes;
     match &manifest {
-        Ok(manifest) => inspection.all_of(manifest)?,
+        Ok(manifest) => {
+            inspection.all_of(manifest)?;
+            inspection.levels_of(manifest)?;
+        }
         Err(error) => inspection.push(FaultKind::Broken, MANIFEST_FILE, error),
     }
     for name in &found.foreign {
@@ -105,7 +110,9 @@ pub fn inspect(path: &Path, progress: &mut dyn FnMut(Progress)) -> Result<Inspec
 }
 
 struct Inspection<'a> {
+    /// Of the level that is looked at.
     objects: Arc<dyn Objects>,
+    level: u8,
     faults: Vec<Fault>,
     progress: &'a mut dyn FnMut(Progress),
     done: u64,
@@ -113,9 +120,30 @@ struct Inspection<'a> {
 }
 
 impl Inspection<'_> {
+    /// The coarser levels. Where a level's manifest is broken, nothing is known of its other files.
+    fn levels_of(&mut self, manifest: &Manifest) -> Result<(), StoreError> {
+        let store = self.objects.clone();
+        for (level, entry) in (1..).zip(&manifest.levels) {
+            (self.objects, self.level) = (objects_of_level(&store, level), level);
+            let read = self.objects.check_file(MANIFEST_FILE, Manifest::MAX_BYTES + 1, entry.hash);
+            let read = read.and_then(|()| self.objects.read_at_most(MANIFEST_FILE, Manifest::MAX_BYTES + 1));
+            match read.and_then(|bytes| Ok((bytes.len(), manifest.level_from_bytes(level, &bytes)?))) {
+                Ok((bytes, of_level)) => {
+                    self.read(bytes as u64);
+                    self.all_of(&of_level)?;
+                }
+                Err(error) => self.error(MANIFEST_FILE, &error),
+            }
+        }
+        (self.objects, self.level) = (store, 0);
+        Ok(())
+    }
+
+    /// One level.
     fn all_of(&mut self, manifest: &Manifest) -> Result<(), StoreError> {
         let grid = ShardGrid::new(manifest.geometry.dims())?;
-        let whole: Vec<_> = small_files(manifest).iter().filter(|file| self.small(file)).map(|f| f.name).collect();
+        let small = small_files(manifest);
+        let whole: Vec<&str> = small.iter().filter(|file| self.small(file)).map(|f| &*f.name).collect();
         let layout = TailLayout::of_version(manifest.version);
         let mut arrays = vec![(StoreArray::Voxels, (SHARDS_FILE, manifest.files.shards), manifest.stored_type.bytes())];
         if let Some(regions) = &manifest.regions {
@@ -128,7 +156,8 @@ impl Inspection<'_> {
                 self.presence_of_shards(array, grid);
                 continue;
             }
-            match described_shards(&self.objects, array, grid, (table, hash, layout), voxel_bytes) {
+            let on_level = LevelArray { array, level: self.level };
+            match described_shards(&self.objects, on_level, grid, (table, hash, layout), voxel_bytes) {
                 Ok(shards) => self.shards(&shards),
                 Err(error) => self.error(table, &error),
             }
@@ -146,7 +175,8 @@ impl Inspection<'_> {
             }
             match Halos::open(&self.objects, manifest.grid, reach, (file, index, hashes), bound) {
                 Ok(halos) => {
-                    self.faults.extend(halos.faults().iter().map(|error| fault(halos.file(), error)));
+                    let file = key_on(self.level, halos.file());
+                    self.faults.extend(halos.faults().iter().map(|error| fault(&file, error)));
                     self.read(halos.bytes());
                 }
                 Err(error) => self.error(file, &error),
@@ -157,15 +187,15 @@ impl Inspection<'_> {
 
     /// True where it is as the manifest has it.
     fn small(&mut self, file: &SmallFile) -> bool {
-        let checked = self.objects.check_file(file.name, file.bytes + 1, file.hash);
+        let checked = self.objects.check_file(&file.name, file.bytes + 1, file.hash);
         self.read(file.bytes);
-        checked.map_err(|error| self.error(file.name, &error)).is_ok()
+        checked.map_err(|error| self.error(&file.name, &error)).is_ok()
     }
 
     fn shards(&mut self, shards: &Shards) {
         for (linear, record) in shards.table.iter().enumerate() {
             let shard = shards.grid.at(linear);
-            let file = shard.path(shards.array);
+            let file = shards.array.shard(shard);
             self.faults.extend(shards.faults(shard).iter().map(|error| fault(&file, error)));
             self.read(record.bytes);
         }
@@ -189,8 +219,9 @@ impl Inspection<'_> {
         (self.progress)(Progress { phase: Phase::Verify, done: self.done, total: self.total });
     }
 
+    /// `file` is its key on the level.
     fn error(&mut self, file: &str, error: &StoreError) {
-        self.faults.push(fault(file, error));
+        self.faults.push(fault(&key_on(self.level, file), error));
     }
 
     fn push(&mut self, kind: FaultKind, file: &str, what: &dyn std::fmt::Display) {

@@ -17,10 +17,12 @@ use crate::store::error::{HaloFault, StoreError};
 use crate::store::halo::bound::RecordBound;
 use crate::store::halo::reach::VOXEL_HALO;
 use crate::store::halo::read::Halos;
+use crate::store::level::{LevelArray, key_on};
 use crate::store::manifest::Manifest;
 use crate::store::no_data::NO_DATA_CODE;
 use crate::store::objects::Objects;
 use crate::store::objects::folder::StoreFolder;
+use crate::store::objects::level::objects_of_level;
 use crate::store::profile::{
     ARRAY_FILE, CELLS_FILE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, InnerChunk, MANIFEST_FILE, RANGES_FILE,
     SHARDS_FILE, StoreArray,
@@ -57,13 +59,16 @@ struct Inner {
     /// Nothing where bricks are smaller than inner chunks.
     halos: Option<Halos>,
     regions: Option<StoreRegions>,
-    /// Stretched code of every bit pattern of the stored type.
-    codes: Vec<u16>,
+    /// The coarser levels, from level 1 on.
+    levels: Vec<Store>,
+    /// Stretched code of every bit pattern of the stored type; the same on every level.
+    codes: Arc<Vec<u16>>,
 }
 
 impl Store {
-    /// Opens a store after checking that it is finished: the manifest, the hashes of all small files, and that every
-    /// shard is there in its full length. Contents of shards are checked as they are read, see [`Store::verify`].
+    /// Opens a store after checking that it is finished: the manifests of all levels, the hashes of all small files,
+    /// and that every shard is there in its full length. Contents of shards are checked as they are read, see
+    /// [`Store::verify`].
     ///
     /// # Errors
     /// Not a finished store, unknown version, a file that is not the one that the manifest speaks of.
@@ -94,13 +99,36 @@ impl Store {
             read => read?,
         };
         let manifest = Manifest::from_bytes(&manifest_bytes)?;
+        let codes = Arc::new(manifest.value_map().code_of_bits_table());
+        let finest = Self::open_level(objects.clone(), manifest, manifest_bytes, &codes)?;
+        let level = |level: u8| {
+            let (objects, key) = (objects_of_level(&objects, level), key_on(level, MANIFEST_FILE));
+            let opened = objects.read_at_most(MANIFEST_FILE, Manifest::MAX_BYTES + 1).and_then(|bytes| {
+                let manifest = finest.manifest.level_from_bytes(level, &bytes);
+                Self::open_level(objects, manifest.map_err(|error| error.in_file(&key))?, bytes, &codes)
+            });
+            opened.map(|inner| Self { inner: Arc::new(inner) }).map_err(|error| error.on_level(level))
+        };
+        let levels = (1..).take(finest.manifest.levels.len()).map(level).collect::<Result<_, _>>()?;
+        Ok(Self { inner: Arc::new(Inner { levels, ..finest }) })
+    }
+
+    /// One level, through its own objects.
+    fn open_level(
+        objects: Arc<dyn Objects>,
+        manifest: Manifest,
+        manifest_bytes: Bytes,
+        codes: &Arc<Vec<u16>>,
+    ) -> Result<Inner, StoreError> {
         for (name, want) in [(GROUP_FILE, manifest.files.group), (ARRAY_FILE, manifest.files.array)] {
             objects.check_file(name, Manifest::MAX_BYTES, want)?;
         }
         let ranges = objects.read_exactly(RANGES_FILE, manifest.grid.brick_count() * 4)?;
         let ranges = BrickRanges::from_bytes(&manifest, &ranges)?;
         let cells = match manifest.files.cells {
-            Some(_) => objects.read_exactly(CELLS_FILE, cells_of(manifest.geometry.dims()).count() * 4)?,
+            Some(_) => {
+                objects.read_exactly(CELLS_FILE, cells_of(manifest.geometry.dims(), manifest.level).count() * 4)?
+            }
             None => Bytes::new(),
         };
         let cells = CellRanges::from_bytes(&manifest, &cells)?;
@@ -108,7 +136,8 @@ impl Store {
         let voxel_bytes = manifest.stored_type.bytes();
         let layout = TailLayout::of_version(manifest.version);
         let table = (SHARDS_FILE, manifest.files.shards, layout);
-        let shards = open_shards(&objects, StoreArray::Voxels, grid, table, voxel_bytes)?;
+        let array = LevelArray { array: StoreArray::Voxels, level: manifest.level };
+        let shards = open_shards(&objects, array, grid, table, voxel_bytes)?;
         let halos = manifest.halo.map(|halo| {
             let files = (HALOS_FILE, HALO_INDEX_FILE, halo.voxels);
             let bound = RecordBound { head: 0, per_voxel: voxel_bytes as u64 };
@@ -116,22 +145,35 @@ impl Store {
         });
         let halos = halos.transpose()?;
         let regions = StoreRegions::open(&objects, &manifest, grid)?;
-        let codes = manifest.value_map().code_of_bits_table();
-        let hash = StoreHash::of(&manifest_bytes);
-        Ok(Self {
-            inner: Arc::new(Inner {
-                objects,
-                hash,
-                manifest,
-                manifest_bytes,
-                ranges,
-                cells,
-                shards,
-                halos,
-                regions,
-                codes,
-            }),
+        Ok(Inner {
+            hash: StoreHash::of(&manifest_bytes),
+            objects,
+            manifest,
+            manifest_bytes,
+            ranges,
+            cells,
+            shards,
+            halos,
+            regions,
+            levels: Vec::new(),
+            codes: codes.clone(),
         })
+    }
+
+    /// A level of detail, as a store of its own: 0 is this one. Nothing where the store has no such level, and for a
+    /// level of a level.
+    #[must_use]
+    pub fn level(&self, level: u8) -> Option<&Self> {
+        match level.checked_sub(1) {
+            None => Some(self),
+            Some(place) => self.inner.levels.get(usize::from(place)),
+        }
+    }
+
+    /// How many levels there are, this one among them; 1 in stores before version 9.
+    #[must_use]
+    pub fn level_count(&self) -> u8 {
+        1 + self.inner.levels.len() as u8
     }
 
     /// Where it is kept, for messages.
@@ -140,6 +182,7 @@ impl Store {
         self.inner.objects.place().to_path_buf()
     }
 
+    /// Of the manifest: that of a level tells it from all others, but stores are found by that of level 0.
     #[must_use]
     pub fn hash(&self) -> StoreHash {
         self.inner.hash
@@ -260,7 +303,7 @@ impl Store {
         let chunks: Vec<_> = zs.flat_map(|z| ys.clone().flat_map(move |y| row(y, z))).collect();
         for chunks in chunks.chunks(AT_ONCE) {
             let read = |wanted: &[InnerChunk]| shards.read_chunks(wanted);
-            cache.get(self.inner.hash, shards.array, chunks, read, |chunk, decoded| {
+            cache.get(self.inner.hash, shards.array.array, chunks, read, |chunk, decoded| {
                 window.fill(chunk, decoded.as_deref(), decoder);
             })?;
         }

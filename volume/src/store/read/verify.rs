@@ -11,14 +11,16 @@ use crate::store::progress::{Phase, Progress};
 use crate::store::shard::read::Shards;
 
 impl Store {
-    /// Reads every shard and halo, decodes every inner chunk and record, and compares all bytes with the manifest's
-    /// hashes. A chunk (or a halo's brick and layer) is named where one is broken; bytes that belong to no chunk are
-    /// found by the shard's hash.
+    /// Reads every shard and halo of every level, decodes every inner chunk and record, and compares all bytes with the
+    /// manifest's hashes. A chunk (or a halo's brick and layer) is named where one is broken; bytes that belong to no
+    /// chunk are found by the shard's hash.
     ///
     /// # Errors
     /// The first damage found; [`crate::store::inspect`] finds all.
     pub fn verify(&self, progress: &mut dyn FnMut(Progress)) -> Result<(), StoreError> {
-        let (arrays, halos) = (self.arrays(), self.halos().collect::<Vec<_>>());
+        let levels = || (0..self.level_count()).filter_map(move |level| self.level(level));
+        let arrays: Vec<_> = levels().flat_map(Self::arrays).collect();
+        let halos: Vec<_> = levels().flat_map(Self::halos).collect();
         let shards = arrays.iter().flat_map(|shards| shards.table.iter()).map(|record| record.bytes);
         let total = shards.chain(halos.iter().map(|h| h.bytes())).sum();
         let mut done = 0;
@@ -52,8 +54,7 @@ impl Shards {
     }
 
     fn decoded(&self, shard: ShardIndex) -> Result<Vec<StoreError>, StoreError> {
-        let file = shard.path(self.array);
-        let path = self.objects.path_of(&file);
+        let path = self.objects.path_of(&shard.path(self.array.array));
         let record = self.table[self.grid.linear(shard)];
         // No longer than inner chunks and end of one shard can be: the table was checked.
         let bytes = self.open_whole(shard)?.read_at_most(record.bytes)?;

@@ -6,6 +6,7 @@ use super::error::RegionsError;
 use super::label_place::{self, Placed};
 use crate::format::{self, FormatError, RawHints, VolumeSource, VoxelType};
 use crate::store::error::StoreError;
+use crate::store::prepare::spool::Spool;
 
 /// Labels in file order; a pass starts at plane 0.
 #[derive(Debug)]
@@ -28,6 +29,11 @@ impl LabelPlanes {
             VoxelType::F32 | VoxelType::F64 => Err(RegionsError::LabelType { got: header.voxel_type.name() }.into()),
             _ => Ok(Self::File(source)),
         }
+    }
+
+    /// Labels of a coarser level.
+    pub(crate) fn of_level(labels: Spool) -> Self {
+        Self::File(Box::new(labels))
     }
 
     /// The error for more labels than `max`, by where they come from.

@@ -3,8 +3,9 @@
 pub(super) mod error;
 mod facts_build;
 pub(super) mod facts_table;
+mod label_levels;
 mod label_place;
-mod label_planes;
+pub(super) mod label_planes;
 pub(super) mod open;
 mod scratch;
 pub(super) mod segment;

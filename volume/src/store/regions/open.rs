@@ -8,6 +8,7 @@ use crate::store::error::StoreError;
 use crate::store::halo::reach::REGION_HALO;
 use crate::store::halo::read::Halos;
 use crate::store::halo::regions as halo_regions;
+use crate::store::level::LevelArray;
 use crate::store::manifest::Manifest;
 use crate::store::objects::Objects;
 use crate::store::profile::{
@@ -55,10 +56,11 @@ impl StoreRegions {
         objects.check_hash(REGION_BRICKS_FILE, &bytes, files.bricks)?;
         let facts = BrickFactsTable::from_bytes(manifest, &bytes)?;
         let layout = TailLayout::of_version(manifest.version);
+        let on_level = |array| LevelArray { array, level: manifest.level };
         let labels = (LABEL_SHARDS_FILE, files.label_shards, layout);
-        let labels = open_shards(objects, StoreArray::Labels, grid, labels, size_of::<u32>())?;
+        let labels = open_shards(objects, on_level(StoreArray::Labels), grid, labels, size_of::<u32>())?;
         let distances = (DISTANCE_SHARDS_FILE, files.distance_shards, layout);
-        let distances = open_shards(objects, StoreArray::Distances, grid, distances, size_of::<u8>())?;
+        let distances = open_shards(objects, on_level(StoreArray::Distances), grid, distances, size_of::<u8>())?;
         let halos = manifest.halo.and_then(|halo| {
             let files = (REGION_HALOS_FILE, REGION_HALO_INDEX_FILE, halo.regions?);
             Some(Halos::open(objects, manifest.grid, REGION_HALO, files, halo_regions::BOUND))

@@ -39,6 +39,8 @@ pub(crate) struct Segmenter<'a> {
     /// Where scratch files go.
     pub(crate) scratch: &'a Path,
     pub(crate) voxels: CodePlanes<'a>,
+    /// Given labels of a coarser level, in place of those of the file that the options name.
+    pub(crate) labels: Option<LabelPlanes>,
     /// Voxels of [`NO_DATA_CODE`] hold no data: they belong to no region.
     pub(crate) has_holes: bool,
     pub(crate) progress: &'a mut dyn FnMut(Progress),
@@ -132,7 +134,10 @@ impl Segmenter<'_> {
                 return Ok(Found { kept, tables, distances, finder });
             }
             Segmentation::Flood { range } => LabelPlanes::Memory(self.flood(*range, &density)?),
-            Segmentation::Labels { path, hints } => LabelPlanes::open(path, hints, (&self.geometry, self.placement))?,
+            Segmentation::Labels { path, hints } => match self.labels.take() {
+                Some(labels) => labels,
+                None => LabelPlanes::open(path, hints, (&self.geometry, self.placement))?,
+            },
         };
         let tables = CodeTables { window: Vec::new(), density };
         let mut distances = self.given_distances(&mut planes)?;

@@ -1,7 +1,6 @@
 //! The pass that writes labels and distances, and the files that describe them.
 
 use std::fs;
-use std::path::Path;
 
 use rayon::prelude::*;
 
@@ -15,6 +14,7 @@ use crate::regions::components::numbered;
 use crate::regions::runs::BLOCK_EDGE;
 use crate::regions::{NO_REGION, RegionTable};
 use crate::store::error::StoreError;
+use crate::store::files::root::StoreRoot;
 use crate::store::halo::reach::has_halos;
 use crate::store::halo::write::RegionHalos;
 use crate::store::halo::writer::WrittenHalos;
@@ -22,6 +22,7 @@ use crate::store::hash::ContentHash;
 use crate::store::manifest::regions::{RegionHashes, RegionsEntry, SegmentationMethod};
 use crate::store::manifest::{HISTOGRAM_BINS, Manifest};
 use crate::store::no_data::clear_holes;
+use crate::store::prepare::spool::Spool;
 use crate::store::profile::{
     CHUNK_EDGE, DISTANCE_ARRAY_FILE, DISTANCE_SHARDS_FILE, LABEL_ARRAY_FILE, LABEL_IMAGE_FILE, LABEL_SHARDS_FILE,
     LABELS_GROUP_FILE, REGION_BRICKS_FILE, REGION_HALOS_FILE, REGIONS_FILE, StoreArray,
@@ -39,12 +40,14 @@ const CODES_PER_BIN: usize = 65_536 / HISTOGRAM_BINS;
 /// What a store with regions has beside its voxels.
 pub(crate) struct Written {
     pub(crate) entry: RegionsEntry,
-    /// Files still to be written, by name.
+    /// Files still to be written, by name; those that all levels share are the finest's.
     pub(crate) files: Vec<(&'static str, Vec<u8>)>,
     /// Bytes of all shards.
     pub(crate) shard_bytes: u64,
     pub(crate) halos: Option<WrittenHalos>,
     pub(crate) note: Option<String>,
+    /// What each coarser level, from level 1 on, takes its labels from, where they are given.
+    pub(crate) labels_of_levels: Vec<Spool>,
 }
 
 /// Shards of one attempt, and what they hold.
@@ -55,13 +58,14 @@ struct Attempt {
     halos: Option<WrittenHalos>,
 }
 
-/// Writes labels and distances below `root`; once more with fewer regions where a brick would have too many.
+/// Writes labels and distances of a level below `root`; once more with fewer regions where a brick would have too many.
+/// `whole` is the manifest of the store, which the files that all levels share are of.
 pub(crate) fn write_regions(
     segmenter: &mut Segmenter<'_>,
     mut found: Found,
     (method, range): (SegmentationMethod, Option<f64>),
-    manifest: &Manifest,
-    root: &Path,
+    (manifest, whole): (&Manifest, &Manifest),
+    root: &StoreRoot,
 ) -> Result<Written, StoreError> {
     let asked = segmenter.options.min_region;
     let (mut min_region, mut note) = (asked, None);
@@ -75,7 +79,7 @@ pub(crate) fn write_regions(
         ));
         min_region = needed;
         for array in [StoreArray::Labels, StoreArray::Distances] {
-            let shards = root.join(array.path()).join("c");
+            let shards = root.path(&format!("{array}/c"));
             fs::remove_dir_all(&shards).map_err(StoreError::io("remove", &shards))?;
         }
     };
@@ -87,7 +91,7 @@ pub(crate) fn write_regions(
     }
     let files = vec![
         (LABELS_GROUP_FILE, zarr_json::labels_group()),
-        (LABEL_IMAGE_FILE, zarr_json::label_image(manifest)),
+        (LABEL_IMAGE_FILE, zarr_json::label_image(whole)),
         (LABEL_ARRAY_FILE, zarr_json::label_array(manifest)),
         (DISTANCE_ARRAY_FILE, zarr_json::distance_array(manifest)),
         (REGIONS_FILE, regions_to_bytes(&table)),
@@ -118,7 +122,7 @@ pub(crate) fn write_regions(
         },
     };
     let shard_bytes = attempt.labels.iter().chain(&attempt.distances).map(|s| s.bytes).sum();
-    Ok(Written { entry, files, shard_bytes, halos: attempt.halos, note })
+    Ok(Written { entry, files, shard_bytes, halos: attempt.halos, note, labels_of_levels: Vec::new() })
 }
 
 fn write_once(
@@ -127,7 +131,7 @@ fn write_once(
     table: &RegionTable,
     label_of_kept: &[u32],
     grid: BrickGrid,
-    root: &Path,
+    root: &StoreRoot,
 ) -> Result<Attempt, StoreError> {
     let (dims, shards) = (segmenter.dims(), segmenter.voxels.shards.grid);
     let tile = Tile::whole(segmenter.geometry.dims());
@@ -135,7 +139,7 @@ fn write_once(
     let mut distance_writer = ShardWriter::new(root, StoreArray::Distances, shards);
     let mut facts = FactsBuilder::new(grid, table, segmenter.has_holes);
     let halos = has_halos(grid.brick_size());
-    let mut halos = halos.then(|| RegionHalos::create(&root.join(REGION_HALOS_FILE), grid)).transpose()?;
+    let mut halos = halos.then(|| RegionHalos::create(&root.path(REGION_HALOS_FILE), grid)).transpose()?;
     let Found { tables, distances, finder, .. } = found;
     if let Finder::Given { planes, .. } = finder {
         planes.rewind()?;

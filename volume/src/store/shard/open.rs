@@ -9,13 +9,14 @@ use super::tail::TailLayout;
 use crate::store::codec;
 use crate::store::error::StoreError;
 use crate::store::hash::ContentHash;
+use crate::store::level::LevelArray;
 use crate::store::objects::Objects;
-use crate::store::profile::{CHUNK_VOXELS, StoreArray};
+use crate::store::profile::CHUNK_VOXELS;
 
 /// The shards of an array, after checking their table and that each is there in its full length.
 pub(crate) fn open_shards(
     objects: &Arc<dyn Objects>,
-    array: StoreArray,
+    array: LevelArray,
     grid: ShardGrid,
     table: (&str, ContentHash, TailLayout),
     voxel_bytes: usize,
@@ -30,7 +31,7 @@ pub(crate) fn open_shards(
 /// The same, whether or not the shards are there.
 pub(crate) fn described_shards(
     objects: &Arc<dyn Objects>,
-    array: StoreArray,
+    array: LevelArray,
     grid: ShardGrid,
     (table_file, table_hash, layout): (&str, ContentHash, TailLayout),
     voxel_bytes: usize,

@@ -12,17 +12,19 @@ use super::record::ShardRecord;
 use super::tail::{ShardTail, TailLayout};
 use crate::store::codec;
 use crate::store::error::StoreError;
+use crate::store::level::LevelArray;
 use crate::store::objects::{Object, Objects};
-use crate::store::profile::{CHUNK_VOXELS, InnerChunk, ShardIndex, StoreArray};
+use crate::store::profile::{CHUNK_VOXELS, InnerChunk, ShardIndex};
 
 /// Shards of one array that are open at once: an object and 80 KiB of its end each.
 const MAX_OPEN: usize = 32;
 
-/// The shards of one array of a store.
+/// The shards of one array of a store's level.
 #[derive(Debug)]
 pub(crate) struct Shards {
+    /// Of the level.
     pub(crate) objects: Arc<dyn Objects>,
-    pub(crate) array: StoreArray,
+    pub(crate) array: LevelArray,
     pub(crate) grid: ShardGrid,
     pub(crate) table: Vec<ShardRecord>,
     layout: TailLayout,
@@ -40,7 +42,7 @@ struct OpenShards {
 /// An open shard with its end, checked.
 #[derive(Debug)]
 struct OpenShard {
-    array: StoreArray,
+    array: LevelArray,
     shard: ShardIndex,
     path: PathBuf,
     object: Arc<dyn Object>,
@@ -59,7 +61,7 @@ struct Fetched {
 impl Shards {
     pub(crate) fn new(
         objects: Arc<dyn Objects>,
-        array: StoreArray,
+        array: LevelArray,
         grid: ShardGrid,
         (table, layout): (Vec<ShardRecord>, TailLayout),
         voxel_bytes: usize,
@@ -74,7 +76,7 @@ impl Shards {
 
     /// Opens a shard, as long as promised. Its content is not looked at.
     pub(crate) fn open_whole(&self, shard: ShardIndex) -> Result<Arc<dyn Object>, StoreError> {
-        let (array, key) = (self.array, shard.path(self.array));
+        let (array, key) = (self.array, shard.path(self.array.array));
         let want = self.table[self.grid.linear(shard)].bytes;
         let object = self.objects.open(&key).map_err(|error| match error {
             StoreError::NotAFile { path } => StoreError::ShardMissing { array, shard, path },
@@ -131,7 +133,7 @@ impl Shards {
     /// Opens a shard and checks its length and its end.
     fn open_new(&self, shard: ShardIndex) -> Result<OpenShard, StoreError> {
         let object = self.open_whole(shard)?;
-        let path = self.objects.path_of(&shard.path(self.array));
+        let path = self.objects.path_of(&shard.path(self.array.array));
         let bytes = self.table[self.grid.linear(shard)].bytes;
         let tail = self.tail(shard, &object.read_one(bytes - self.tail_bytes() as u64..bytes)?)?;
         Ok(OpenShard { array: self.array, shard, path, object, tail })
@@ -141,7 +143,7 @@ impl Shards {
     pub(crate) fn tail(&self, shard: ShardIndex, bytes: &[u8]) -> Result<ShardTail, StoreError> {
         let (record, bound) = (&self.table[self.grid.linear(shard)], codec::encoded_bound(self.chunk_bytes()) as u64);
         ShardTail::parse(self.layout, shard, bytes, record, bound).map_err(|fault| {
-            let path = self.objects.path_of(&shard.path(self.array));
+            let path = self.objects.path_of(&shard.path(self.array.array));
             StoreError::ShardIndex { array: self.array, shard, path, fault }
         })
     }

@@ -5,7 +5,8 @@ use super::record::ShardRecord;
 use super::tail::TailLayout;
 use crate::store::error::StoreError;
 use crate::store::hash::ContentHash;
-use crate::store::profile::{CHUNKS_PER_SHARD, StoreArray};
+use crate::store::level::LevelArray;
+use crate::store::profile::CHUNKS_PER_SHARD;
 
 /// Bytes of a line.
 pub(crate) const RECORD_BYTES: usize = 8 + 16 + 16;
@@ -29,7 +30,7 @@ pub(crate) fn to_bytes(table: &[ShardRecord]) -> Vec<u8> {
 /// `chunk_bound` is the longest that an inner chunk can be: no shard is longer than its inner chunks and its end.
 /// The length of `bytes` must have been checked.
 pub(crate) fn from_bytes(
-    array: StoreArray,
+    array: LevelArray,
     grid: &ShardGrid,
     bytes: &[u8],
     chunk_bound: usize,
@@ -58,7 +59,10 @@ pub(crate) fn from_bytes(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::store::profile::StoreArray;
     use glam::UVec3;
+
+    const VOXELS: LevelArray = LevelArray { array: StoreArray::Voxels, level: 0 };
 
     #[test]
     fn the_table_survives_its_bytes_and_lengths_are_bounded() {
@@ -69,11 +73,11 @@ mod tests {
         let table = [record(90_000), record(least)];
         let bytes = to_bytes(&table);
         assert_eq!(bytes.len() as u64, table_bytes(&grid));
-        assert_eq!(from_bytes(StoreArray::Voxels, &grid, &bytes, 100, tail).unwrap(), table);
+        assert_eq!(from_bytes(VOXELS, &grid, &bytes, 100, tail).unwrap(), table);
         for bad in [0, least - 1, least + CHUNKS_PER_SHARD as u64 * 100 + 1, u64::MAX] {
             let bytes = to_bytes(&[record(90_000), record(bad)]);
             assert!(
-                matches!(from_bytes(StoreArray::Voxels, &grid, &bytes, 100, tail), Err(StoreError::ShardTable { .. })),
+                matches!(from_bytes(VOXELS, &grid, &bytes, 100, tail), Err(StoreError::ShardTable { .. })),
                 "{bad}"
             );
         }

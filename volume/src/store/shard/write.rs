@@ -3,7 +3,7 @@
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use rayon::prelude::*;
 use xxhash_rust::xxh3::Xxh3Default;
@@ -14,6 +14,7 @@ use super::tail;
 use crate::leftovers;
 use crate::store::codec;
 use crate::store::error::StoreError;
+use crate::store::files::root::StoreRoot;
 use crate::store::hash::ContentHash;
 use crate::store::profile::{
     ABSENT, CHUNK_EDGE, CHUNK_VOXELS, CHUNKS_PER_EDGE, CHUNKS_PER_SHARD, InnerChunk, SHARD_EDGE, ShardIndex, StoreArray,
@@ -23,7 +24,7 @@ use crate::store::voxel::Cell;
 
 /// Writes an array's shards in the order of their slabs.
 pub(crate) struct ShardWriter {
-    root: PathBuf,
+    root: StoreRoot,
     array: StoreArray,
     grid: ShardGrid,
     /// The shards being written, x fastest; empty between those of one z and the next.
@@ -44,8 +45,8 @@ struct OpenShard {
 }
 
 impl ShardWriter {
-    pub(crate) fn new(root: &Path, array: StoreArray, grid: ShardGrid) -> Self {
-        Self { root: root.to_path_buf(), array, grid, row: Vec::new(), table: vec![None; grid.count() as usize] }
+    pub(crate) fn new(root: &StoreRoot, array: StoreArray, grid: ShardGrid) -> Self {
+        Self { root: root.clone(), array, grid, row: Vec::new(), table: vec![None; grid.count() as usize] }
     }
 
     /// Takes a tile's planes of the `cz`-th layer of inner chunks, x fastest; all layers of a tile come in order before
@@ -87,7 +88,7 @@ impl ShardWriter {
         for y in tile.cells(1, SHARD_EDGE) {
             for x in tile.cells(0, SHARD_EDGE) {
                 let shard = ShardIndex([x, y, z]);
-                let path = self.root.join(shard.path(self.array));
+                let path = self.root.path(&shard.path(self.array));
                 if let (true, Some(dir)) = (x == first_x, path.parent()) {
                     leftovers::create_dir_all(dir).map_err(StoreError::io("create", dir))?;
                 }

@@ -7,9 +7,9 @@ use brickcast_volume::format::VoxelType;
 use brickcast_volume::store::{Fault, FaultKind, Inspected, Progress, StoreError, inspect};
 
 use super::regions::windows;
-use super::support::{Volume, downgrade, files_of, noise};
+use super::support::{Volume, at_most, downgrade, files_of, noise};
 
-/// Regions, halos and two shards: a file of every kind.
+/// Regions, halos, two shards and a coarser level: a file of every kind.
 fn store(dir: &Path) -> PathBuf {
     let path = dir.join("s");
     let halves = Volume::new([270, 9, 40], VoxelType::U16, |p| match p[0] {
@@ -17,7 +17,7 @@ fn store(dir: &Path) -> PathBuf {
         112.. => 50_000.0,
         _ => f64::from(noise(p)),
     });
-    halves.prepare(&path, &windows(32, 0.02)).unwrap();
+    halves.prepare(&path, &at_most(1, windows(32, 0.02))).unwrap();
     path
 }
 
@@ -44,7 +44,7 @@ fn a_whole_store_has_no_faults() {
     let found = inspected(&path);
     assert_eq!(found.faults, []);
     let sizes = files_of(&path).iter().map(|f| f.metadata().unwrap().len()).sum::<u64>();
-    assert_eq!((found.bytes, found.version, found.binds_chunks), (sizes, Some(8), true));
+    assert_eq!((found.bytes, found.version, found.binds_chunks), (sizes, Some(9), true));
     downgrade(&path, 5);
     let found = inspected(&path);
     assert_eq!((found.faults, found.version, found.binds_chunks), (vec![], Some(5), false));
@@ -55,7 +55,7 @@ fn a_flipped_bit_a_cut_and_a_lost_file_are_named_in_every_kind_of_file() {
     let dir = tempfile::tempdir().unwrap();
     let path = store(dir.path());
     let all = names(&path);
-    assert!(all.len() >= 22, "{all:?}");
+    assert!(all.len() >= 40, "{all:?}");
     for name in all.iter().filter(|name| *name != "brickcast.json") {
         let file = path.join(name);
         let good = fs::read(&file).unwrap();
@@ -100,6 +100,10 @@ fn every_fault_is_named_not_only_the_first() {
     fs::remove_file(path.join("labels/regions/0/c/0/0/0")).unwrap();
     fs::write(path.join("distance_shards.bin"), b"").unwrap();
     fs::remove_file(path.join("distances/c/0/0/1")).unwrap();
+    edit("1/c/0/0/0", &|bytes| bytes[0] ^= 1);
+    fs::remove_file(path.join("levels/1/cells.bin")).unwrap();
+    fs::write(path.join("levels/1/brickcast.json"), b"").unwrap();
+    fs::create_dir(path.join("levels/2")).unwrap();
     fs::write(path.join("notes.txt"), b"").unwrap();
     fs::create_dir_all(path.join("0/c/0/0/9/mine")).unwrap();
     fs::create_dir(path.join("pictures")).unwrap();
@@ -109,11 +113,15 @@ fn every_fault_is_named_not_only_the_first() {
         (FaultKind::Broken, "0/c/0/0/1"),
         (FaultKind::Broken, "0/c/0/0/1"),
         (FaultKind::Foreign, "0/c/0/0/9/"),
+        (FaultKind::Broken, "1/c/0/0/0"),
         (FaultKind::Broken, "distance_shards.bin"),
         (FaultKind::Missing, "distances/c/0/0/1"),
         (FaultKind::Broken, "halos.bin"),
         (FaultKind::Broken, "halos.bin"),
         (FaultKind::Missing, "labels/regions/0/c/0/0/0"),
+        (FaultKind::Foreign, "levels/1/brickcast.json"),
+        (FaultKind::Missing, "levels/1/cells.bin"),
+        (FaultKind::Foreign, "levels/2/"),
         (FaultKind::Foreign, "notes.txt"),
         (FaultKind::Foreign, "pictures/"),
     ];

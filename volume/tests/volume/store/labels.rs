@@ -10,7 +10,7 @@ use brickcast_volume::store::{
 };
 
 use super::regions::windows;
-use super::support::{Volume, files_of, noise};
+use super::support::{Volume, at_most, files_of, noise};
 
 fn with(segmentation: Segmentation, min_region: u64) -> PrepareOptions {
     let regions = Some(RegionOptions { segmentation, min_region });
@@ -42,7 +42,7 @@ fn given_back_its_own_labels_a_store_says_the_same() {
     let dir = tempfile::tempdir().unwrap();
     let volume = blobs([61, 40, 64]);
     let found = dir.path().join("found");
-    volume.prepare(&found, &PrepareOptions { brick_size: 64, ..windows(64, 0.03) }).unwrap();
+    volume.prepare(&found, &PrepareOptions { brick_size: 64, ..at_most(0, windows(64, 0.03)) }).unwrap();
     let labels = labels(&Store::open(&found).unwrap());
     assert!(labels.contains(&0) && labels.iter().max() > Some(&5));
     // Values in another order, far apart: only the regions' first voxels count.
@@ -50,7 +50,7 @@ fn given_back_its_own_labels_a_store_says_the_same() {
     let renamed = |l: &u32| if *l == 0 { 0 } else { u32::MAX - 7 * l };
     fs::write(&file, labels.iter().map(renamed).flat_map(u32::to_le_bytes).collect::<Vec<u8>>()).unwrap();
     let given = dir.path().join("given");
-    let manifest = volume.prepare(&given, &labels_of(&file)).unwrap().manifest;
+    let manifest = volume.prepare(&given, &at_most(0, labels_of(&file))).unwrap().manifest;
     assert_eq!(manifest.regions.unwrap().segmentation_range, None);
     super::halos::check(&Store::open(&given).unwrap(), false);
     let mut compared = 0;

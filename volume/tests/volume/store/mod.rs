@@ -6,6 +6,8 @@ mod inspect;
 #[cfg(unix)]
 mod jail;
 mod labels;
+mod level_files;
+mod levels;
 mod mutations;
 mod no_data;
 mod objects;

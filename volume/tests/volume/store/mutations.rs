@@ -136,6 +136,8 @@ proptest! {
             prop_assert_eq!(manifest.code_of_value(hi), 65535);
             prop_assert!(manifest.value_of_code(777).is_finite());
             prop_assert!(manifest.grid.brick_count() <= 1 << 22);
+            prop_assert_eq!(manifest.level, 0);
+            prop_assert!(manifest.levels.len() <= 17);
             if let Some(r) = &manifest.regions {
                 prop_assert!(r.voxels <= manifest.geometry.voxel_count() && u64::from(r.count) <= r.voxels);
                 prop_assert!(r.segmentation_range.is_none_or(|w| w > 0.0 && w <= 1.0));

@@ -14,7 +14,7 @@ use brickcast_volume::store::{
 use brickcast_volume::transfer_function::{Colormap, TransferFunction};
 use proptest::prelude::*;
 
-use super::support::{Volume, files_of};
+use super::support::{Volume, at_most, files_of, levels_of};
 
 pub(crate) fn windows(brick_size: u32, range: f64) -> PrepareOptions {
     let regions = RegionOptions { segmentation: Segmentation::Windows { range }, min_region: 0 };
@@ -157,22 +157,27 @@ fn facts_by_definition(whole: &Whole, regions: &[Region], store: &Store, brick: 
     }
 }
 
-/// Everything that a store says of its regions, against the definitions.
+/// Everything that each level of a store says of its regions, against the definitions.
 fn check(volume: &Volume, options: &PrepareOptions, range: f64) {
     let dir = tempfile::tempdir().unwrap();
     let path = dir.path().join("s");
     volume.prepare(&path, options).unwrap();
     let store = Store::open(&path).unwrap();
     store.verify(&mut |_| {}).unwrap();
-    let whole = read_whole(&store);
-    let dims = volume.dims.map(|n| n as usize);
+    assert_eq!(store.manifest().geometry.dims().to_array(), volume.dims);
+    levels_of(&store).for_each(|level| check_level(level, range));
+}
+
+fn check_level(store: &Store, range: f64) {
+    let whole = read_whole(store);
+    let dims = store.manifest().geometry.dims().to_array().map(|n| n as usize);
     let min_region = store.manifest().regions.as_ref().unwrap().min_region;
     let (labels, distances, regions) = by_definition(&whole.codes, dims, range, min_region);
     assert_eq!(store.region_table().unwrap().0, regions);
-    assert!(whole.labels == labels && whole.distances == distances, "{:?}", volume.dims);
+    assert!(whole.labels == labels && whole.distances == distances, "{dims:?}");
     assert!(regions.iter().all(|r| r.max - r.min <= window_width(range)));
     for (facts, brick) in store.brick_facts().unwrap().iter().zip(store.manifest().grid.bricks()) {
-        assert_eq!(*facts, facts_by_definition(&whole, &regions, &store, brick), "brick {brick}");
+        assert_eq!(*facts, facts_by_definition(&whole, &regions, store, brick), "brick {brick}");
     }
     let entry = store.manifest().regions.as_ref().unwrap();
     assert_eq!(entry.count as usize, regions.len());
@@ -282,10 +287,12 @@ fn files_do_not_depend_on_bricks_or_threads() {
     for (brick_size, threads) in [(16, 1), (32, 1), (64, 1), (16, 2), (32, 3), (64, 2)] {
         let path = dir.path().join(format!("{brick_size}-{threads}"));
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| volume.prepare(&path, &windows(brick_size, 0.03))).unwrap();
+        // How many levels there are follows from the bricks; what is on them does not.
+        pool.install(|| volume.prepare(&path, &at_most(1, windows(brick_size, 0.03)))).unwrap();
         for file in files_of(&path) {
             let name = file.strip_prefix(&path).unwrap().to_str().unwrap().to_owned();
-            let of_bricks = name.contains("bricks.bin") || name.contains("halo") || name == "brickcast.json";
+            let of_bricks =
+                ["bricks.bin", "halo", "brickcast.json", "level.json"].iter().any(|part| name.contains(part));
             let key = if of_bricks { brick_size } else { 0 };
             let bytes = fs::read(&file).unwrap();
             let first = seen.entry(name.clone()).or_default().entry(key).or_insert_with(|| bytes.clone());
@@ -294,7 +301,7 @@ fn files_do_not_depend_on_bricks_or_threads() {
     }
     let names: Vec<&str> = seen.keys().map(String::as_str).collect();
     for name in
-        ["labels/regions/0/c/0/0/0", "distances/c/0/0/0", "regions.bin", "region_bricks.bin", "region_halos.bin"]
+        ["labels/regions/1/c/0/0/0", "levels/1/regions.bin", "distances/c/0/0/0", "regions.bin", "region_halos.bin"]
     {
         assert!(names.contains(&name), "{names:?}");
     }

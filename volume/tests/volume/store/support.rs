@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use brickcast_volume::format::{FormatError, SourceHeader, VolumeSource, VoxelType};
 use brickcast_volume::space::Geometry;
-use brickcast_volume::store::{ContentHash, MemoryObjects, PrepareOptions, PrepareSummary, StoreError, prepare};
+use brickcast_volume::store::{
+    ChunkCache, ContentHash, Levels, MemoryObjects, PrepareOptions, PrepareSummary, Store, StoreError, prepare,
+};
 
 #[derive(Debug)]
 pub(crate) struct MemorySource {
@@ -171,18 +173,32 @@ pub(crate) const SUM_BYTES: usize = 4 * 4096;
 /// Offset and length of each of the 16^3 inner chunks of a shard, and a crc32c.
 pub(crate) const INDEX_BYTES: usize = 16 * 4096 + 4;
 
-/// Makes a store one of an older version, whose shards have no checksums of their chunks at their end, and which has no
-/// cells.
+/// Makes a store one of an older version: without levels before 9, without cells before 7, without checksums of their
+/// chunks at the end of its shards before 6. Its `zarr.json` goes on to speak of levels, which we never read.
 pub(crate) fn downgrade(path: &Path, version: u64) {
     let manifest = path.join("brickcast.json");
     let mut text = std::fs::read_to_string(&manifest).unwrap();
-    assert!(text.contains("\"version\": 8"));
-    text = text.replacen("\"version\": 8", &format!("\"version\": {version}"), 1);
-    let key = ",\n    \"cells.bin\": ";
-    let from = text.find(key).unwrap();
-    let ends = from + key.len() + text[from + key.len()..].find('\n').unwrap();
-    text.replace_range(from..ends, "");
-    std::fs::remove_file(path.join("cells.bin")).unwrap();
+    assert!(text.contains("\"version\": 9"));
+    text = text.replacen("\"version\": 9", &format!("\"version\": {version}"), 1);
+    if let Some(from) = text.find(",\n  \"levels\": [") {
+        let ends = from + text[from..].find("\n  ]").unwrap() + "\n  ]".len();
+        text.replace_range(from..ends, "");
+    }
+    for level in 1..20 {
+        for folder in [format!("{level}"), format!("labels/regions/{level}"), "levels".to_owned()] {
+            let _ = std::fs::remove_dir_all(path.join(folder));
+        }
+    }
+    if version < 7 {
+        let key = ",\n    \"cells.bin\": ";
+        let from = text.find(key).unwrap();
+        let ends = from + key.len() + text[from + key.len()..].find('\n').unwrap();
+        text.replace_range(from..ends, "");
+        std::fs::remove_file(path.join("cells.bin")).unwrap();
+    }
+    if version >= 6 {
+        return std::fs::write(manifest, text).unwrap();
+    }
     for (table, array) in
         [("shards.bin", "0"), ("label_shards.bin", "labels/regions/0"), ("distance_shards.bin", "distances")]
     {
@@ -203,6 +219,32 @@ pub(crate) fn downgrade(path: &Path, version: u64) {
         std::fs::write(path.join(table), records).unwrap();
     }
     std::fs::write(manifest, text).unwrap();
+}
+
+/// The options, with at most so many coarser levels.
+pub(crate) fn at_most(levels: u8, options: PrepareOptions) -> PrepareOptions {
+    PrepareOptions { levels: Levels::AtMost(levels), ..options }
+}
+
+/// Codes of all voxels of a store, x fastest.
+pub(crate) fn codes_of(store: &Store) -> Vec<u16> {
+    let (grid, cache) = (store.manifest().grid, ChunkCache::new(8 << 20));
+    let n = grid.volume_dims();
+    let mut codes = vec![0; n.element_product() as usize];
+    for brick in grid.bricks() {
+        let owned = grid.owned_box(brick);
+        let read = store.read_brick(brick, 0, &cache).unwrap().codes;
+        for (row, from) in read.chunks_exact(owned.dims().x as usize).enumerate() {
+            let (y, z) = (owned.lo.y + row as u32 % owned.dims().y, owned.lo.z + row as u32 / owned.dims().y);
+            codes[(owned.lo.x + n.x * (y + n.y * z)) as usize..][..from.len()].copy_from_slice(from);
+        }
+    }
+    codes
+}
+
+/// All levels of a store, the finest first.
+pub(crate) fn levels_of(store: &Store) -> impl Iterator<Item = &Store> {
+    (0..store.level_count()).map(|level| store.level(level).unwrap())
 }
 
 /// The files of the store at `path`, as they are now, in memory.

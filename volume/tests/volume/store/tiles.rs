@@ -70,6 +70,12 @@ fn tiles_of_mapped_voxels_are_those_of_whole_planes() {
     check(&noisy([260, 300, 18], VoxelType::F32), &bricks(64));
 }
 
+/// A voxel of levels 9 and 10 is of two tiles or more.
+#[test]
+fn the_coarsest_levels_are_those_of_whole_planes() {
+    check(&noisy([4200, 300, 3], VoxelType::U8), &bricks(8));
+}
+
 /// A shard that ends beyond another in z.
 #[test]
 fn tiles_reach_through_all_shards_of_a_column() {
@@ -99,5 +105,6 @@ fn progress_counts_voxels_and_moves_within_planes() {
     }
     // Three by two tiles of a volume of three planes.
     assert_eq!(seen.iter().filter(|p| p.phase == Phase::Write).count(), 6);
-    assert!(seen.iter().all(|p| p.done <= p.total && p.total == total));
+    let finest = |p: &&Progress| p.phase != Phase::Levels;
+    assert!(seen.iter().all(|p| p.done <= p.total) && seen.iter().filter(finest).all(|p| p.total == total));
 }

@@ -1,0 +1,227 @@
+//! The coarser levels' voxels and ranges, from the finest voxels as they pass by.
+//!
+//! A voxel of a level is the mean of the finest voxels with data under it, as stored numbers, rounded half up: of exact
+//! sums, never of a finer level's rounded means. Without data is one that has none under it. The ranges of a level are
+//! those of the finest voxels, so that no level hides a pore from whoever asks what a brick can show.
+
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::spool::Spool;
+use super::tables::Tables;
+use crate::brick::BrickGrid;
+use crate::format::SourceHeader;
+use crate::space::Geometry;
+use crate::store::error::StoreError;
+use crate::store::pyramid::{Pyramid, Under};
+use crate::store::tiles::Tile;
+use crate::store::voxel::{StoredType, Voxel};
+
+/// Voxels whose means are taken at once.
+const PART: usize = 1 << 12;
+
+/// Finest voxels with data, as ordinals.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Finest {
+    /// At most 2^44 voxels of 16 bits: it fits.
+    sum: u64,
+    count: u64,
+    /// Smallest and largest; the first above the second where there is none.
+    low: u16,
+    high: u16,
+}
+
+impl Under for Finest {
+    const NOTHING: Self = Self { sum: 0, count: 0, low: u16::MAX, high: 0 };
+
+    #[inline(always)]
+    fn join(&mut self, other: &Self) {
+        self.sum += other.sum;
+        self.count += other.count;
+        self.low = self.low.min(other.low);
+        self.high = self.high.max(other.high);
+    }
+}
+
+impl Finest {
+    #[inline(always)]
+    fn take(&mut self, ordinal: u16) {
+        self.join(&Self { sum: ordinal.into(), count: 1, low: ordinal, high: ordinal });
+    }
+
+    /// The mean, rounded half up. Never the ordinal of `no_data` where there are data: where it would be, there are
+    /// data above it, and the mean is one more.
+    #[inline(always)]
+    fn mean(&self, no_data: Option<u16>) -> u16 {
+        let mean = match self.count {
+            0 => return no_data.unwrap_or_default(),
+            count if count.is_power_of_two() => (self.sum + count / 2) >> count.trailing_zeros(),
+            count => (2 * self.sum + count) / (2 * count),
+        };
+        let mean = mean as u16;
+        if no_data == Some(mean) { mean + 1 } else { mean }
+    }
+}
+
+/// A level whose voxels lie in a scratch file, still to be written.
+#[derive(Debug)]
+pub(crate) struct RawLevel {
+    pub(crate) level: u8,
+    pub(crate) tables: Tables,
+    pub(crate) voxels: Spool,
+}
+
+/// Gathers all coarser levels, tile by tile and slab by slab.
+#[derive(Debug)]
+pub(crate) struct Coarser {
+    pyramid: Pyramid<Finest>,
+    levels: Vec<RawLevel>,
+    /// The ordinal of voxels without data.
+    no_data: Option<u16>,
+    planes: Planes,
+}
+
+/// A plane of a level on its way to its file and its tables.
+#[derive(Debug)]
+struct Planes {
+    stored_type: StoredType,
+    /// Of voxels.
+    bytes: Vec<u8>,
+    /// Smallest and largest finest ordinal.
+    low: Vec<u16>,
+    high: Vec<u16>,
+}
+
+impl Coarser {
+    /// Of a volume of `header` in the stored type; `levels` from level 1 on, whose scratch files go into `scratch`.
+    pub(crate) fn new(
+        header: &SourceHeader,
+        levels: &[Geometry],
+        (brick_size, has_several_tiles): (u32, bool),
+        no_data: Option<u16>,
+        scratch: &Path,
+    ) -> Result<Self, StoreError> {
+        let stored_type = StoredType::of(header.voxel_type);
+        let dims = levels.iter().map(Geometry::dims);
+        let raw = |(level, geometry): (u8, &Geometry)| {
+            let header = SourceHeader::new(header.format, *geometry, stored_type.voxel_type());
+            let voxels = Spool::create(header, scratch, &format!("voxels-{level}"))?;
+            let tables = Tables::new(BrickGrid::new(geometry.dims(), brick_size)?, level, None);
+            Ok(RawLevel { level, tables, voxels })
+        };
+        Ok(Self {
+            pyramid: Pyramid::new(dims, has_several_tiles),
+            levels: (1..).zip(levels).map(raw).collect::<Result<_, StoreError>>()?,
+            no_data,
+            planes: Planes { stored_type, bytes: Vec::new(), low: Vec::new(), high: Vec::new() },
+        })
+    }
+
+    /// Takes a slab of a tile, from `z0` on.
+    pub(crate) fn add<T: Voxel>(&mut self, tile: &Tile, z0: u32, slab: &[T]) -> Result<(), StoreError> {
+        if self.pyramid.is_empty() {
+            return Ok(());
+        }
+        let Self { pyramid, levels, no_data, planes } = self;
+        let mut take =
+            |at: usize, tile: &Tile, z: u32, plane: &[Finest]| planes.take(&mut levels[at], tile, z, plane, *no_data);
+        match no_data.map(T::at) {
+            None => pyramid.add(tile, z0, slab, |row, out| gather(row, out, |_| true), &mut take),
+            Some(none) => pyramid.add(tile, z0, slab, |row, out| gather(row, out, |v| v != none), &mut take),
+        }
+    }
+
+    /// All levels, once every tile has passed.
+    pub(crate) fn finish(self) -> Result<Vec<RawLevel>, StoreError> {
+        let Self { pyramid, mut levels, no_data, mut planes } = self;
+        pyramid.finish(&mut |at: usize, tile: &Tile, z: u32, plane: &[Finest]| {
+            planes.take(&mut levels[at], tile, z, plane, no_data)
+        })?;
+        levels.iter_mut().try_for_each(|raw| raw.voxels.start_over())?;
+        Ok(levels)
+    }
+}
+
+/// Adds a row of the finest voxels to a row of half the length.
+#[inline(always)]
+fn gather<T: Voxel>(row: &[T], out: &mut [Finest], holds_data: impl Fn(T) -> bool) {
+    let (pairs, rest) = row.as_chunks::<2>();
+    let pairs = pairs.iter().map(|pair| &pair[..]).chain(std::iter::once(rest).filter(|rest| !rest.is_empty()));
+    for (under, pair) in out.iter_mut().zip(pairs) {
+        pair.iter().filter(|v| holds_data(**v)).for_each(|v| under.take(v.ordinal()));
+    }
+}
+
+impl Planes {
+    fn take(
+        &mut self,
+        raw: &mut RawLevel,
+        tile: &Tile,
+        z: u32,
+        plane: &[Finest],
+        no_data: Option<u16>,
+    ) -> Result<(), StoreError> {
+        let (stored_type, bytes) = (self.stored_type, self.stored_type.bytes());
+        self.bytes.resize(plane.len() * bytes, 0);
+        let put = |(out, under): (&mut [u8], &[Finest])| {
+            for (out, under) in out.chunks_exact_mut(bytes).zip(under) {
+                let bits = stored_type.bits_of_ordinal(under.mean(no_data));
+                out.copy_from_slice(&bits.to_le_bytes()[..bytes]);
+            }
+        };
+        self.bytes.par_chunks_mut(PART * bytes).zip(plane.par_chunks(PART)).for_each(put);
+        raw.voxels.put(tile, z, &self.bytes)?;
+        plane.par_iter().with_min_len(PART).map(|under| under.low).collect_into_vec(&mut self.low);
+        plane.par_iter().with_min_len(PART).map(|under| under.high).collect_into_vec(&mut self.high);
+        raw.tables.add_bounds(tile, z, &self.low, &self.high);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(ordinals: &[u16]) -> Finest {
+        let mut finest = Finest::NOTHING;
+        ordinals.iter().for_each(|o| finest.take(*o));
+        finest
+    }
+
+    #[test]
+    fn means_are_rounded_half_up_whatever_their_number() {
+        for (ordinals, want) in [
+            (&[3_u16][..], 3),
+            (&[3, 4], 4),
+            (&[1, 1, 2], 1),
+            (&[1, 2, 2], 2),
+            (&[0, 0, 0, 1], 0),
+            (&[0, 0, 1, 1], 1),
+            (&[1, 2, 4, 4, 4], 3),
+            (&[u16::MAX; 9], u16::MAX),
+        ] {
+            assert_eq!(of(ordinals).mean(None), want, "{ordinals:?}");
+        }
+        let huge = Finest { sum: 65535 << 44, count: 1 << 44, low: 65535, high: 65535 };
+        assert_eq!(huge.mean(None), 65535);
+        let odd = Finest { sum: 65535 * ((1 << 44) - 1), count: (1 << 44) - 1, ..huge };
+        assert_eq!(odd.mean(None), 65535);
+    }
+
+    /// Data on both sides of a fill value: their mean is no datum's number, and neither is it no data.
+    #[test]
+    fn no_mean_of_data_passes_for_no_data() {
+        assert_eq!(of(&[6, 8]).mean(Some(7)), 8);
+        assert_eq!(of(&[6, 7]).mean(Some(9)), 7);
+        assert_eq!(of(&[]).mean(Some(7)), 7);
+        assert_eq!(of(&[65533, 65535]).mean(Some(65534)), 65535);
+    }
+
+    /// A signed type's half goes up, not away from zero.
+    #[test]
+    fn halves_of_negative_numbers_go_up() {
+        let mean = |voxels: &[i8]| i8::at(of(&voxels.iter().map(|v| v.ordinal()).collect::<Vec<_>>()).mean(None));
+        assert_eq!((mean(&[-3, -4]), mean(&[-1, 0]), mean(&[-1, -1, -2]), mean(&[3, 4])), (-3, 0, -1, 4));
+    }
+}
