@@ -36,7 +36,7 @@ fn no_level(level: u8, coarsest: u8) -> String {
         coarsest => format!("the store has levels 0 to {coarsest}"),
     };
     format!(
-        "there is no level {level}: {there}; prepare it anew with --levels auto for all that there can be, until one is \
-         a single brick (smaller bricks give more: --brick)"
+        "there is no level {level}: {there}; prepare it anew with --levels auto for all that there can be, until one \
+         is a single brick (smaller bricks give more: --brick)"
     )
 }

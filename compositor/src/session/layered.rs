@@ -3,10 +3,10 @@
 
 use std::time::Instant;
 
+use brickcast_volume::Epoch;
 use brickcast_volume::merge::{MergeTree, Viewpoint};
 use brickcast_volume::pixel::Coloring;
 use brickcast_volume::scene::Scene;
-use brickcast_volume::Epoch;
 
 use super::balanced::BalanceStats;
 use super::error::SessionError;

@@ -174,8 +174,8 @@ impl LevelSessions {
         let full = self.content.as_ref().map_or(0, |(look, _)| look.shown.voxel_count());
         let drawn: u64 = count(Shown::voxel_count).into_iter().sum();
         LodStats {
-            chunks: count(|shown| shown.per_chunk().values().filter(|&&bricks| bricks > 0).count() as u64),
-            bricks: count(|shown| shown.brick_count() as u64),
+            drawn: count(|shown| shown.per_chunk().values().filter(|&&bricks| bricks > 0).count() as u64),
+            loaded: count(|shown| shown.brick_count() as u64),
             in_view: in_view.into_iter().map(|chunks| chunks as u64).collect(),
             share_of_bytes: if full > 0 { drawn as f64 / full as f64 } else { 1.0 },
         }

@@ -44,10 +44,12 @@ pub struct FrameStats {
 /// What of a volume a frame draws on which of its levels; each list has an entry a level, the finest first.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct LodStats {
-    /// Chunks of the level that it draws and that show something, in view or not.
-    pub chunks: Vec<u64>,
-    /// Bricks in them that show something.
-    pub bricks: Vec<u64>,
+    /// How many chunks of the level it draws that show something, in view or not.
+    #[serde(rename = "chunks")]
+    pub drawn: Vec<u64>,
+    /// How many bricks in them show something.
+    #[serde(rename = "bricks")]
+    pub loaded: Vec<u64>,
     /// Of the chunks, those in view.
     pub in_view: Vec<u64>,
     /// Voxels that these bricks own, as a share of those that show at full resolution.
@@ -64,7 +66,7 @@ impl LodStats {
     /// One line for people.
     #[must_use]
     pub fn in_words(&self) -> String {
-        let drawn = self.chunks.iter().enumerate().filter(|(_, chunks)| **chunks > 0);
+        let drawn = self.drawn.iter().enumerate().filter(|(_, chunks)| **chunks > 0);
         let of_level = |(i, (level, chunks)): (usize, (usize, &u64))| match (i, chunks) {
             (0, 1) => format!("1 chunk of level {level}"),
             (0, _) => format!("{chunks} chunks of level {level}"),

@@ -45,7 +45,11 @@ fn a_node_that_is_lost_in_the_middle_of_several_levels() {
         let frame = drawn(&mut three, &store, 33.0).await;
         let faults = &frame.stats.faults;
         assert!(proxies[2].hits() > 0 && faults.reissued > 0, "{faults:?}");
-        assert_eq!(faults.lost.iter().map(|lost| &lost.address).collect::<Vec<_>>(), [&proxies[2].address], "{faults:?}");
+        assert_eq!(
+            faults.lost.iter().map(|lost| &lost.address).collect::<Vec<_>>(),
+            [&proxies[2].address],
+            "{faults:?}"
+        );
         assert!(bits(&frame) == bits(&drawn(&mut one, &store, 33.0).await), "{faults:?}");
         // The next one does without it, on all levels.
         let next = drawn(&mut three, &store, 66.0).await;

@@ -114,10 +114,12 @@ fn styles(store: &Store) -> Vec<(&'static str, Style)> {
     let clip = Clip { bounds: None, planes: vec![ClipPlane { normal, offset: normal.dot(center) - 17.3 }] };
     let slabs = Style { integration: Integration::Preintegrated(TableSize::N256), ..Style::default() };
     let surfaces = vec![surface(0.45, 0.3), surface(0.7, 0.4)];
+    // Else it follows from the noise, which a level takes from the volume, and a volume of its array from itself.
+    let phong = Phong { light_from: Some(300.0), ..Phong::default() };
     vec![
         ("samples", Style::default()),
         ("slabs", slabs.clone()),
-        ("lit surfaces", Style { shading: Some(Phong::default()), surfaces, clip: clip.clone(), ..slabs }),
+        ("lit surfaces", Style { shading: Some(phong), surfaces, clip: clip.clone(), ..slabs }),
         ("maximum", Style { mode: Mode::Maximum, clip, ..Style::default() }),
     ]
 }
@@ -178,15 +180,20 @@ fn a_level_is_drawn_as_a_volume_of_its_array() {
     runtime().block_on(async {
         let (root, _nodes) = nodes(&store, 2).await;
         for level in 1..=3 {
-            let options = PrepareOptions { brick_size: 16, range: Some(store.manifest().range), ..PrepareOptions::default() };
+            let options =
+                PrepareOptions { brick_size: 16, range: Some(store.manifest().range), ..PrepareOptions::default() };
             let by_hand = made(folder.path(), &format!("by-hand-{level}"), array(level), &options);
             let mut of_level = root.at_level(level).await.unwrap();
             let (mut of_array, _others) = nodes(&by_hand, 1).await;
             for (name, style) in styles(&store) {
                 let scene = scene(&store, style);
                 let (got, want) = (alone(&mut of_level, &scene).await, alone(&mut of_array, &scene).await);
-                assert!(want.picture.pixels().iter().any(|p| p.a > 0.3), "{name}: nothing to see");
-                assert!(bits(&got.picture) == bits(&want.picture), "{name}, level {level}: {}", worst(&got.picture, &want.picture));
+                assert!(want.picture.pixels().iter().any(|p| p.a > 0.02), "{name}: nothing to see");
+                assert!(
+                    bits(&got.picture) == bits(&want.picture),
+                    "{name}, level {level}: {}",
+                    worst(&got.picture, &want.picture)
+                );
                 assert!(got.stats.samples > 0 && got.stats.lod.is_none());
             }
         }
@@ -212,7 +219,10 @@ fn where_no_error_is_allowed_the_picture_is_that_of_full_resolution() {
                     assert!(bits(&frame.picture) == bits(&full.picture), "{name}, exact {exact}, {rule:?}");
                     let lod = frame.stats.lod.unwrap();
                     assert_eq!(lod.coarse_in_view(), 0, "{lod:?}");
-                    assert_eq!((frame.stats.samples, frame.stats.positions), (full.stats.samples, full.stats.positions));
+                    assert_eq!(
+                        (frame.stats.samples, frame.stats.positions),
+                        (full.stats.samples, full.stats.positions)
+                    );
                 }
             }
         }
@@ -248,10 +258,10 @@ fn several_levels_have_the_same_bits_from_any_number_of_nodes() {
                             let scene = scene(&store, style.clone());
                             let frame = mixed(&mut levels, &scene, rule).await;
                             let lod = frame.stats.lod.clone().unwrap();
-                            let used = lod.chunks.iter().filter(|&&chunks| chunks > 0).count();
+                            let used = lod.drawn.iter().filter(|&&chunks| chunks > 0).count();
                             let what = format!("{name}, {rule:?}, bricks of {brick_size}, {count} nodes: {lod:?}");
                             assert!(used >= 2 || rule == Rule::FieldOfView, "{what}");
-                            assert!(frame.picture.pixels().iter().any(|p| p.a > 0.3), "{what}: nothing to see");
+                            assert!(frame.picture.pixels().iter().any(|p| p.a > 0.02), "{what}: nothing to see");
                             match expected.get(seen) {
                                 None => expected.push(bits(&frame.picture)),
                                 Some(one) => assert!(*one == bits(&frame.picture), "{what}, scattered: {scattered}"),
@@ -297,8 +307,8 @@ fn leaps_and_samples_of_a_pixel_go_with_several_levels() {
     });
 }
 
-/// A slab of one value, seen along its depth: the opacity of 64 voxels, on any level and on a mixture. Samples are placed
-/// so that each level takes whole steps.
+/// A slab of one value, seen along its depth: the opacity of 64 voxels, on any level and on a mixture. Samples are
+/// placed so that each level takes whole steps.
 #[test]
 fn a_homogeneous_slab_is_as_opaque_on_every_level() {
     const OPACITY: f64 = 0.02;

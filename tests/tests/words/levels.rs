@@ -1,4 +1,4 @@
-//! `--lod` on the command line: of stores, inputs and names, with its errors, its exit code, its figures, and drawn again.
+//! `--lod` on the command line: of stores, inputs and names, its errors, exit code and figures, and drawn again.
 
 use std::path::Path;
 
@@ -8,8 +8,18 @@ use brickcast_tests::turn;
 use serde_json::{Value, json};
 
 const LOOK: [&str; 12] = [
-    "--window", "3000,52000", "--opacity", "0.3", "--colormap", "viridis", "--azimuth", "35", "--size", "64x48",
-    "--backend", "cpu",
+    "--window",
+    "3000,52000",
+    "--opacity",
+    "0.3",
+    "--colormap",
+    "viridis",
+    "--azimuth",
+    "35",
+    "--size",
+    "64x48",
+    "--backend",
+    "cpu",
 ];
 
 /// A folder with an input and a store of it, three levels deep.

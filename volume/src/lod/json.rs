@@ -71,12 +71,8 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_back() {
-        let rules = [
-            Rule::Error { pixels: 1.0 / 3.0 },
-            Rule::FieldOfView,
-            Rule::Cone,
-            Rule::Focus(DVec3::new(0.1, -2.0, 1e9)),
-        ];
+        let rules =
+            [Rule::Error { pixels: 1.0 / 3.0 }, Rule::FieldOfView, Rule::Cone, Rule::Focus(DVec3::new(0.1, -2.0, 1e9))];
         let all = [Lod::Full, Lod::Level(0), Lod::Level(7)].into_iter().chain(rules.map(Lod::Auto));
         for lod in all {
             assert_eq!(read(lod.to_json()), Ok(lod));

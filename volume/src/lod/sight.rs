@@ -59,9 +59,7 @@ impl<'a> Sight<'a> {
             return true;
         }
         match self.rule {
-            Rule::Error { pixels } => {
-                self.voxel_in_pixels(level, &voxels) <= pixels || self.content.is_flat(finest())
-            }
+            Rule::Error { pixels } => self.voxel_in_pixels(level, &voxels) <= pixels || self.content.is_flat(finest()),
             Rule::FieldOfView => self.levels.tiles(level, chunk).all(|middle| self.is_narrow(level, middle)),
             Rule::Cone => false,
             Rule::Focus(point) => {

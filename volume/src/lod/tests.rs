@@ -96,7 +96,7 @@ fn content(levels: &Levels, seed: u32) -> Content {
     Content::of(levels.finest(), shows, ids().map(range).collect())
 }
 
-/// Every finest chunk is drawn once where it shows, by a whole chunk of its level, and its neighbours are near in level.
+/// Every finest chunk is drawn once where it shows, by a whole chunk of its level; neighbours are near in level.
 fn check(selection: &Selection) {
     let levels = selection.levels();
     let finest = levels.finest();

@@ -65,7 +65,9 @@ impl LodArgs {
             LodArg::Auto => {}
             other => {
                 if let Some((flag, _)) = asked.into_iter().find(|(_, is_asked)| *is_asked) {
-                    return Err(Failure::usage(anyhow!("{flag} chooses among levels: add --lod auto, or leave it out")));
+                    return Err(Failure::usage(anyhow!(
+                        "{flag} chooses among levels: add --lod auto, or leave it out"
+                    )));
                 }
                 return Ok(if let LodArg::Level(level) = other { Lod::Level(level) } else { Lod::Full });
             }

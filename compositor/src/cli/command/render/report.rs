@@ -54,8 +54,8 @@ fn coarse(plan: &RenderPlan, frames: &[FrameStats]) -> Option<Failure> {
     let of = lods().map(|lod| lod.in_view.iter().sum::<u64>()).max().unwrap_or(coarse);
     let output = plan.output.as_ref()?.path.display();
     Some(Failure::Coarse(format!(
-        "complete picture written to {output}, not at full resolution: {coarse} of {of} chunks in view are drawn coarser; \
-         --lod full draws all as they are"
+        "complete picture written to {output}, not at full resolution: {coarse} of {of} chunks in view are drawn \
+         coarser; --lod full draws all as they are"
     )))
 }
 
