@@ -16,8 +16,8 @@ use crate::cli::progress::Bar;
 use crate::cli::say::{answer, say};
 use crate::cli::scene::nothing_shows::{self, Outlook};
 use crate::output::{Difference, FrameOptions, FrameWriter, animation_manifest, hatched, write_manifest};
-use crate::session::audit::Audit;
 use crate::plan::StoreFacts;
+use crate::session::audit::Audit;
 use crate::session::{Frame, FrameStats, LoadStats};
 
 /// What became of a sequence.
