@@ -61,7 +61,7 @@ pub(super) struct Drawer {
 #[derive(Debug)]
 enum Sessions {
     One(Session),
-    Levels(LevelSessions, Rule),
+    Levels(Box<LevelSessions>, Rule),
 }
 
 impl Drawer {
@@ -74,7 +74,7 @@ impl Drawer {
         let sessions = match lod {
             Lod::Full => Sessions::One(session),
             Lod::Level(level) => Sessions::One(at_level(&session, level).await?),
-            Lod::Auto(rule) => Sessions::Levels(LevelSessions::open(session).await?, rule),
+            Lod::Auto(rule) => Sessions::Levels(Box::new(LevelSessions::open(session).await?), rule),
         };
         Ok(Self { store, sessions })
     }
