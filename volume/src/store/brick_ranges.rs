@@ -122,6 +122,9 @@ impl Cubes {
     }
 }
 
+/// Fewer voxels are not worth the waking of threads.
+const ALONE: usize = 1 << 17;
+
 /// Ranges of cubes in ordinals, gathered slab by slab: what they are stretched to is known only at the end.
 #[derive(Debug)]
 pub(super) struct RangeBuilder {
@@ -175,7 +178,7 @@ impl RangeBuilder {
         for bz in cubes.met(z0, z1, counts.z) {
             let zs = cubes.reached(bz, n.z, z0, z1);
             let rows = &mut self.table[bz as usize * layer..][..layer][ys.start as usize * row..ys.end as usize * row];
-            rows.par_chunks_mut(row).zip(ys.clone().into_par_iter()).for_each(|(row, by)| {
+            let widen_row = |(row, by): (&mut [[u16; 2]], u32)| {
                 let row = &mut row[xs.start as usize..xs.end as usize];
                 // Over all rows of voxels that the row of cubes reaches, at each x.
                 let (mut lows, mut highs) = (vec![T::MAX; nx], vec![T::MIN; nx]);
@@ -190,7 +193,12 @@ impl RangeBuilder {
                     *min = (*min).min(low.ordinal());
                     *max = (*max).max(high.ordinal());
                 }
-            });
+            };
+            if nx * ny * zs.len() < ALONE {
+                rows.chunks_mut(row).zip(ys.clone()).for_each(widen_row);
+            } else {
+                rows.par_chunks_mut(row).zip(ys.clone().into_par_iter()).for_each(widen_row);
+            }
         }
     }
 

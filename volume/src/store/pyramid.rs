@@ -15,6 +15,9 @@ use super::tiles::Tile;
 /// The coarsest level whose voxels lie in one tile each.
 const TILED: usize = SHARD_EDGE.ilog2() as usize;
 
+/// Voxels of a plane: fewer are not worth the waking of threads.
+const ALONE: usize = 1 << 16;
+
 /// What is gathered of the finest voxels under one voxel of a level.
 pub(super) trait Under: Clone + Send + Sync {
     /// Of no voxels.
@@ -138,9 +141,12 @@ impl<U: Under> Pyramid<U> {
 /// Adds a plane of `tile` to one of half as many voxels on either axis, by `gather` row by row.
 fn halve<T: Sync, U: Send>(tile: &Tile, below: &[T], above: &mut [U], gather: &(impl Fn(&[T], &mut [U]) + Sync)) {
     let ([width, _], above_width) = (tile.size(), tile.halved().size()[0]);
-    above.par_chunks_mut(above_width).zip(below.par_chunks(2 * width)).for_each(|(out, rows)| {
-        rows.chunks_exact(width).for_each(|row| gather(row, out));
-    });
+    let gather_rows = |(out, rows): (&mut [U], &[T])| rows.chunks_exact(width).for_each(|row| gather(row, out));
+    if below.len() < ALONE {
+        above.chunks_mut(above_width).zip(below.chunks(2 * width)).for_each(gather_rows);
+    } else {
+        above.par_chunks_mut(above_width).zip(below.par_chunks(2 * width)).for_each(gather_rows);
+    }
 }
 
 #[cfg(test)]

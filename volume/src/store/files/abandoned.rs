@@ -98,6 +98,10 @@ mod tests {
         let make = |name: &str| {
             let made = dir.path().join(name);
             fs::create_dir_all(made.join("store/0/c")).unwrap();
+            fs::create_dir_all(made.join("store/2/c/0")).unwrap();
+            fs::create_dir_all(made.join("store/levels/2/distances")).unwrap();
+            fs::write(made.join("store/levels/2/halos.bin"), b"half").unwrap();
+            fs::write(made.join("voxels-2"), b"scratch").unwrap();
             fs::write(made.join("lock"), b"").unwrap();
             fs::write(made.join("phantom.nrrd"), b"scratch").unwrap();
             made

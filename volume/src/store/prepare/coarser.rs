@@ -19,7 +19,7 @@ use crate::store::tiles::Tile;
 use crate::store::voxel::{StoredType, Voxel};
 
 /// Voxels whose means are taken at once.
-const PART: usize = 1 << 12;
+const PART: usize = 1 << 15;
 
 /// Finest voxels with data, as ordinals.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -164,16 +164,20 @@ impl Planes {
     ) -> Result<(), StoreError> {
         let (stored_type, bytes) = (self.stored_type, self.stored_type.bytes());
         self.bytes.resize(plane.len() * bytes, 0);
-        let put = |(out, under): (&mut [u8], &[Finest])| {
-            for (out, under) in out.chunks_exact_mut(bytes).zip(under) {
+        self.low.resize(plane.len(), 0);
+        self.high.resize(plane.len(), 0);
+        let all = self.bytes.par_chunks_mut(PART * bytes).zip(plane.par_chunks(PART));
+        let all = all.zip(self.low.par_chunks_mut(PART).zip(self.high.par_chunks_mut(PART)));
+        all.for_each(|((out, plane), (low, high))| {
+            for (out, under) in out.chunks_exact_mut(bytes).zip(plane) {
                 let bits = stored_type.bits_of_ordinal(under.mean(no_data));
                 out.copy_from_slice(&bits.to_le_bytes()[..bytes]);
             }
-        };
-        self.bytes.par_chunks_mut(PART * bytes).zip(plane.par_chunks(PART)).for_each(put);
+            for ((low, high), under) in low.iter_mut().zip(high).zip(plane) {
+                (*low, *high) = (under.low, under.high);
+            }
+        });
         raw.voxels.put(tile, z, &self.bytes)?;
-        plane.par_iter().with_min_len(PART).map(|under| under.low).collect_into_vec(&mut self.low);
-        plane.par_iter().with_min_len(PART).map(|under| under.high).collect_into_vec(&mut self.high);
         raw.tables.add_bounds(tile, z, &self.low, &self.high);
         Ok(())
     }

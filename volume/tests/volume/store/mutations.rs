@@ -22,6 +22,16 @@ static GOOD: LazyLock<(Vec<u8>, Vec<u8>)> = LazyLock::new(|| {
     (store.manifest_bytes().to_vec(), store.brick_ranges().to_bytes())
 });
 
+/// Manifest of a store with regions and of its level 1.
+static WITH_LEVELS: LazyLock<(Vec<u8>, Vec<u8>)> = LazyLock::new(|| {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("s");
+    let halves = Volume::new([40, 9, 20], VoxelType::U16, |[x, _, _]| if x < 17 { 100.0 } else { 50_000.0 });
+    halves.prepare_filled(&path, &windows(16, 0.1), &[100.0]).unwrap();
+    let store = Store::open(&path).unwrap();
+    (store.manifest_bytes().to_vec(), store.level(1).unwrap().manifest_bytes().to_vec())
+});
+
 /// Manifest and table of bricks of a store with regions.
 static WITH_REGIONS: LazyLock<(Vec<u8>, Vec<u8>)> = LazyLock::new(|| {
     let dir = tempfile::tempdir().unwrap();
@@ -145,6 +155,21 @@ proptest! {
             let again = Manifest::from_bytes(&manifest.to_bytes().unwrap()).unwrap();
             prop_assert_eq!(again, manifest);
         }
+    }
+
+    /// With the hash that the store promises: what follows from the store is what it says, or it is refused.
+    #[test]
+    fn mutated_manifests_of_levels_are_refused_or_valid(mutations in prop::collection::vec(mutation(), 1..4)) {
+        let mut store = Manifest::from_bytes(&WITH_LEVELS.0).unwrap();
+        let bytes = mutated(&WITH_LEVELS.1, &mutations);
+        store.levels[0].hash = ContentHash::of(&bytes);
+        if let Ok(level) = store.level_from_bytes(1, &bytes) {
+            prop_assert_eq!((level.level, level.levels.len()), (1, 0));
+            prop_assert_eq!(level.geometry, store.geometry.at_level(1).unwrap());
+            prop_assert_eq!(level.range, store.range);
+            prop_assert_eq!((level.value_map(), level.grid.brick_size()), (store.value_map(), store.grid.brick_size()));
+        }
+        prop_assert!(store.level_from_bytes(2, &bytes).is_err() && store.level_from_bytes(0, &bytes).is_err());
     }
 
     #[test]
