@@ -1,7 +1,8 @@
-//! The stores below the data root, by hash and by name. The root is a jail: nothing outside of it is ever opened.
+//! The stores below the data root, by hash and by name, and their levels, by hash alone. The root is a jail: nothing
+//! outside of it is ever opened.
 
-use std::collections::HashMap;
 use std::collections::hash_map::Entry;
+use std::collections::{HashMap, HashSet};
 use std::path::{Component, Path};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -56,6 +57,26 @@ struct Index {
     found: Vec<StoreName>,
     open: HashMap<StoreHash, Kept>,
     scanned: Option<Instant>,
+    /// Coarser levels, and the stores that have them.
+    levels: HashMap<StoreHash, Level>,
+    /// Stores whose levels were looked for.
+    read: HashSet<StoreHash>,
+}
+
+impl Index {
+    /// Two stores may have the same level: when one goes, the other is to be asked again.
+    fn forget_levels(&mut self) {
+        self.levels.clear();
+        self.read.clear();
+    }
+}
+
+/// A level of detail, which is a store within another.
+#[derive(Debug, Clone)]
+struct Level {
+    /// The store that has it, by its name and its hash.
+    of: StoreName,
+    level: u8,
 }
 
 /// An open store, and when it was last asked for.
@@ -97,11 +118,12 @@ impl Stores {
             return Ok(open);
         }
         let find = || self.lock().found.iter().find(|name| name.hash == hash).cloned();
-        let found = find().or_else(|| {
+        let Some(name) = find().or_else(|| {
             self.scan();
             find()
-        });
-        let name = found.ok_or_else(|| NodeError::UnknownStore { hash, there: listing(&self.lock()) })?;
+        }) else {
+            return self.level(hash);
+        };
         let folder = self.folder(&name.name);
         let open = self.open(name.name, &folder)?;
         if open.store.hash() != hash {
@@ -109,6 +131,41 @@ impl Stores {
             return Err(NodeError::OtherContent { name: open.name.clone(), got: open.store.hash(), want: hash });
         }
         Ok(open)
+    }
+
+    /// A level of a store by its own hash, which the store's manifest names. They are not listed: whoever wants one
+    /// knows its store.
+    fn level(&self, hash: StoreHash) -> Result<Arc<OpenStore>, NodeError> {
+        let unknown = || NodeError::UnknownStore { hash, there: listing(&self.lock()) };
+        let Level { of: StoreName { name, hash: root }, level } = self.find_level(hash).ok_or_else(unknown)?;
+        let store = Store::open_in(&self.folder(&name)).map_err(|error| NodeError::of_store(&name, error))?;
+        if store.hash() != root {
+            self.forget(root);
+            return Err(NodeError::OtherContent { name, got: store.hash(), want: root });
+        }
+        let of_level = store.level(level).filter(|of_level| of_level.hash() == hash).cloned().ok_or_else(unknown)?;
+        Ok(self.keep(format!("{name}, level {level}"), of_level))
+    }
+
+    /// Where a level is: among those that are known, or of stores that were not asked yet.
+    fn find_level(&self, hash: StoreHash) -> Option<Level> {
+        let new: Vec<StoreName> = {
+            let index = self.lock();
+            if let Some(known) = index.levels.get(&hash) {
+                return Some(known.clone());
+            }
+            index.found.iter().filter(|name| !index.read.contains(&name.hash)).cloned().collect()
+        };
+        for name in new {
+            let manifest = self.folder(&name.name).manifest();
+            let mut index = self.lock();
+            index.read.insert(name.hash);
+            let levels = manifest.map(|manifest| manifest.levels).unwrap_or_default();
+            for (level, entry) in (1..).zip(levels) {
+                index.levels.insert(entry.hash.into(), Level { of: name.clone(), level });
+            }
+        }
+        self.lock().levels.get(&hash).cloned()
     }
 
     /// # Errors
@@ -142,7 +199,10 @@ impl Stores {
     pub fn forget(&self, hash: StoreHash) {
         let mut index = self.lock();
         index.open.remove(&hash);
-        index.found.retain(|name| name.hash != hash);
+        // Of a level: its store.
+        let root = index.levels.get(&hash).map_or(hash, |level| level.of.hash);
+        index.found.retain(|name| name.hash != root);
+        index.forget_levels();
     }
 
     /// An open store, if it is. Closes those that nobody has asked for in a while.
@@ -160,14 +220,19 @@ impl Stores {
 
     fn open(&self, name: String, folder: &StoreFolder) -> Result<Arc<OpenStore>, NodeError> {
         let store = Store::open_in(folder).map_err(|error| NodeError::of_store(&name, error))?;
+        Ok(self.keep(name, store))
+    }
+
+    /// Keeps a store open; the one that is open already, where somebody was faster.
+    fn keep(&self, name: String, store: Store) -> Arc<OpenStore> {
         let store = Arc::new(OpenStore { name, store: Arc::new(store) });
         let hash = store.store.hash();
         let opened = match self.lock().open.entry(hash) {
-            Entry::Occupied(kept) => return Ok(kept.get().store.clone()),
+            Entry::Occupied(kept) => return kept.get().store.clone(),
             Entry::Vacant(place) => place.insert(Kept { store, used: Instant::now() }).store.clone(),
         };
         tracing::info!(store = opened.name, %hash, "store opened");
-        Ok(opened)
+        opened
     }
 
     /// The folder of a store that a scan found.
@@ -218,6 +283,9 @@ impl Stores {
         }
         found.sort_by(|a, b| a.name.cmp(&b.name));
         let mut index = self.lock();
+        if index.found != found {
+            index.forget_levels();
+        }
         index.found = found;
         index.scanned = Some(Instant::now());
     }

@@ -14,6 +14,7 @@ pub mod format;
 pub mod ids;
 pub mod json_fields;
 pub mod leftovers;
+pub mod lod;
 pub mod look_on;
 pub mod macrocell;
 pub mod memory;

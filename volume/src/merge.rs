@@ -202,6 +202,17 @@ impl MergeTree {
         layer: &mut impl FnMut(TreeNode) -> Option<T>,
         join: &mut impl FnMut(T, T) -> T,
     ) -> Option<T> {
+        self.fold_by(node, &|node| self.front_and_back(node, from), layer, join)
+    }
+
+    /// As [`MergeTree::fold`]; `order` gives the children of an inner node as `(front, back)`.
+    pub fn fold_by<T>(
+        &self,
+        node: TreeNode,
+        order: &impl Fn(TreeNode) -> (TreeNode, TreeNode),
+        layer: &mut impl FnMut(TreeNode) -> Option<T>,
+        join: &mut impl FnMut(T, T) -> T,
+    ) -> Option<T> {
         self.chunk_box(node)?;
         if let Some(found) = layer(node) {
             return Some(found);
@@ -209,8 +220,8 @@ impl MergeTree {
         if self.is_leaf(node) {
             return None;
         }
-        let (front, back) = self.front_and_back(node, from);
-        match (self.fold(front, from, layer, join), self.fold(back, from, layer, join)) {
+        let (front, back) = order(node);
+        match (self.fold_by(front, order, layer, join), self.fold_by(back, order, layer, join)) {
             (Some(f), Some(b)) => Some(join(f, b)),
             (one, other) => one.or(other),
         }

@@ -11,6 +11,7 @@ Exit codes:
   1  failure: nothing half-written is left behind; frames of a sequence that are done stay
   2  usage: the arguments are wrong
   3  incomplete picture written: its manifest and this code say so
+  4  complete picture written, parts in view coarser than they are (--lod auto)
   128 + N  ended by signal N (130: ctrl-c): as 1";
 
 /// Why a command did not end well.
@@ -22,6 +23,8 @@ pub enum Failure {
     Failed(anyhow::Error),
     /// A picture was written, but not all of it had arrived: exit code 3.
     Incomplete(String),
+    /// A complete picture was written, in which parts in view are coarser than they are: exit code 4.
+    Coarse(String),
 }
 
 impl Failure {
@@ -35,6 +38,7 @@ impl Failure {
             Self::Usage(_) => ExitCode::from(2),
             Self::Failed(_) => ExitCode::from(1),
             Self::Incomplete(_) => ExitCode::from(3),
+            Self::Coarse(_) => ExitCode::from(4),
         }
     }
 
@@ -43,7 +47,7 @@ impl Failure {
     pub fn message(&self) -> String {
         match self {
             Self::Usage(e) | Self::Failed(e) => shown(&causes(e.as_ref())).into_owned(),
-            Self::Incomplete(what) => shown(what).into_owned(),
+            Self::Incomplete(what) | Self::Coarse(what) => shown(what).into_owned(),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! Layers become a picture: tile by tile, joined at the merge tree's nodes as their kind of pixels is, in f32; then
 //! coloured.
 
-use std::collections::HashSet;
+use std::collections::HashMap;
 
 use brickcast_proto::{TILE, TileRect};
 use brickcast_volume::merge::{MergeTree, Viewpoint};
@@ -22,20 +22,39 @@ pub enum BlendError {
     Kind(#[from] KindError),
 }
 
-/// Joins everything that the ledger holds, in visibility order from `from`, and colours it.
+/// What one level of a volume brought to a frame, and from where it is seen in that level's own index space.
+#[derive(Debug, Clone, Copy)]
+pub struct LevelLayers<'a> {
+    pub ledger: &'a Ledger,
+    pub tree: &'a MergeTree,
+    pub from: Viewpoint,
+}
+
+impl LevelLayers<'_> {
+    /// As all of a frame: one of this level alone.
+    #[must_use]
+    pub fn alone(&self) -> Levels<'_> {
+        Levels { finest: (self.tree, self.from), levels: std::slice::from_ref(self) }
+    }
+}
+
+/// The levels of a frame; several where parts of the volume are drawn coarser. Their layers are nodes of one tree, the
+/// finest's, none within another.
+#[derive(Debug, Clone, Copy)]
+pub struct Levels<'a> {
+    /// The tree of level 0, at whose nodes all are joined, and its viewpoint.
+    pub finest: (&'a MergeTree, Viewpoint),
+    pub levels: &'a [LevelLayers<'a>],
+}
+
+/// Joins everything that the ledgers hold, in visibility order, and colours it.
 ///
 /// # Errors
 /// Layers of two kinds, which no ledger has whose tiles were decoded for one scene.
-pub fn blend(
-    ledger: &Ledger,
-    tree: &MergeTree,
-    from: Viewpoint,
-    size: PictureSize,
-    coloring: &Coloring,
-) -> Result<Picture, BlendError> {
-    let on_the_way = on_the_way(ledger.layers());
+pub fn blend(levels: Levels<'_>, size: PictureSize, coloring: &Coloring) -> Result<Picture, BlendError> {
+    let ways = Ways::to(levels.levels.iter().map(|level| level.ledger.layers()));
     let finished = |tile| {
-        let joined = joined(ledger, tree, from, &on_the_way, tile).transpose()?;
+        let joined = joined(levels, &ways, tile).transpose()?;
         Some(joined.map(|pixels| FinishedTile { tile, pixels: Some(coloring.colors(&pixels)) }))
     };
     let mut picture = Picture::new(size, vec![Premul::CLEAR; size.pixel_count()])?;
@@ -51,46 +70,62 @@ pub fn blend(
     Ok(picture)
 }
 
-/// As [`blend`], of one tile; nothing where it is clear.
+/// As [`blend`], of one tile of a frame of one level; nothing where it is clear.
 pub(super) fn blend_tile(
-    ledger: &Ledger,
-    tree: &MergeTree,
-    from: Viewpoint,
+    level: LevelLayers<'_>,
     coloring: &Coloring,
     tile: [u32; 2],
 ) -> Result<FinishedTile, KindError> {
-    let here = ledger.layers().filter(|layer| ledger.pixels(*layer, tile).is_some());
-    let joined = joined(ledger, tree, from, &on_the_way(here), tile)?;
+    let here = level.ledger.layers().filter(|layer| level.ledger.pixels(*layer, tile).is_some());
+    let joined = joined(level.alone(), &Ways::to(std::iter::once(here)), tile)?;
     Ok(FinishedTile { tile, pixels: joined.map(|pixels| coloring.colors(&pixels)) })
 }
 
-/// The tree's nodes from the root down to these: only subtrees that hold a layer are worth a visit.
-fn on_the_way(layers: impl Iterator<Item = TreeNode>) -> HashSet<TreeNode> {
-    let mut on_the_way = HashSet::new();
-    for layer in layers {
-        let mut node = layer.0;
-        while node > 0 && on_the_way.insert(TreeNode(node)) {
-            node /= 2;
+/// The tree's nodes from the root down to the layers, each with the levels that have layers at or below it, a bit each:
+/// only subtrees that hold a layer are worth a visit.
+struct Ways(HashMap<TreeNode, u64>);
+
+impl Ways {
+    fn to(levels: impl Iterator<Item = impl Iterator<Item = TreeNode>>) -> Self {
+        let mut ways: HashMap<TreeNode, u64> = HashMap::new();
+        for (place, layers) in levels.enumerate() {
+            let bit = 1 << (place as u32).min(u64::BITS - 1);
+            for layer in layers {
+                let mut node = layer.0;
+                while node > 0 {
+                    let levels = ways.entry(TreeNode(node)).or_default();
+                    if *levels & bit != 0 {
+                        break;
+                    }
+                    *levels |= bit;
+                    node /= 2;
+                }
+            }
         }
+        Self(ways)
     }
-    on_the_way
+
+    /// The only level at or below a node, where there is one.
+    fn only_level(&self, node: TreeNode) -> Option<usize> {
+        self.0.get(&node).filter(|levels| levels.count_ones() == 1).map(|levels| levels.trailing_zeros() as usize)
+    }
 }
 
 /// The pixels of a tile, where anything shows in it.
 type Joined = Result<Option<TilePixels>, KindError>;
 
-fn joined(
-    ledger: &Ledger,
-    tree: &MergeTree,
-    from: Viewpoint,
-    on_the_way: &HashSet<TreeNode>,
-    tile: [u32; 2],
-) -> Joined {
+fn joined(levels: Levels<'_>, ways: &Ways, tile: [u32; 2]) -> Joined {
+    let (finest, from) = levels.finest;
     let mut layer = |node: TreeNode| -> Option<Joined> {
-        if let Some(pixels) = ledger.pixels(node, tile) {
+        if let Some(pixels) = levels.levels.iter().find_map(|level| level.ledger.pixels(node, tile)) {
             return Some(Ok(Some(pixels.clone())));
         }
-        (!on_the_way.contains(&node)).then_some(Ok(None))
+        (!ways.0.contains_key(&node)).then_some(Ok(None))
+    };
+    // Where all is of one level, as a node would have joined it: an eye on a plane must not depend on who does.
+    let order = |node: TreeNode| match ways.only_level(node).and_then(|place| levels.levels.get(place)) {
+        Some(level) => level.tree.front_and_back(node, level.from),
+        None => finest.front_and_back(node, from),
     };
     let mut join = |front: Joined, back: Joined| -> Joined {
         match (front?, back?) {
@@ -101,5 +136,5 @@ fn joined(
             (one, other) => Ok(one.or(other)),
         }
     };
-    tree.fold(MergeTree::ROOT, from, &mut layer, &mut join).unwrap_or(Ok(None))
+    finest.fold_by(MergeTree::ROOT, &order, &mut layer, &mut join).unwrap_or(Ok(None))
 }

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use brickcast_volume::StoreHash;
 use brickcast_volume::json_fields::{FieldError, Fields};
+use brickcast_volume::lod::Lod;
 use brickcast_volume::scene::{SCENE_FIELDS, Scene, Transport};
 use brickcast_volume::small_file::{FileError, read_text};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -22,6 +23,9 @@ const WHAT: &str = "manifest of a picture";
 pub struct PictureManifest {
     pub scene: Scene,
     pub transport: Transport,
+    /// Which of the store's levels it is of; manifests of earlier versions are of the volume itself.
+    pub lod: Lod,
+    /// Of level 0, whichever was drawn.
     pub store: StoreHash,
     /// PATH as it was given where the picture was drawn; manifests of earlier versions do not tell.
     pub path: Option<String>,
@@ -71,8 +75,9 @@ pub struct NodeNote {
 }
 
 /// The fields beside the scene's.
-const FIELDS: [&str; 17] = [
+const FIELDS: [&str; 18] = [
     "transport",
+    "lod",
     "store",
     "path",
     "background",
@@ -119,6 +124,9 @@ impl PictureManifest {
             "background": self.background,
         });
         let mut fields = Map::new();
+        if self.lod != Lod::Full {
+            fields.insert("lod".to_owned(), self.lod.to_json());
+        }
         for part in [head, Value::Object(self.scene.to_json()), own, json!(about)] {
             if let Value::Object(part) = part {
                 fields.extend(part);
@@ -146,6 +154,7 @@ impl PictureManifest {
         Ok(Self {
             scene,
             transport,
+            lod: Lod::from_json(fields, "lod")?,
             store,
             path: fields.get_optional("path")?,
             background,

@@ -1,6 +1,7 @@
 //! One view of what is shown: which chunks it touches and where, and what is ordered from whom.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use brickcast_proto::{LayerOrder, TileRect};
 use brickcast_volume::chord::expected_samples;
@@ -22,6 +23,8 @@ pub struct InView {
     tree: MergeTree,
     /// The pixels that each may touch; empty where it shows nothing.
     rects: PerChunk<PixelRect>,
+    /// As of what is shown: chunks in which another level of the volume is drawn.
+    elsewhere: Option<Arc<PerChunk<bool>>>,
 }
 
 /// Rays through a chunk, and at least through a strip of it, by which its cost in a view is told beforehand.
@@ -41,7 +44,8 @@ impl InView {
                 .fold(NOTHING, |all, one| all.union(&one)),
             _ => NOTHING,
         };
-        Self { tree, rects: shown.per_chunk.iter().map(rect).collect() }
+        let rects = shown.per_chunk.iter().map(rect).collect();
+        Self { tree, rects, elsewhere: shown.elsewhere.clone() }
     }
 
     /// The chunks in view and the tiles that they touch.
@@ -71,12 +75,13 @@ impl InView {
     }
 
     /// The layers that render the chunks that are `mine`, and no others: maximal subtrees all of whose chunks in view
-    /// are.
+    /// are, and in which no other level of the volume is drawn.
     #[must_use]
     pub fn layers(&self, mine: impl Fn(ChunkId) -> bool) -> Vec<LayerOrder> {
         let tree = &self.tree;
         let rect = |c: ChunkIndex| self.rects[tree.chunk_id(c)];
-        tree.layers(&|c| !rect(c).is_empty(), &|c| mine(tree.chunk_id(c)))
+        let elsewhere = |c| self.elsewhere.as_ref().is_some_and(|there| there.get(tree.chunk_id(c)) == Some(&true));
+        tree.layers(&|c| !rect(c).is_empty() || elsewhere(c), &|c| mine(tree.chunk_id(c)) && !elsewhere(c))
             .into_iter()
             .map(|(node, chunks)| LayerOrder {
                 node,

@@ -1,5 +1,8 @@
 //! Which bricks have something to show, whatever the view.
 
+use std::sync::Arc;
+
+use brickcast_volume::lod::Part;
 use brickcast_volume::look_on::{BricksOf, LookOn, NewTables};
 use brickcast_volume::merge::MergeTree;
 use brickcast_volume::regions::{BrickFacts, Drawn};
@@ -62,6 +65,8 @@ pub struct Shown {
     pub(super) per_chunk: PerChunk<u32>,
     /// The smallest box of voxels around them.
     pub(super) boxes: PerChunk<Option<OwnedBox>>,
+    /// Chunks in which another level of the volume is drawn; nothing where this is all of it.
+    pub(super) elsewhere: Option<Arc<PerChunk<bool>>>,
 }
 
 /// Of every brick, x fastest: how it is drawn, and whether it has regions; nothing where it shows nothing.
@@ -92,12 +97,29 @@ impl Shown {
             boxes[chunk] =
                 Some(boxes[chunk].map_or(owned, |b| OwnedBox { lo: b.lo.min(owned.lo), hi: b.hi.max(owned.hi) }));
         }
-        Self { tree, bricks, per_chunk, boxes }
+        Self { tree, bricks, per_chunk, boxes, elsewhere: None }
+    }
+
+    /// What is shown where only a part of the volume is drawn on this level.
+    #[must_use]
+    pub fn only(&self, part: &Part) -> Self {
+        let grid = self.tree.grid();
+        let is_drawn = |brick| part.drawn.get(self.tree.chunk_id(self.tree.chunk_of(brick))) == Some(&true);
+        let bricks = grid.bricks().zip(&self.bricks).map(|(brick, &shown)| shown && is_drawn(brick)).collect();
+        Self { elsewhere: Some(Arc::new(part.elsewhere.clone())), ..Self::of(self.tree, bricks) }
     }
 
     #[must_use]
     pub fn brick_count(&self) -> usize {
         self.bricks.iter().filter(|&&shown| shown).count()
+    }
+
+    /// Voxels that its shown bricks own.
+    #[must_use]
+    pub fn voxel_count(&self) -> u64 {
+        let grid = self.tree.grid();
+        let shown = grid.bricks().zip(&self.bricks).filter(|(_, shown)| **shown);
+        shown.map(|(brick, _)| grid.owned_box(brick).voxel_count()).sum()
     }
 
     /// Cuts `chunks` into `runs` contiguous runs with nearly equal numbers of shown bricks: each chunk and its run.

@@ -28,6 +28,8 @@ use crate::plan::{Assignment, StoreFacts};
 #[derive(Debug)]
 pub struct Cluster {
     dial: Dial,
+    /// As they were named.
+    nodes: Vec<String>,
     store: StoreFacts,
     members: Mutex<Members>,
     outlooks: Outlooks,
@@ -60,12 +62,18 @@ impl Cluster {
         let settings = Settings { mode: Balancing::Off, ..Settings::default() };
         Ok(Arc::new(Self {
             dial,
+            nodes: nodes.to_vec(),
             store: facts(&store),
             outlooks: members.outlooks(),
             members: Mutex::new(members),
             looks: Mutex::default(),
             balance: Mutex::new(Balance { settings, balanced: None, generation: 0 }),
         }))
+    }
+
+    /// Another store on the same nodes, by connections of its own.
+    pub(super) fn again(&self, choice: StoreChoice) -> BoxFuture<'_, Result<Arc<Self>, SessionError>> {
+        Self::open(self.dial.clone(), &self.nodes, choice)
     }
 
     /// Another user: with a session id, a look and a camera of his own.

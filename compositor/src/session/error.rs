@@ -22,4 +22,21 @@ pub enum SessionError {
     View(#[from] ViewError),
     #[error(transparent)]
     Blend(#[from] BlendError),
+    #[error("{}", no_level(*.level, *.coarsest))]
+    NoLevel { level: u8, coarsest: u8 },
+    #[error("level {0} of the store is not what its manifest promises; prepare the store anew")]
+    OtherLevel(u8),
+    #[error("the mean of a ray's samples cannot be drawn of several levels, which take different numbers of them")]
+    MeanOfLevels,
+}
+
+fn no_level(level: u8, coarsest: u8) -> String {
+    let there = match coarsest {
+        0 => "the store has level 0 alone".to_owned(),
+        coarsest => format!("the store has levels 0 to {coarsest}"),
+    };
+    format!(
+        "there is no level {level}: {there}; prepare it anew with --levels auto for all that there can be, until one \
+         is a single brick (smaller bricks give more: --brick)"
+    )
 }

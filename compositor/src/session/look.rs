@@ -3,6 +3,7 @@
 use std::sync::{Arc, Weak};
 
 use brickcast_volume::PerChunk;
+use brickcast_volume::lod::Part;
 use brickcast_volume::scene::Scene;
 
 use crate::balance::LookId;
@@ -31,6 +32,12 @@ impl ShownLook {
         let stored = |brick| grid.owned_box(brick).stored(ghost).voxel_count();
         let bytes = chunks.map(|chunk| shown.bricks_of(chunk).map(stored).sum::<u64>() * BYTES_PER_VOXEL).collect();
         Self { id, scene: scene.clone(), shown: Arc::new(shown), bytes }
+    }
+
+    /// The same where only a part of the volume is drawn on this level.
+    pub(crate) fn only(&self, part: &Part) -> Self {
+        let (scene, bytes) = (self.scene.clone(), self.bytes.clone());
+        Self { id: self.id, scene, shown: Arc::new(self.shown.only(part)), bytes }
     }
 
     /// True where `scene` has this look.

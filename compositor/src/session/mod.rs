@@ -7,6 +7,8 @@ mod balanced;
 mod cluster;
 mod error;
 pub mod interval;
+mod layered;
+pub mod levels;
 mod look;
 pub mod stats;
 
@@ -15,7 +17,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use brickcast_proto::NodeDescription;
-use brickcast_volume::pixel::Coloring;
+use brickcast_volume::lod::Part;
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::{Epoch, FrameId, SessionId};
 use futures_util::future::{BoxFuture, join_all};
@@ -23,33 +25,21 @@ use futures_util::future::{BoxFuture, join_all};
 pub use self::balanced::BalanceStats;
 pub use self::cluster::Cluster;
 pub use self::error::SessionError;
-pub use self::stats::{FrameFaults, FrameStats, LoadStats};
+pub use self::layered::Frame;
+pub use self::stats::{FrameFaults, FrameStats, LoadStats, LodStats};
 pub use crate::cluster::StoreChoice;
 
+use self::layered::{Joining, Layered};
 use self::look::ShownLook;
 use crate::balance::{Demand, Settings};
 use crate::cluster::{Dial, Outlook, Roster};
-use crate::frame::blend::{BlendError, blend};
 use crate::frame::{self, Finished, FrameError, FrameOrder, FrameSink};
-use crate::picture::Picture;
-use crate::plan::{Assignment, InView, StoreFacts};
+use crate::plan::{Assignment, InView, Shown, StoreFacts};
 
 /// Between two attempts to load on a node that is busy.
 const BUSY_PAUSE: Duration = Duration::from_millis(250);
 /// A node that is busy for longer does not get to load, where others do and can take its share.
 const BUSY_LIMIT: Duration = Duration::from_secs(60);
-
-/// A frame, complete or marked as not.
-#[derive(Debug)]
-pub struct Frame {
-    pub picture: Picture,
-    pub complete: bool,
-    /// What is missing and why, in words; empty for a complete frame.
-    pub problems: Vec<String>,
-    /// Tiles of 64 pixels of the picture for which an answer is missing, wholly or of some of its rays.
-    pub missing_tiles: Vec<[u32; 2]>,
-    pub stats: FrameStats,
-}
 
 /// One user's frames on a [`Cluster`]: what is his own, and a share in all that is the cluster's.
 #[derive(Debug)]
@@ -59,6 +49,10 @@ pub struct Session {
     next_frame: u64,
     fixed: Option<Assignment>,
     planned: Option<Planned>,
+    /// What of the volume is drawn on this level; nothing: all of it.
+    only: Option<Arc<Part>>,
+    /// All that the last scene shows, of which `planned` may be a part.
+    whole: Option<Arc<ShownLook>>,
 }
 
 /// What is the same for every view of a sequence: kept until the look or the table changes.
@@ -93,7 +87,7 @@ impl Session {
     /// On a cluster that others use, too.
     #[must_use]
     pub fn on(cluster: Arc<Cluster>) -> Self {
-        Self { cluster, id: new_id(), next_frame: 1, fixed: None, planned: None }
+        Self { cluster, id: new_id(), next_frame: 1, fixed: None, planned: None, only: None, whole: None }
     }
 
     #[must_use]
@@ -122,13 +116,38 @@ impl Session {
         self.cluster.balance(settings);
     }
 
+    /// Draws this part of the volume alone from now on, or all of it. Its frames are not balanced: costs of some chunks
+    /// would be taken for those of all.
+    fn draw_only(&mut self, part: Option<Part>) {
+        if self.only.as_deref() != part.as_ref() {
+            (self.only, self.planned) = (part.map(Arc::new), None);
+        }
+    }
+
+    /// What it shows of what was drawn last.
+    fn drawn(&self) -> Option<&Shown> {
+        self.planned.as_ref().map(|planned| &*planned.look.shown)
+    }
+
+    /// What `scene` shows of what this session draws.
+    fn look(&mut self, scene: &Scene) -> Arc<ShownLook> {
+        let whole = self.whole(scene);
+        self.only.as_ref().map_or_else(|| whole.clone(), |part| Arc::new(whole.only(part)))
+    }
+
+    /// What `scene` shows, whether this session draws it or not.
+    fn whole(&mut self, scene: &Scene) -> Arc<ShownLook> {
+        let known = self.whole.take().filter(|look| look.is_of(scene));
+        self.whole.insert(known.unwrap_or_else(|| self.cluster.look(scene))).clone()
+    }
+
     /// What `scene` shows, and the table of these nodes.
     fn plan(&mut self, scene: &Scene, roster: &Roster) -> (Arc<ShownLook>, Arc<Assignment>) {
         let same = self.planned.take().filter(|p| p.look.is_of(scene));
         let planned = match same {
             Some(planned) if planned.epoch == roster.epoch => planned,
             same => {
-                let look = same.map_or_else(|| self.cluster.look(scene), |p| p.look);
+                let look = same.map_or_else(|| self.look(scene), |p| p.look);
                 let (fixed, slots) = (self.fixed.clone(), roster.presence());
                 let outlook = Outlook { scene: scene.clone(), shown: look.shown.clone(), fixed, slots };
                 let first = Arc::new(outlook.table());
@@ -152,7 +171,7 @@ impl Session {
 
     async fn loaded(&mut self, scene: &Scene) -> Result<LoadStats, SessionError> {
         let started = Instant::now();
-        let mut stats = LoadStats { load_ms: 0.0, decoded_bytes: 0, owned_bytes: 0, shown_bricks: 0, fits: true };
+        let mut stats = LoadStats::default();
         loop {
             let roster = self.cluster.settled();
             let (look, first) = self.plan(scene, &roster);
@@ -236,9 +255,22 @@ impl Session {
         sink: &mut dyn FrameSink,
     ) -> Result<Frame, SessionError> {
         let cluster = self.cluster.clone();
+        let joining = Joining::new(cluster.store(), scene)?;
+        let part = self.layered((scene, &scene.by_rays()), transport, deadline, sink).await?;
+        joining.join(vec![part]).await
+    }
+
+    /// A frame as the nodes leave it. `seen` is what the user sees; nodes, tables and tiles are of its rays, which
+    /// `scene` has as pixels.
+    async fn layered(
+        &mut self,
+        (seen, scene): (&Scene, &Scene),
+        transport: Transport,
+        deadline: Duration,
+        sink: &mut dyn FrameSink,
+    ) -> Result<Layered, SessionError> {
+        let cluster = self.cluster.clone();
         let store = cluster.store();
-        // Nodes, tables and tiles are of rays; the picture is made of them at the end.
-        let (seen, scene) = (scene, &scene.by_rays());
         let view = scene.view_of(&store.manifest.geometry)?;
         let roster = cluster.settled();
         let (look, first) = self.plan(scene, &roster);
@@ -247,7 +279,7 @@ impl Session {
 
         let started = Instant::now();
         let in_view = InView::new(&look.shown, &view);
-        let divided = if self.fixed.is_none() && cluster.balances() {
+        let divided = if self.fixed.is_none() && self.only.is_none() && cluster.balances() {
             let demand = Demand { look: look.id, strips: in_view.sample_positions(&look.shown, &view) };
             cluster.divide(&look, demand, |roster| self.plan(scene, roster).1)
         } else {
@@ -259,8 +291,7 @@ impl Session {
         let finished = Finished::told_to(sink, store, seen, &view);
         let workers = frame::workers(roster);
         let end = frame::run(&order, workers, (&look.shown, &in_view), table, cluster.dial(), finished).await?;
-        let complete = end.ledger.is_complete();
-        let clean = complete && end.reissued == 0 && end.lost.is_empty();
+        let clean = end.ledger.is_complete() && end.reissued == 0 && end.lost.is_empty();
         for (position, lost) in &end.lost {
             if let Some(member) = roster.member(*position) {
                 cluster.lose(member.serial, lost.why.clone());
@@ -268,18 +299,8 @@ impl Session {
         }
         let epoch = roster.epoch;
         let balance = divided.and_then(|d| cluster.learn(d, self.id, scene, &end.costs, clean));
-        let (size, samples) = (seen.view.size, seen.quality.samples);
-        let missing_tiles = frame::tiles_of_pixels(end.ledger.missing_tiles(), samples);
-        let (ledger, tree, from, rays) = (end.ledger, store.tree(), view.viewpoint(), scene.view.size);
-        let coloring = Coloring::new(scene.look.transfer_function.clone(), store.manifest.range);
-        let join = move || Ok::<_, BlendError>(blend(&ledger, &tree, from, rays, &coloring)?.averaged(size, samples)?);
-        let picture = tokio::task::spawn_blocking(join).await.map_err(FrameError::Task)??;
-        let frame_ms = started.elapsed().as_secs_f64() * 1e3;
-        let lost = end.lost.into_iter().map(|(_, lost)| lost).collect();
-        let faults = FrameFaults { epoch: epoch.0, reissued: end.reissued, lost };
-        let stats = FrameStats::sum(frame_ms, (end.tiles, end.bytes_received), complete, faults, end.nodes);
-        let stats = FrameStats { balance, ..stats };
-        Ok(Frame { picture, complete, problems: end.problems, missing_tiles, stats })
+        let in_view = in_view.chunks().len();
+        Ok(Layered { tree: store.tree(), from: view.viewpoint(), end, epoch, balance, in_view, started })
     }
 }
 

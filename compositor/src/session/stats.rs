@@ -36,6 +36,49 @@ pub struct FrameStats {
     /// Where the session balances.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub balance: Option<BalanceStats>,
+    /// Where several levels are drawn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub lod: Option<LodStats>,
+}
+
+/// What of a volume a frame draws on which of its levels; each list has an entry a level, the finest first.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LodStats {
+    /// How many chunks of the level it draws that show something, in view or not.
+    #[serde(rename = "chunks")]
+    pub drawn: Vec<u64>,
+    /// How many bricks in them show something.
+    #[serde(rename = "bricks")]
+    pub loaded: Vec<u64>,
+    /// Of the chunks, those in view.
+    pub in_view: Vec<u64>,
+    /// Voxels that these bricks own, as a share of those that show at full resolution.
+    pub share_of_bytes: f64,
+}
+
+impl LodStats {
+    /// Chunks in view that are drawn coarser than they are.
+    #[must_use]
+    pub fn coarse_in_view(&self) -> u64 {
+        self.in_view.iter().skip(1).sum()
+    }
+
+    /// One line for people.
+    #[must_use]
+    pub fn in_words(&self) -> String {
+        let drawn = self.drawn.iter().enumerate().filter(|(_, chunks)| **chunks > 0);
+        let of_level = |(i, (level, chunks)): (usize, (usize, &u64))| match (i, chunks) {
+            (0, 1) => format!("1 chunk of level {level}"),
+            (0, _) => format!("{chunks} chunks of level {level}"),
+            _ => format!("{chunks} of level {level}"),
+        };
+        let of_levels: Vec<String> = drawn.enumerate().map(of_level).collect();
+        if of_levels.is_empty() {
+            return "lod auto: nothing shows".to_owned();
+        }
+        let share = 100.0 * self.share_of_bytes;
+        format!("lod auto: {}; {share:.0} % of the volume's bricks' bytes", of_levels.join(", "))
+    }
 }
 
 impl FrameStats {
@@ -58,6 +101,7 @@ impl FrameStats {
             faults,
             nodes,
             balance: None,
+            lod: None,
         }
     }
 }
@@ -74,6 +118,24 @@ pub struct LoadStats {
     pub shown_bricks: usize,
     /// False where a node's budget holds fewer bricks than it was given: frames load on the way.
     pub fits: bool,
+}
+
+/// Of nothing.
+impl Default for LoadStats {
+    fn default() -> Self {
+        Self { load_ms: 0.0, decoded_bytes: 0, owned_bytes: 0, shown_bricks: 0, fits: true }
+    }
+}
+
+impl LoadStats {
+    /// Adds what was loaded of another level.
+    pub(super) fn join(&mut self, other: &Self) {
+        self.load_ms += other.load_ms;
+        self.decoded_bytes += other.decoded_bytes;
+        self.owned_bytes += other.owned_bytes;
+        self.shown_bricks += other.shown_bricks;
+        self.fits &= other.fits;
+    }
 }
 
 /// What `--stats` writes: sums over the frames, and arrays where there are several; bricks are those of the last frame.
@@ -106,6 +168,9 @@ pub fn report(load: &LoadStats, frames: &[FrameStats], first_frame_ms: f64) -> s
         "shown_bricks": load.shown_bricks,
         "nodes": nodes,
     });
+    if let Some(lod) = frames.last().and_then(|f| f.lod.as_ref()) {
+        out["lod"] = serde_json::json!(lod);
+    }
     if frames.len() > 1 {
         out["frames"] = serde_json::json!(frames);
     }

@@ -143,3 +143,53 @@ fn a_missing_data_root_is_named() {
     let error = Stores::new(&DataRoot::Folder("no/such/folder".into())).unwrap_err().to_string();
     assert!(error.contains("no/such/folder") && error.contains("--data"), "{error}");
 }
+
+/// A level is a store within a store: known by its own hash, named by nobody.
+#[test]
+fn levels_are_found_by_their_hash_below_any_root_and_are_not_listed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scans/ramp");
+    std::fs::create_dir_all(folder.path().join("scans")).unwrap();
+    let root = make_store(&path, ramp);
+    let store = Store::open(&path).unwrap();
+    assert!(store.level_count() >= 3, "{}", store.level_count());
+    for data in [DataRoot::Folder(folder.path().to_path_buf()), DataRoot::Single(path.clone())] {
+        // Nothing was opened, listed or asked for before.
+        let stores = Stores::new(&data).unwrap();
+        for level in (1..store.level_count()).rev() {
+            let hash = store.level(level).unwrap().hash();
+            let open = stores.by_hash(hash).unwrap();
+            assert_eq!((open.store.hash(), open.store.manifest().geometry), (hash, level_geometry(&store, level)));
+            assert!(open.name.contains("ramp") && open.name.contains(&format!("level {level}")), "{}", open.name);
+            assert!(Arc::ptr_eq(&open, &stores.by_hash(hash).unwrap()), "it stays open");
+        }
+        assert_eq!(stores.list().iter().map(|name| name.hash).collect::<Vec<_>>(), [root]);
+        assert!(matches!(stores.by_hash(StoreHash(7)), Err(NodeError::UnknownStore { .. })));
+    }
+}
+
+fn level_geometry(store: &Store, level: u8) -> brickcast_volume::Geometry {
+    store.manifest().geometry.at_level(level).unwrap()
+}
+
+/// What replaced a store has other levels; those of the old one are not served, even from a copy that is half gone.
+#[test]
+fn levels_of_a_store_that_was_replaced_are_gone_and_those_of_a_copy_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ramp");
+    make_store(&path, ramp);
+    make_store(&folder.path().join("copy"), ramp);
+    let hash = Store::open(&path).unwrap().level(1).unwrap().hash();
+    let open = || Stores::new(&DataRoot::Folder(folder.path().to_path_buf())).unwrap();
+    let (stores, late) = (open(), open());
+    assert!(stores.by_hash(hash).is_ok() && late.list().len() == 2);
+    std::fs::remove_dir_all(&path).unwrap();
+    make_store(&path, |x, _, _| x as u8);
+    stores.forget(hash);
+    std::thread::sleep(SCAN_INTERVAL);
+    assert_eq!(stores.by_hash(hash).unwrap().store.hash(), hash, "the copy has it");
+    std::fs::remove_dir_all(folder.path().join("copy")).unwrap();
+    std::thread::sleep(SCAN_INTERVAL);
+    let error = late.by_hash(hash).unwrap_err();
+    assert!(matches!(error, NodeError::UnknownStore { .. }), "{error}");
+}

@@ -154,7 +154,7 @@ impl TryFrom<wire::StoreDescription> for StoreDescription {
             return Err(WireError::ManifestHash { got, want: hash });
         }
         let broken = |error: StoreError| WireError::Store(error.to_string());
-        let manifest = Manifest::from_bytes(&store.manifest).map_err(broken)?;
+        let manifest = Manifest::any_from_bytes(&store.manifest).map_err(broken)?;
         let ranges = BrickRanges::from_bytes(&manifest, &store.brick_ranges).map_err(broken)?;
         let facts = match manifest.regions {
             Some(_) => Some(BrickFactsTable::from_bytes(&manifest, &store.brick_facts).map_err(broken)?),

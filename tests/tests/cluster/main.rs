@@ -15,6 +15,7 @@ mod cancels;
 mod deaf;
 mod decoding;
 mod faults;
+mod levels;
 mod processes;
 mod shared;
 mod simulated;

@@ -15,6 +15,7 @@ mod holes;
 mod integral;
 mod intervals;
 mod leaping;
+mod levels;
 mod partition;
 mod referee;
 mod rig;

@@ -20,6 +20,7 @@ mod films;
 mod interrupts;
 #[cfg(target_os = "linux")]
 mod kept;
+mod levels;
 #[cfg(unix)]
 mod project;
 mod quality;

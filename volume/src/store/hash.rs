@@ -16,6 +16,13 @@ impl ContentHash {
     }
 }
 
+/// Of a manifest: the store's that it is of.
+impl From<ContentHash> for StoreHash {
+    fn from(hash: ContentHash) -> Self {
+        Self(hash.0)
+    }
+}
+
 impl fmt::Display for ContentHash {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{:032x}", self.0)

@@ -42,6 +42,7 @@ const PAGES: [Pages; 3] = [
             ("Quality", "brickcast render part.nrrd -o part.png --exact --step 0.25"),
             ("Style", "brickcast render part.nrrd -o part.png --isosurface otsu:steelblue --cut z=50%"),
             ("Acceleration and regions", "brickcast render part -o part.png --accel ert,ess --macrocell 8"),
+            ("Level of detail", "brickcast render part -o part.png --lod auto --pixel-error 2"),
             ("Output", "brickcast render part.nrrd -o turn.apng --frames 60 --background white"),
             ("Nodes", "brickcast render part -o part.png --nodes n1:7000,n2:7000 --tls tls"),
             ("Balance", "brickcast render part -o turn.apng --frames 60 --local 4 --balance static"),

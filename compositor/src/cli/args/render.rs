@@ -7,12 +7,13 @@ use clap::Args;
 use super::balance_choice::BalanceChoice;
 use super::camera_path::CameraPath;
 use super::color::{Background, background};
+use super::lod::LodArgs;
 use super::nodes::NodeArgs;
 use super::on_the_way::OnTheWayArgs;
 use super::scene::SceneArgs;
 
-/// What the manifest of `--scene` says: camera, look and quality.
-const SAID_BY_A_MANIFEST: [&str; 52] = [
+/// What the manifest of `--scene` says: camera, look, quality and levels.
+const SAID_BY_A_MANIFEST: [&str; 56] = [
     "size",
     "look",
     "transfer_function",
@@ -62,6 +63,10 @@ const SAID_BY_A_MANIFEST: [&str; 52] = [
     "view",
     "region_transfer_function",
     "region_preset",
+    "lod",
+    "pixel_error",
+    "lod_criterion",
+    "focus",
     "frames",
     "camera_path",
     "orbit",
@@ -91,6 +96,8 @@ pub struct RenderArgs {
     pub check: bool,
     #[command(flatten)]
     pub scene: SceneArgs,
+    #[command(flatten)]
+    pub lod: LodArgs,
     /// white, #RRGGBB, R,G,B or neutral [default: none]
     ///
     /// What lies behind the picture; with none it keeps its alpha. Colours are CSS names, #RRGGBB, or R,G,B of 0 to 1;
@@ -190,6 +197,8 @@ mod tests {
             "part -o a.png --check",
             "--scene a.json -o a.png --frames 3",
             "--scene a.json -o a.png --camera-path dive",
+            "--scene a.json -o a.png --lod 2",
+            "--scene a.json -o a.png --focus 1,2,3",
         ] {
             assert!(Words::try_parse_from(std::iter::once("x").chain(words.split_whitespace())).is_err(), "{words}");
         }

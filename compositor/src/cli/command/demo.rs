@@ -6,6 +6,7 @@ use std::path::Path;
 use brickcast_volume::PictureSize;
 use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::format::RawHints;
+use brickcast_volume::lod::Lod;
 use brickcast_volume::phantom::{PhantomOptions, write_phantom};
 use brickcast_volume::scene::{Look, Quality, Scene, Transport, ViewSpec};
 use brickcast_volume::store::{PrepareOptions, STORE_VERSION, ScratchFolder, Store};
@@ -52,8 +53,8 @@ pub async fn run(args: DemoArgs, quiet: bool) -> Result<(), Failure> {
     writer.finish()?;
     let path = store.display().to_string();
     let background = format.background(options.background);
-    let origin = Origin { path: Some(&path), background };
-    let manifest = manifest(&session, (&choice.scene, choice.transport), &frame, origin);
+    let origin = Origin { path: Some(&path), background, lod: Lod::Full };
+    let manifest = manifest(session.store(), (&choice.scene, choice.transport), &frame, origin);
     write_manifest(&args.output, &serde_json::json!(manifest))?;
     let share: Vec<String> =
         frame.stats.nodes.iter().map(|n| format!("{} bricks in {:.0} ms", n.bricks, n.render_ms)).collect();

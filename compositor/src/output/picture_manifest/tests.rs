@@ -1,3 +1,4 @@
+use brickcast_volume::lod::Rule;
 use brickcast_volume::scene::{Look, Quality, ViewSpec};
 use brickcast_volume::style::{Integration, Phong, Style, TableSize};
 use brickcast_volume::transfer_function::{Colormap, TransferFunction};
@@ -23,6 +24,7 @@ fn manifest() -> PictureManifest {
     PictureManifest {
         scene: Scene::new(look, view, Quality::default()).unwrap(),
         transport: Transport::F16,
+        lod: Lod::Auto(Rule::Error { pixels: 0.3 }),
         store: StoreHash(42),
         path: Some("part".to_owned()),
         background: Some([0.1, 0.2, 0.7]),
@@ -57,11 +59,11 @@ fn what_is_written_is_read_back_alone_and_in_an_animation() {
 #[test]
 fn earlier_manifests_are_read() {
     let mut value = serde_json::to_value(manifest()).unwrap();
-    for key in ["path", "background", "empty", "empty_because", "nodes", "epoch", "store_short", "notes"] {
+    for key in ["lod", "path", "background", "empty", "empty_because", "nodes", "epoch", "store_short", "notes"] {
         value.as_object_mut().unwrap().remove(key);
     }
     let read = read(&value).unwrap().remove(0);
-    assert_eq!((read.path, read.background), (None, None));
+    assert_eq!((read.path, read.background, read.lod), (None, None, Lod::Full));
     assert_eq!(read.scene, manifest().scene);
 }
 
@@ -82,6 +84,7 @@ fn what_is_no_manifest_is_refused_with_field_and_value() {
         ("nodes", json!([1]), &["nodes = [1]"]),
         ("step", json!(null), &["step is missing"]),
         ("level", json!(2), &["level is not known"]),
+        ("lod", json!("half"), &["lod = \"half\"", "\"full\""]),
         ("frames", json!([1]), &["is not known"]),
     ] {
         let error = spoiled(key, with);

@@ -176,8 +176,11 @@ impl Manifest {
         }
     }
 
-    /// Of a store or of a level.
-    pub(crate) fn any_from_bytes(bytes: &[u8]) -> Result<Self, StoreError> {
+    /// Of a store or of a level: for whoever knows the level by its hash.
+    ///
+    /// # Errors
+    /// As [`Manifest::from_bytes`].
+    pub fn any_from_bytes(bytes: &[u8]) -> Result<Self, StoreError> {
         let got = bytes.len() as u64;
         if got > Self::MAX_BYTES {
             return Err(ManifestError::TooLong { got, max: Self::MAX_BYTES }.into());

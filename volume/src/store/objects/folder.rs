@@ -43,10 +43,22 @@ impl StoreFolder {
     /// # Errors
     /// No manifest, one that is too long, leads out of the jail, or cannot be read.
     pub fn manifest_hash(&self) -> Result<StoreHash, StoreError> {
+        Ok(StoreHash::of(&self.manifest_bytes()?))
+    }
+
+    /// The store's manifest, whether or not the rest is in order.
+    ///
+    /// # Errors
+    /// As [`StoreFolder::manifest_hash`]; a manifest that is none.
+    pub fn manifest(&self) -> Result<Manifest, StoreError> {
+        Manifest::from_bytes(&self.manifest_bytes()?)
+    }
+
+    fn manifest_bytes(&self) -> Result<Bytes, StoreError> {
         let bytes = self.open(MANIFEST_FILE)?.read_at_most(Manifest::MAX_BYTES + 1)?;
         match bytes.len() as u64 {
             got if got > Manifest::MAX_BYTES => Err(ManifestError::TooLong { got, max: Manifest::MAX_BYTES }.into()),
-            _ => Ok(StoreHash::of(&bytes)),
+            _ => Ok(bytes),
         }
     }
 }

@@ -1,7 +1,10 @@
 //! `brickcast render --dry-run`: what each node would hold and render.
 
+use anyhow::anyhow;
+use brickcast_volume::lod::Lod;
 use comfy_table::Table;
 
+use super::drawer::at_level;
 use super::frames::Frames;
 use super::plan::RenderPlan;
 use crate::cli::failure::Failure;
@@ -10,7 +13,7 @@ use crate::cli::source::{Source, tell};
 use crate::cluster::{ClusterError, NodeList};
 use crate::embedded::planned_bytes;
 use crate::plan::{Assignment, Shown, StoreFacts};
-use crate::session::Session;
+use crate::session::{Session, SessionError};
 use crate::words::bytes;
 
 /// Of a resident voxel; 4 on GPUs without normalised 16-bit textures.
@@ -20,8 +23,14 @@ const TEXEL_BYTES: u64 = 2;
 /// As a render up to the plan.
 pub(super) async fn run(plan: &RenderPlan, source: Source) -> Result<(), Failure> {
     let nodes = &plan.nodes;
+    let mut level = None;
     let (store, names, budgets): (_, Vec<String>, _) = match source {
         Source::Store(store) => {
+            if let Lod::Level(asked) = plan.lod {
+                let coarsest = store.level_count() - 1;
+                let no_level = || Failure::usage(anyhow!("{}", SessionError::NoLevel { level: asked, coarsest }));
+                level = Some(StoreFacts::of(store.level(asked).ok_or_else(no_level)?));
+            }
             let names = match nodes.are_elsewhere() {
                 false => (0..nodes.count).map(|i| format!("local {i}")).collect(),
                 true => found(&nodes.elsewhere).await?,
@@ -33,12 +42,16 @@ pub(super) async fn run(plan: &RenderPlan, source: Source) -> Result<(), Failure
             let session = Session::open_through(nodes.dial()?, &nodes.elsewhere, source.choice()).await?;
             tell(plan.source.shown(), &session.store().manifest);
             plan.source.agree(&plan.scenes, session.store().hash)?;
+            if let Lod::Level(asked) = plan.lod {
+                level = Some(at_level(&session, asked).await?.store().clone());
+            }
             let (names, budgets) = session.members().map(|(address, d)| (address.to_owned(), d.memory_budget)).unzip();
             (session.store().clone(), names, budgets)
         }
     };
     let count = names.len();
     let frames = Frames::on(&plan.scenes, &store)?;
+    let store = level.unwrap_or(store);
     let scene = frames.first();
     if let Some(outlook) = &frames.outlook {
         tracing::warn!("{}", outlook.in_words());

@@ -1,10 +1,12 @@
 //! What a picture's manifest says: enough to draw it again.
 
+use brickcast_volume::lod::Lod;
 use brickcast_volume::scene::{Scene, Transport};
 
 use crate::output::PictureManifest;
 use crate::output::picture_manifest::{AboutPicture, LostNote, NodeNote};
-use crate::session::{Frame, Session};
+use crate::plan::StoreFacts;
+use crate::session::Frame;
 use crate::words::short;
 
 /// Of what the picture is, beside its scene.
@@ -14,16 +16,17 @@ pub(crate) struct Origin<'a> {
     pub(crate) path: Option<&'a str>,
     /// RGB in 0..=1, of a file without alpha.
     pub(crate) background: Option<[f32; 3]>,
+    pub(crate) lod: Lod,
 }
 
-/// The manifest of a frame that shows `scene`.
+/// The manifest of a frame that shows `scene` of `store`, its level 0.
 pub(crate) fn manifest(
-    session: &Session,
+    store: &StoreFacts,
     (scene, transport): (&Scene, Transport),
     frame: &Frame,
     origin: Origin<'_>,
 ) -> PictureManifest {
-    let (store, faults) = (session.store(), &frame.stats.faults);
+    let faults = &frame.stats.faults;
     let lost = faults.lost.iter().map(|lost| LostNote { address: lost.address.clone(), why: lost.why.clone() });
     let nodes = frame.stats.nodes.iter().map(|n| NodeNote {
         address: n.address.clone(),
@@ -38,6 +41,7 @@ pub(crate) fn manifest(
         store: store.hash,
         path: origin.path.map(str::to_owned),
         background: origin.background,
+        lod: origin.lod,
         complete: frame.complete,
         about: AboutPicture {
             brickcast: env!("CARGO_PKG_VERSION").to_owned(),

@@ -1,5 +1,6 @@
 //! `brickcast render`: arguments become a plan, a store makes frames of it, nodes render them, and they are told of.
 
+mod drawer;
 mod dry_run;
 mod frames;
 mod kept;
@@ -12,18 +13,20 @@ mod redraw;
 mod report;
 mod sequence;
 
+use self::drawer::Drawer;
 use self::frames::Frames;
 use self::plan::RenderPlan;
 use self::report::report;
 use crate::cli::args::RenderArgs;
 use crate::cli::failure::Failure;
+use crate::cli::say::say;
 use crate::session::Session;
 
 pub(crate) use self::manifest::{Origin, manifest};
 
 /// # Errors
 /// Usage before anything opens; failures that name what was wrong; [`Failure::Incomplete`] where a frame was written
-/// that is not complete.
+/// that is not complete; [`Failure::Coarse`] where parts in view were drawn coarser than they are.
 pub async fn run(args: RenderArgs, quiet: bool) -> Result<(), Failure> {
     let plan = RenderPlan::of(args)?;
     let source = plan.source.open(&plan.scenes, quiet)?;
@@ -36,10 +39,13 @@ pub async fn run(args: RenderArgs, quiet: bool) -> Result<(), Failure> {
     result
 }
 
-async fn render(plan: &RenderPlan, mut session: Session, quiet: bool) -> Result<(), Failure> {
+async fn render(plan: &RenderPlan, session: Session, quiet: bool) -> Result<(), Failure> {
     plan.source.agree(&plan.scenes, session.store().hash)?;
-    let frames = Frames::on(&plan.scenes, session.store())?;
-    frames.tell(&session.store().manifest, quiet)?;
-    let all = sequence::draw(plan, &frames, &mut session, quiet).await?;
+    let mut drawer = Drawer::open(session, plan.lod).await?;
+    let store = drawer.store().clone();
+    let frames = Frames::on(&plan.scenes, &store)?;
+    frames.tell(&store.manifest, quiet)?;
+    plan.unbalanced.as_ref().map_or(Ok(()), |note| say(quiet, note))?;
+    let all = sequence::draw(plan, &frames, &mut drawer, quiet).await?;
     report(plan, &all, &frames, quiet)
 }

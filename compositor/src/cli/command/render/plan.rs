@@ -4,9 +4,11 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use brickcast_volume::StoreHash;
+use brickcast_volume::lod::Lod;
 use brickcast_volume::scene::{Leap, Look};
 use brickcast_volume::style::{Mode, Style};
 
+use super::drawer;
 use super::nodes::NodePlan;
 use super::output_paths::{RenderPaths, real};
 use super::redraw::Redraw;
@@ -32,6 +34,9 @@ pub(super) struct RenderPlan {
     /// Where the widths of intervals go.
     pub(super) error: Option<PathBuf>,
     pub(super) dry_run: bool,
+    pub(super) lod: Lod,
+    /// What to say of balancing that was asked for in vain.
+    pub(super) unbalanced: Option<String>,
 }
 
 /// The volume.
@@ -75,6 +80,7 @@ impl RenderPlan {
         if !(1..=MAX_FRAMES).contains(&args.frames) {
             return Err(Failure::usage(anyhow!("--frames {}: must lie between 1 and {MAX_FRAMES}", args.frames)));
         }
+        let lod = drawer::asked(&args, &scenes)?;
         if args.audit {
             scenes.check_intervals("--audit")?;
         }
@@ -112,6 +118,8 @@ impl RenderPlan {
         // another kind.
         let several = scenes.count() > 1 && nodes.are_elsewhere() && !args.audit && args.error.is_none();
         Ok(Self {
+            lod,
+            unbalanced: drawer::unbalanced(&args, lod),
             source: SourcePlan::of(args.path, args.prepare, &scenes, nodes.are_elsewhere())?,
             balance: args.balance.settings(if several { BalanceArg::Dynamic } else { BalanceArg::Off }),
             background,
@@ -238,6 +246,14 @@ impl ScenesPlan {
         match self {
             Self::Asked { .. } => None,
             Self::Drawn(redraw) => redraw.manifests.first()?.background,
+        }
+    }
+
+    /// What the frames show of rays.
+    pub(super) fn modes(&self) -> Vec<Mode> {
+        match self {
+            Self::Asked { scene, .. } => vec![scene.style().mode],
+            Self::Drawn(redraw) => redraw.manifests.iter().map(|m| m.scene.look.style.mode).collect(),
         }
     }
 

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use brickcast_volume::StoreHash;
+use brickcast_volume::lod::Lod;
 
 use crate::cli::failure::Failure;
 use crate::output::{Difference, DrawnFile, PictureManifest, read_manifest};
@@ -37,6 +38,21 @@ impl Redraw {
             redraw.picture = Some(redraw.picture_beside()?);
         }
         Ok(redraw)
+    }
+
+    /// The levels that all frames are drawn of.
+    ///
+    /// # Errors
+    /// Frames of different ones.
+    pub(super) fn lod(&self) -> Result<Lod, Failure> {
+        let first = self.manifests.first().map_or(Lod::Full, |manifest| manifest.lod);
+        match self.manifests.iter().position(|manifest| manifest.lod != first) {
+            None => Ok(first),
+            Some(i) => {
+                let file = self.path.display();
+                Err(anyhow!("{file}: frame {i} has another lod than frame 0: draw them apart").into())
+            }
+        }
     }
 
     fn picture_beside(&self) -> Result<DrawnFile, Failure> {

@@ -12,7 +12,7 @@ use crate::cli::failure::Failure;
 use crate::cli::say::{answer, say};
 use crate::cli::scene::nothing_shows;
 use crate::output::write_json;
-use crate::session::stats;
+use crate::session::{FrameStats, LodStats, stats};
 use crate::words::{bytes, time};
 
 /// Says what was written and writes the statistics.
@@ -43,8 +43,20 @@ pub(super) fn report(plan: &RenderPlan, all: &Sequence, frames: &Frames<'_>, qui
     }
     match &plan.scenes {
         ScenesPlan::Drawn(redraw) if redraw.picture.is_some() => answer(quiet, &redraw.verdict(&all.differences)?),
-        ScenesPlan::Drawn(_) | ScenesPlan::Asked { .. } => Ok(()),
+        ScenesPlan::Drawn(_) | ScenesPlan::Asked { .. } => coarse(plan, &all.frames).map_or(Ok(()), Err),
     }
+}
+
+/// Where something in view was drawn coarser than it is.
+fn coarse(plan: &RenderPlan, frames: &[FrameStats]) -> Option<Failure> {
+    let lods = || frames.iter().filter_map(|frame| frame.lod.as_ref());
+    let coarse = lods().map(LodStats::coarse_in_view).max().filter(|&chunks| chunks > 0)?;
+    let of = lods().map(|lod| lod.in_view.iter().sum::<u64>()).max().unwrap_or(coarse);
+    let output = plan.output.as_ref()?.path.display();
+    Some(Failure::Coarse(format!(
+        "complete picture written to {output}, not at full resolution: {coarse} of {of} chunks in view are drawn \
+         coarser; --lod full draws all as they are"
+    )))
 }
 
 /// A line for what was written, and with -v another with more figures.

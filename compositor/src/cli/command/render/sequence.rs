@@ -5,6 +5,7 @@ use std::time::Instant;
 use brickcast_volume::leftovers::Farewell;
 use brickcast_volume::scene::{Scene, Transport};
 
+use super::drawer::Drawer;
 use super::frames::Frames;
 use super::kept::Unended;
 use super::manifest::{Origin, manifest};
@@ -15,8 +16,9 @@ use crate::cli::progress::Bar;
 use crate::cli::say::{answer, say};
 use crate::cli::scene::nothing_shows::{self, Outlook};
 use crate::output::{Difference, FrameOptions, FrameWriter, animation_manifest, hatched, write_manifest};
+use crate::plan::StoreFacts;
 use crate::session::audit::Audit;
-use crate::session::{Frame, FrameStats, LoadStats, Session};
+use crate::session::{Frame, FrameStats, LoadStats};
 
 /// What became of a sequence.
 #[derive(Debug)]
@@ -49,20 +51,21 @@ struct Files<'a> {
 pub(super) async fn draw(
     plan: &RenderPlan,
     frames: &Frames<'_>,
-    session: &mut Session,
+    drawer: &mut Drawer,
     quiet: bool,
 ) -> Result<Sequence, Failure> {
-    session.balance(plan.balance.clone());
+    drawer.balance(plan.balance.clone());
     let mut files = Files::open(plan, frames)?;
     let started = Instant::now();
-    let load = session.load(frames.first()).await?;
+    let load = drawer.load(frames.first()).await?;
     if !load.fits {
         tracing::warn!(
             "a node's memory budget holds fewer bricks than it renders: frames load on the way and are slow"
         );
     }
     let flag = if plan.audit { "--audit" } else { "--error" };
-    if (plan.audit || plan.error.is_some()) && session.store().manifest.regions.is_none() {
+    let has_regions = drawer.alone().is_some_and(|session| session.store().manifest.regions.is_some());
+    if (plan.audit || plan.error.is_some()) && !has_regions {
         let why = "the store has no regions, so no ray leaps, and the picture without leaping is the same";
         say(quiet, &format!("{flag}: {why}; stores that were prepared with --segmentation-range W have some"))?;
     }
@@ -76,7 +79,7 @@ pub(super) async fn draw(
         empty: 0,
         written: Vec::new(),
     };
-    let drawn = each(plan, frames, session, (&mut files, &mut all), (started, quiet)).await;
+    let drawn = each(plan, frames, drawer, (&mut files, &mut all), (started, quiet)).await;
     if let Err(failure) = drawn {
         if let Some(kept) = files.keep() {
             say(quiet, &kept)?;
@@ -90,7 +93,7 @@ pub(super) async fn draw(
 async fn each(
     plan: &RenderPlan,
     frames: &Frames<'_>,
-    session: &mut Session,
+    drawer: &mut Drawer,
     (files, all): (&mut Files<'_>, &mut Sequence),
     (started, quiet): (Instant, bool),
 ) -> Result<(), Failure> {
@@ -99,19 +102,20 @@ async fn each(
     let far = |done: usize| bar.iter().for_each(|bar| bar.at(done as u64, count.into()));
     far(0);
     for (i, (scene, transport)) in frames.each().enumerate() {
-        let frame = session.render(&scene, transport, plan.nodes.deadline).await?;
+        let frame = drawer.render(&scene, transport, plan.nodes.deadline).await?;
         if i == 0 {
             all.first_frame_ms = started.elapsed().as_secs_f64() * 1e3;
+            frame.stats.lod.as_ref().map_or(Ok(()), |lod| say(quiet, &lod.in_words()))?;
         }
         all.problems.extend(frame.problems.iter().map(|p| format!("frame {i}: {p}")));
         let is_empty = frame.complete && nothing_shows::is_empty(&frame.picture);
         all.empty += usize::from(is_empty);
         let empty_because = is_empty.then_some(frames.outlook.as_ref());
-        files.push(session, (&scene, transport), &frame, empty_because)?;
+        files.push(drawer.store(), (&scene, transport), &frame, empty_because)?;
         if let (ScenesPlan::Drawn(redraw), true) = (&plan.scenes, frame.complete) {
             all.differences.extend(redraw.compare(i, &frame.picture, plan.background));
         }
-        if plan.audit || plan.error.is_some() {
+        if let (true, Some(session)) = (plan.audit || plan.error.is_some(), drawer.alone()) {
             match proof::of_frame(plan, session, (&scene, transport), i, &frame).await? {
                 Ok(audit) => {
                     audit.map_or(Ok(()), |audit| answer(quiet, &audit.in_words()))?;
@@ -145,7 +149,7 @@ impl<'a> Files<'a> {
     /// `empty_because` is there where nothing shows.
     fn push(
         &mut self,
-        session: &Session,
+        store: &StoreFacts,
         shown: (&Scene, Transport),
         frame: &Frame,
         empty_because: Option<Option<&Outlook>>,
@@ -156,8 +160,8 @@ impl<'a> Files<'a> {
             return Ok(writer.push(&picture)?);
         }
         let background = output.format.background(self.plan.background);
-        let origin = Origin { path: self.plan.source.given.as_deref(), background };
-        let mut manifest = manifest(session, shown, frame, origin);
+        let origin = Origin { path: self.plan.source.given.as_deref(), background, lod: self.plan.lod };
+        let mut manifest = manifest(store, shown, frame, origin);
         manifest.about.empty = empty_because.is_some();
         manifest.about.empty_because = empty_because.flatten().map(|outlook| outlook.why().to_owned());
         if output.format.is_animation() {

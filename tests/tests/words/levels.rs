@@ -1,0 +1,155 @@
+//! `--lod` on the command line: of stores, inputs and names, its errors, exit code and figures, and drawn again.
+
+use std::path::Path;
+
+use brickcast::output::exr;
+use brickcast_tests::process::{NodeProcess, brickcast, brickcast_ok};
+use brickcast_tests::turn;
+use serde_json::{Value, json};
+
+const LOOK: [&str; 12] = [
+    "--window",
+    "3000,52000",
+    "--opacity",
+    "0.3",
+    "--colormap",
+    "viridis",
+    "--azimuth",
+    "35",
+    "--size",
+    "64x48",
+    "--backend",
+    "cpu",
+];
+
+/// A folder with an input and a store of it, three levels deep.
+fn site() -> tempfile::TempDir {
+    let site = tempfile::tempdir().unwrap();
+    brickcast_ok(site.path(), &["phantom", "part.nrrd", "--dims", "60,52,44", "--pores", "4", "--seed", "3"]);
+    brickcast_ok(site.path(), &["prepare", "part.nrrd", "part", "--brick", "16"]);
+    site
+}
+
+fn draw<'a>(path: &'a str, picture: &'a str, flags: &[&'a str]) -> Vec<&'a str> {
+    [&["render", path, "-o", picture], &LOOK[..], flags].concat()
+}
+
+/// Exit code and what was said.
+fn ended(at: &Path, args: &[&str]) -> (i32, String) {
+    let output = brickcast(at, args);
+    (output.status.code().unwrap(), String::from_utf8_lossy(&output.stderr).into_owned())
+}
+
+fn bits(at: &Path, name: &str) -> Vec<[u32; 4]> {
+    let picture = exr::read(&at.join(name)).unwrap();
+    picture.pixels().iter().map(|p| p.to_array().map(f32::to_bits)).collect()
+}
+
+fn json(at: &Path, name: &str) -> Value {
+    serde_json::from_slice(&std::fs::read(at.join(name)).unwrap()).unwrap()
+}
+
+#[test]
+fn a_level_is_drawn_of_a_store_an_input_and_a_name() {
+    let _turn = turn(module_path!());
+    let site = site();
+    let at = site.path();
+    brickcast_ok(at, &draw("part", "one.exr", &["--lod", "1", "--exact"]));
+    brickcast_ok(at, &draw("part", "full.exr", &["--exact"]));
+    brickcast_ok(at, &draw("part", "zero.exr", &["--lod", "0", "--exact"]));
+    assert!(bits(at, "full.exr") == bits(at, "zero.exr") && bits(at, "full.exr") != bits(at, "one.exr"));
+    brickcast_ok(at, &draw("part.nrrd", "input.exr", &["--lod", "1", "--exact", "--brick", "16", "--local", "2"]));
+    assert!(bits(at, "input.exr") == bits(at, "one.exr"), "prepared on the way");
+    let node = NodeProcess::start(at, &["--backend", "cpu"]);
+    // With the path of a store here, and, from another folder, with a name that only the node knows.
+    let elsewhere = tempfile::tempdir().unwrap();
+    for (from, picture) in [(at, "path.exr"), (elsewhere.path(), "name.exr")] {
+        let drawn: Vec<&str> = draw("part", picture, &["--lod", "1", "--exact", "--nodes", &node.address]);
+        let drawn: Vec<&str> = drawn.into_iter().filter(|word| !["--backend", "cpu"].contains(word)).collect();
+        brickcast_ok(from, &drawn);
+        assert!(bits(from, picture) == bits(at, "one.exr"), "{picture}");
+    }
+    let manifest = json(at, "one.exr.json");
+    assert_eq!((&manifest["lod"], manifest["store"] == json(at, "full.exr.json")["store"]), (&json!(1), true));
+    assert!(json(at, "full.exr.json").get("lod").is_none(), "full resolution is what there always was");
+    let said = brickcast_ok(at, &["render", "--scene", "one.exr.json", "--check", "--local", "3", "--backend", "cpu"]);
+    assert!(said.contains("the same bits"), "{said}");
+    // By the store's hash alone.
+    let by_hash = ["render", "--scene", "one.exr.json", "--check", "--nodes", &node.address];
+    assert!(brickcast_ok(at, &by_hash).contains("the same bits"));
+    let plan = brickcast_ok(at, &draw("part", "none.exr", &["--lod", "1", "--dry-run"]));
+    assert!(plan.contains("30 x 26 x 22 voxels"), "{plan}");
+}
+
+#[test]
+fn auto_tells_what_it_chose_and_is_drawn_again() {
+    let _turn = turn(module_path!());
+    let site = site();
+    let at = site.path();
+    let auto = ["--lod", "auto", "--exact", "--stats", "stats.json"];
+    let (code, said) = ended(at, &draw("part", "coarse.exr", &[&auto[..], &["--pixel-error", "3"]].concat()));
+    assert!(code == 4 && said.contains("lod auto: ") && said.contains("% of the volume's bricks' bytes"), "{said}");
+    assert!(said.contains("complete picture written to coarse.exr, not at full resolution"), "{said}");
+    let lod = &json(at, "stats.json")["lod"];
+    let sum = |key: &str| lod[key].as_array().unwrap().iter().map(|n| n.as_u64().unwrap()).sum::<u64>();
+    assert!(lod["chunks"].as_array().unwrap().len() == 3 && sum("chunks") > 0 && sum("bricks") > 0, "{lod}");
+    assert!(sum("in_view") <= sum("chunks") && lod["share_of_bytes"].as_f64().unwrap() < 1.0, "{lod}");
+    let manifest = json(at, "coarse.exr.json");
+    assert_eq!(manifest["lod"], json!({ "criterion": "error", "pixel_error": 3.0 }));
+    assert_eq!(manifest["complete"], json!(true));
+    let again = ["render", "--scene", "coarse.exr.json", "--check", "--local", "2", "--backend", "cpu"];
+    assert!(brickcast_ok(at, &again).contains("the same bits"));
+    let redrawn = ["render", "--scene", "coarse.exr.json", "-o", "again.exr", "--local", "3", "--backend", "cpu"];
+    assert_eq!(ended(at, &redrawn).0, 4);
+    assert!(bits(at, "again.exr") == bits(at, "coarse.exr"));
+    // Nothing in view is coarse: an ordinary picture.
+    brickcast_ok(at, &draw("part", "full.exr", &["--exact"]));
+    for (flags, lod) in [
+        (&["--pixel-error", "0.001"][..], json!({ "criterion": "error", "pixel_error": 0.001 })),
+        (&["--lod-criterion", "cone"], json!({ "criterion": "cone" })),
+    ] {
+        brickcast_ok(at, &draw("part", "fine.exr", &[&auto[..], flags].concat()));
+        assert!(bits(at, "fine.exr") == bits(at, "full.exr"), "{flags:?}");
+        assert_eq!(json(at, "fine.exr.json")["lod"], lod);
+    }
+    let focus = draw("part", "turn.apng", &["--lod", "auto", "--focus", "1,2,3", "--frames", "3", "--orbit", "40"]);
+    let (code, said) = ended(at, &focus);
+    assert!([0, 4].contains(&code), "{said}");
+    assert_eq!(json(at, "turn.apng.json")["frames"][2]["lod"], json!({ "focus": [1.0, 2.0, 3.0] }));
+    let (code, said) = ended(at, &draw("part", "b.exr", &[&auto[..], &["--balance", "static"]].concat()));
+    assert!([0, 4].contains(&code) && said.contains("--balance static: frames of several levels"), "{said}");
+}
+
+#[test]
+fn what_cannot_be_drawn_is_refused_with_the_way_out() {
+    let _turn = turn(module_path!());
+    let site = site();
+    let at = site.path();
+    brickcast_ok(at, &["prepare", "part.nrrd", "flat", "--brick", "16", "--levels", "0"]);
+    for (path, flags, words) in [
+        ("part", &["--lod", "7"][..], &["--lod 7", "levels 0 to 2", "--levels auto"][..]),
+        ("flat", &["--lod", "1"], &["--lod 1", "level 0 alone", "prepare it anew"]),
+        ("part", &["--lod", "7", "--dry-run"], &["no level 7", "levels 0 to 2"]),
+        ("part", &["--lod", "half"], &["`half`", "full, auto"]),
+        ("part", &["--pixel-error", "2"], &["--pixel-error", "--lod auto"]),
+        ("part", &["--lod", "auto", "--pixel-error", "0"], &["pixel error 0"]),
+        ("part", &["--lod", "auto", "--mode", "average"], &["--mode average", "levels"]),
+        ("part", &["--lod", "auto", "--dry-run"], &["--dry-run", "one level"]),
+        ("part", &["--lod", "auto", "--audit", "--accel", "all"], &["--audit", "one level"]),
+        ("part", &["--lod", "auto", "--error", "e.exr", "--accel", "all"], &["--error", "one level"]),
+    ] {
+        let flags: Vec<&str> = if flags.contains(&"--mode") {
+            // A projection has a transfer function of its own.
+            ["render", path, "-o", "none.exr", "--backend", "cpu"].into_iter().chain(flags.iter().copied()).collect()
+        } else {
+            draw(path, "none.exr", flags)
+        };
+        let (code, said) = ended(at, &flags);
+        assert!(code == 2 && words.iter().all(|word| said.contains(word)), "{flags:?}: {code} {said}");
+        assert!(!at.join("none.exr").exists());
+    }
+    // A store of one level is drawn by auto as it is.
+    brickcast_ok(at, &draw("flat", "flat.exr", &["--lod", "auto", "--exact"]));
+    brickcast_ok(at, &draw("flat", "full.exr", &["--exact"]));
+    assert!(bits(at, "flat.exr") == bits(at, "full.exr"));
+}

@@ -1,0 +1,21 @@
+//! Levels of detail: on which level each part of a volume is drawn, by look and view alone.
+//!
+//! Level 0 is the volume; each further level has half as many voxels on every axis (docs/definition.md, Levels). What
+//! is chosen here depends on the volume, the look and the view, never on nodes, so a picture of several levels is the
+//! same whoever renders what of it (docs/adr/0018-level-of-detail.md).
+
+mod balance;
+mod content;
+mod json;
+mod levels;
+mod rule;
+mod selection;
+mod sight;
+
+pub use self::content::Content;
+pub use self::levels::Levels;
+pub use self::rule::{Criterion, Lod, LodError, Rule};
+pub use self::selection::{Part, Selection};
+
+#[cfg(test)]
+mod tests;
