@@ -44,7 +44,7 @@ impl Recipe {
         if drawn.only_region.is_some() && knows_only_region(ghost) {
             return texel_bytes;
         }
-        let recipe = Self::of(scene, drawn.flattened, has_regions).by_cubes(scene);
+        let recipe = Self::of(scene, drawn.flattened, has_regions);
         let stored = owned.stored(ghost);
         if recipe.interval {
             return interval_bytes(stored.voxel_count(), recipe);

@@ -13,7 +13,7 @@ use brickcast_volume::store::{BrickVoxels, NO_DATA_CODE};
 use glam::IVec3;
 
 use super::bytes::{HOMOGENEOUS_BYTES, reached};
-use super::worth::{alike_enough, leaps_enough};
+use super::worth::leaps_enough;
 use crate::kernel::{BrickInput, RaycastError, check_brick};
 
 /// What goes into the backend's memory.
@@ -53,11 +53,9 @@ impl<'a> BuiltBrick<'a> {
         let mut means = None;
         let mut texels = Cow::Borrowed(voxels.codes.as_slice());
         if let (Some(guard), Some((regions, table))) = (recipe.guard, regions) {
-            // A guard as wide as distances go leaves no leap voxel: V' as plain texels, also where the map says what is
-            // of one value. Coded ones have no room for voxels without data.
-            let worth = recipe.homogeneous.is_none()
-                && !voxels.has_holes
-                && leaps_enough(&voxels.stored, regions, u32::from(guard));
+            // A guard as wide as distances go leaves no leap voxel: V' as plain texels. Coded ones have no room for
+            // voxels without data.
+            let worth = !voxels.has_holes && leaps_enough(&voxels.stored, regions, u32::from(guard));
             let guard = if worth { u32::from(guard) } else { u32::from(MAX_DISTANCE) };
             match texels_of_regions(voxels, regions, table, guard, recipe.radius)? {
                 RegionTexels::Plain => {}
@@ -195,10 +193,7 @@ fn cells_of(
     // A cube that holds a voxel without data is not of one value.
     let width = input.recipe.homogeneous.filter(|_| !input.voxels.has_holes);
     let bits = |cube| MapTexel::from(cube).pack();
-    let cubes = width.map(|width| cells.homogeneous(width));
-    // The rival to regions leaps wherever it can; V' is walked plainly where that is faster.
-    let cubes = cubes.filter(|cubes| input.recipe.guard.is_none() || alike_enough(cubes));
-    let homogeneous = cubes.map(|cubes| cubes.into_iter().map(bits).collect());
+    let homogeneous = width.map(|width| cells.homogeneous(width).into_iter().map(bits).collect());
     Ok(BuiltCells { cells, homogeneous })
 }
 
@@ -243,42 +238,6 @@ mod tests {
         voxels.has_holes = false;
         let input = BrickInput { voxels: &voxels, regions: Some((&regions, &table)), recipe };
         assert!(BuiltBrick::new(&owned, &input).unwrap().means.is_some(), "the same without holes is coded");
-    }
-
-    /// What the map says of V' is what coded texels would: a cell of one value lies in one region, all of it.
-    #[test]
-    fn cells_of_one_value_stand_for_leaps_where_enough_of_them_are() {
-        let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(32) };
-        let stored = owned.stored(1);
-        let covered = StoredBox { lo: stored.lo - 1, hi: stored.hi + 1 };
-        // Noise about 4060, in a region up to x = `border`, and in none from there on.
-        let brick = |border: i32| {
-            let noise = |i: u64| 4010 + (i * 2_654_435_761 % 97) as u16;
-            let voxels =
-                BrickVoxels { stored, codes: (0..stored.voxel_count()).map(noise).collect(), has_holes: false };
-            let width = covered.dims().x as usize;
-            let along = |i: usize| covered.lo.x + (i % width) as i32;
-            let all = 0..covered.voxel_count() as usize;
-            let labels = all.clone().map(|i| u32::from(along(i) < border)).collect();
-            let distances = all.map(|i| (border - along(i)).max(0) as u8).collect();
-            let table = RegionTable(vec![Region { root: 0, voxels: 10, sum: 10_000, min: 1000, max: 1025 }]);
-            let recipe = Recipe { guard: Some(3), macrocell: Some(4), homogeneous: Some(0), ..Recipe::default() };
-            let regions = BrickRegions { covered, labels, distances };
-            let input = BrickInput { voxels: &voxels, regions: Some((&regions, &table)), recipe };
-            let built = BuiltBrick::new(&owned, &input).unwrap();
-            (built.means, built.texels.into_owned(), built.cells.unwrap())
-        };
-        let (means, texels, cells) = brick(20);
-        assert!(means.is_none(), "texels hold values alone");
-        let mean = code_of_density(1000);
-        assert_eq!(texels.iter().filter(|&&t| t == mean).count(), 21 * 34 * 34, "V' in the region, the volume outside");
-        // Of cells 0 to 4 along x, all but the last see only voxels below 20.
-        let cubes: Vec<_> = cells.homogeneous.unwrap().into_iter().map(|bits| MapTexel::unpack(bits).cube).collect();
-        for (i, cube) in cubes.iter().enumerate() {
-            assert_eq!(cube.distance > 0, i % 8 < 4, "cell {i}");
-            assert!(cube.distance == 0 || cube.value == mean);
-        }
-        assert!(brick(8).2.homogeneous.is_none(), "one cell of eight is not worth a question");
     }
 
     #[test]

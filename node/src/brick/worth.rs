@@ -5,7 +5,7 @@
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use brickcast_shaders::twin::macrocell::is_empty;
-use brickcast_volume::macrocell::{HomogeneousCube, Macrocells};
+use brickcast_volume::macrocell::Macrocells;
 use brickcast_volume::regions::BrickRegions;
 use brickcast_volume::{OwnedBox, StoredBox};
 use glam::UVec3;
@@ -15,7 +15,7 @@ use crate::kernel::Occupied;
 
 /// Of the macrocells within the bounds of what a brick shows, the share that must be empty for the map to pay.
 const LEAST_EMPTY: f64 = 0.2;
-/// Of a brick's stored voxels, or of its macrocells, the share that must leap.
+/// Of a brick's stored voxels, the share that must leap.
 const LEAST_LEAPS: f64 = 0.2;
 
 /// [`Occupied`], remembered for the last transfer function.
@@ -75,11 +75,6 @@ pub(crate) fn leaps_enough(stored: &StoredBox, regions: &BrickRegions, guard: u3
         }
     }
     leaps as f64 >= LEAST_LEAPS * dims.element_product() as f64
-}
-
-/// Does it pay to leap through cells of one value?
-pub(crate) fn alike_enough(cubes: &[HomogeneousCube]) -> bool {
-    cubes.iter().filter(|cube| cube.distance > 0).count() as f64 >= LEAST_LEAPS * cubes.len() as f64
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use brickcast_shaders::RaycastVariant;
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::regions::Density;
-use brickcast_volume::scene::{Filter, Scene};
+use brickcast_volume::scene::Filter;
 use brickcast_volume::store::BrickVoxels;
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction, TransferTable};
 use brickcast_volume::{Camera, Geometry, Orbit, PictureSize, View};
@@ -115,11 +115,6 @@ impl GpuRaycaster {
 impl Raycaster for GpuRaycaster {
     fn info(&self) -> &BackendInfo {
         &self.info
-    }
-
-    /// A texel fetch of the map serves for both: asking texels beside it cost more than it brought.
-    fn recipe(&self, scene: &Scene, flattened: bool, has_regions: bool) -> Recipe {
-        Recipe::of(scene, flattened, has_regions).by_cubes(scene)
     }
 
     fn brick_bytes(&self, stored_voxels: u64, recipe: Recipe) -> u64 {

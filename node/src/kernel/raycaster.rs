@@ -5,7 +5,7 @@ use std::sync::Arc;
 use brickcast_shaders::KernelKey;
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::regions::Density;
-use brickcast_volume::scene::{Filter, Scene};
+use brickcast_volume::scene::Filter;
 
 use super::brick::{BrickInput, ResidentBrick};
 use super::error::RaycastError;
@@ -34,12 +34,6 @@ pub struct BackendInfo {
 /// The GPU or the CPU kernel behind one door. Calls block; a node calls them from a blocking thread.
 pub trait Raycaster: Send + Sync + std::fmt::Debug {
     fn info(&self) -> &BackendInfo;
-
-    /// What of a brick that is drawn from V' or not must be resident. Pictures are the same within half a density, so
-    /// each backend walks V' as it does fastest.
-    fn recipe(&self, scene: &Scene, flattened: bool, has_regions: bool) -> Recipe {
-        Recipe::of(scene, flattened, has_regions)
-    }
 
     /// Bytes that a brick with a stored box of `stored_voxels` voxels will occupy, unless it turns out to be of one
     /// region (then next to none); exact but for macrocells of bricks that are no cubes.

@@ -4,7 +4,6 @@ use brickcast_shaders::BrickTraits;
 use brickcast_volume::brick::RANGE_MARGIN;
 use brickcast_volume::regions::guard_width;
 use brickcast_volume::scene::{Filter, Leap, Scene};
-use brickcast_volume::style::Mode;
 
 /// The store knows of the one region of a brick as far as its margin reaches: a wider ghost layer may hold others.
 pub(crate) const fn knows_only_region(ghost: u32) -> bool {
@@ -20,8 +19,7 @@ pub struct Recipe {
     pub radius: u8,
     /// Macrocells of this edge, whose value ranges say which are empty.
     pub macrocell: Option<u8>,
-    /// Macrocells whose codes span at most this are leapt through; goes with `macrocell`. With a guard it is 0: where
-    /// the map is asked anyway, it says which cells of V' have one value, and texels need not.
+    /// Macrocells whose codes span at most this are leapt through; goes with `macrocell`, never with `guard`.
     pub homogeneous: Option<u16>,
     /// Also which voxels are in a region: for region views and region transfer functions.
     pub region_flags: bool,
@@ -61,16 +59,6 @@ impl Recipe {
         }
     }
 
-    /// The same of V' by the map, where its cells can stand for leaps: where nothing but values is looked at.
-    #[must_use]
-    pub(crate) fn by_cubes(self, scene: &Scene) -> Self {
-        let style = &scene.look.style;
-        let looks_at_values = self.radius == 0 && style.surfaces.is_empty() && style.mode == Mode::Composite;
-        let may = self.guard.is_some() && self.macrocell.is_some() && looks_at_values;
-        let homogeneous = if may && !self.region_flags && !self.interval { Some(0) } else { self.homogeneous };
-        Self { homogeneous, ..self }
-    }
-
     /// Voxels per edge of the macrocells that such a brick has.
     pub(crate) fn cell_edge(&self) -> Option<u8> {
         self.macrocell.or(self.homogeneous.map(|_| 4))
@@ -80,25 +68,19 @@ impl Recipe {
     /// is empty do not skip; where voxels of the store may lack data, some have holes, and these never leap.
     #[must_use]
     pub fn traits(&self, may_lack_data: bool) -> Vec<BrickTraits> {
-        let may_skip = self.macrocell.is_some();
+        let cubes = self.homogeneous.is_some();
         let mut all = Vec::new();
-        for (holes, leaps, cubes) in every3() {
-            for skipping_pays in [false, true] {
-                let lacks = holes && !may_lack_data || leaps && (holes || self.guard.is_none());
-                // Of V' by the map only bricks of one region leap, and not all bricks have cells of one value.
-                let is_always = self.homogeneous.is_some() && self.guard.is_none() && !holes;
-                let is_never = self.homogeneous.is_none() || holes || leaps;
-                let fits = if is_always { cubes } else { !(cubes && is_never) };
-                if !lacks && fits && (!skipping_pays || may_skip) {
-                    all.push(BrickTraits { leaps, holes, may_skip, skipping_pays, cubes });
+        for holes in [false, true] {
+            for leaps in [false, true] {
+                for skipping_pays in [false, true] {
+                    let lacks = holes && !may_lack_data || leaps && (holes || self.guard.is_none());
+                    if !lacks && (!skipping_pays || self.macrocell.is_some()) {
+                        let may_skip = self.macrocell.is_some();
+                        all.push(BrickTraits { leaps, holes, may_skip, skipping_pays, cubes: cubes && !holes });
+                    }
                 }
             }
         }
         all
     }
-}
-
-/// All of three answers.
-fn every3() -> impl Iterator<Item = (bool, bool, bool)> {
-    (0..8_u32).map(|bits| (bits & 1 != 0, bits & 2 != 0, bits & 4 != 0))
 }

@@ -15,7 +15,7 @@ use crate::brick::bytes::interval_bytes;
 use crate::brick::residency::{BrickKey, Wanted};
 use crate::error::NodeError;
 use crate::interval::IntervalScene;
-use crate::kernel::{LookTraits, Raycaster, TakeKind, knows_only_region};
+use crate::kernel::{LookTraits, Raycaster, Recipe, TakeKind, knows_only_region};
 
 /// Decides for one scene on one store.
 #[derive(Debug)]
@@ -69,7 +69,7 @@ impl<'a> BrickChoice<'a> {
         let (id, owned) = (manifest.grid.id(index), manifest.grid.owned_box(index));
         let brick = self.look.of(index);
         let (drawn, ghost) = (brick.drawn?, self.scene.ghost());
-        let recipe = raycaster.recipe(self.scene, drawn.flattened, brick.has_regions());
+        let recipe = Recipe::of(self.scene, drawn.flattened, brick.has_regions());
         let key = BrickKey { store: self.store.hash(), brick: id, ghost, recipe };
         let bytes = match drawn.only_region {
             Some(_) if knows_only_region(ghost) => 0,
