@@ -71,7 +71,8 @@ fn a_manifest_of_a_level_that_lies_is_refused_by_file_and_field() {
     with_level(&good, |_, _| {}).unwrap();
     let store = opened(&good).unwrap();
     let (whole, second) = (store.manifest().clone(), store.level(2).unwrap().manifest().clone());
-    let lies: [(&str, &dyn Fn(&mut Manifest)); 9] = [
+    type Lie<'a> = (&'a str, &'a dyn Fn(&mut Manifest));
+    let lies: [Lie<'_>; 9] = [
         ("`level`", &|m| m.level = 2),
         ("`dims, spacing, origin, directions`", &|m| m.geometry = whole.geometry.at_level(2).unwrap()),
         ("`range`", &|m| m.data_range.1 += 1.0),
