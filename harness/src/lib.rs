@@ -44,8 +44,17 @@ thread_local! {
 /// The program's `main`: runs the tests that the command line asks for.
 #[must_use]
 pub fn main() -> ExitCode {
+    main_of_threads(1)
+}
+
+/// As [`main`], with at least so many tests at a time where nobody says otherwise: tests that wait for time to pass
+/// more than they compute.
+#[must_use]
+pub fn main_of_threads(least: usize) -> ExitCode {
     let mut arguments = Arguments::from_args();
-    arguments.test_threads = arguments.test_threads.or_else(|| std::env::var("RUST_TEST_THREADS").ok()?.parse().ok());
+    let from_environment = || std::env::var("RUST_TEST_THREADS").ok()?.parse().ok();
+    let processors = || std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    arguments.test_threads = arguments.test_threads.or_else(from_environment).or_else(|| Some(processors().max(least)));
     let is_shown = arguments.nocapture || arguments.list || std::env::var_os("RUST_TEST_NOCAPTURE").is_some();
     let said = if is_shown { None } else { Said::capture().map(Arc::new) };
     let mut tests: Vec<&Test> = inventory::iter::<Test>().collect();

@@ -27,5 +27,5 @@ mod starting;
 mod throttle;
 
 fn main() -> std::process::ExitCode {
-    brickcast_harness::main()
+    brickcast_harness::main_of_threads(3)
 }

@@ -175,12 +175,13 @@ fn two_of_three_that_go() {
         let bound = CALM + 2 * PING + CONNECT_TIMEOUT;
         assert!(struck.took < bound && next.took < bound, "seed {seed}: {frames:?}");
         if struck.lost.len() == 2 {
-            hurt += 1;
-            assert!(struck.reissued >= 2, "seed {seed}: {frames:?}");
+            // One of them may have been done, and be lost before it was given the share of the other.
+            hurt += usize::from(struck.reissued >= 2);
+            assert!(struck.reissued >= 1, "seed {seed}: {frames:?}");
             assert!(next.nodes == 1 && next.reissued == 0 && next.took < CALM, "seed {seed}: {frames:?}");
         }
     }
-    assert!(hurt >= SEEDS as usize / 2, "only {hurt} of {SEEDS} frames lost two nodes");
+    assert!(hurt >= SEEDS as usize / 2, "only {hurt} of {SEEDS} frames lost two nodes that owed something");
 }
 
 /// Nobody is left: an error that names each node, found in the time of a ping and of the calls that are tried again.
