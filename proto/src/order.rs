@@ -1,5 +1,6 @@
 //! What a compositor orders from a node for one frame.
 
+use brickcast_volume::lod::Borders;
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::{ChunkId, Epoch, FrameId, SessionId, StoreHash, TreeNode};
 
@@ -7,6 +8,8 @@ use crate::tile_rect::TileRect;
 
 /// The most layers of one order. A tree has at most 504 chunks, and layers are disjoint subtrees.
 pub const MAX_LAYERS: usize = 4096;
+/// The coarsest level that an order can be of: the longest axis of a volume halved until nothing is left.
+pub const MAX_LEVEL: u8 = 32;
 /// The most chunks of one order, all layers together.
 pub const MAX_CHUNKS: usize = 65_536;
 /// The most (layer, tile) pairs of one order: what the other side's ledger must hold.
@@ -26,6 +29,8 @@ pub struct RenderOrder {
     pub scene: Scene,
     pub transport: Transport,
     pub layers: Vec<LayerOrder>,
+    /// Where they meet those of other levels of the volume.
+    pub borders: Option<Borders>,
 }
 
 /// A node of the merge tree, to be rendered whole from `chunks` for `tiles`.

@@ -114,6 +114,8 @@ pub struct BrickTraits {
     pub skipping_pays: bool,
     /// It has macrocells that are leapt through where they are of nearly one value.
     pub cubes: bool,
+    /// Another level is drawn next to it.
+    pub borders: bool,
 }
 
 /// Which kernel a brick takes in a scene; what it can do beyond sampling costs something, so each brick gets the one
@@ -130,13 +132,22 @@ pub struct KernelKey {
     pub regions: bool,
     /// Some voxels hold no data.
     pub holes: bool,
+    /// Runs begin and end where those of other levels do.
+    pub borders: bool,
     pub take: TakeKind,
 }
 
 impl KernelKey {
     /// Nothing but samples, one after the other.
-    pub const PLAIN: Self =
-        Self { skips: false, cubes: false, leaps: false, regions: false, holes: false, take: TakeKind::Sampled };
+    pub const PLAIN: Self = Self {
+        skips: false,
+        cubes: false,
+        leaps: false,
+        regions: false,
+        holes: false,
+        borders: false,
+        take: TakeKind::Sampled,
+    };
 
     #[must_use]
     pub const fn of(look: LookTraits, brick: BrickTraits) -> Self {
@@ -149,6 +160,8 @@ impl KernelKey {
             leaps: brick.leaps,
             regions: look.tells_regions_apart,
             holes: brick.holes,
+            // An extreme does not ask how long a run is.
+            borders: brick.borders && !look.take.is_projection(),
             take: look.take,
         }
     }
@@ -162,6 +175,6 @@ impl KernelKey {
     /// False where each position is one read: the kernel then counts reads only.
     #[must_use]
     pub const fn counts_positions(self) -> bool {
-        self.leaps || self.cubes || self.regions || !matches!(self.take, TakeKind::Sampled)
+        self.leaps || self.cubes || self.regions || self.borders || !matches!(self.take, TakeKind::Sampled)
     }
 }

@@ -47,7 +47,9 @@ pub struct FrameUniform {
     pub region_last: u32,
     /// 1: values are those of the nearest voxel, never between.
     pub nearest: u32,
-    pub reserved: [u32; 3],
+    /// Of a step, the part by which positions may open and end a brick where levels meet: a power of two, 1 at most.
+    pub finest: f32,
+    pub reserved: [u32; 2],
 }
 
 /// [`FrameUniform::shown`] for samples outside regions.
@@ -119,7 +121,10 @@ pub struct BrickUniform {
     pub code_scale: f32,
     /// 1 where texels of code 0 hold no data.
     pub holes: u32,
-    pub reserved: [u32; 2],
+    /// Where another level draws: a bit for each of the 27 places around the brick and itself, x fastest, from -1 to 1
+    /// on every axis.
+    pub borders: u32,
+    pub reserved: u32,
 }
 
 impl FrameUniform {
@@ -149,7 +154,8 @@ impl FrameUniform {
             table_last: last,
             region_last: last,
             nearest: 0,
-            reserved: [0; 3],
+            finest: 1.0,
+            reserved: [0; 2],
         }
     }
 
@@ -157,6 +163,13 @@ impl FrameUniform {
     #[must_use]
     pub const fn with_filter(mut self, filter: Filter) -> Self {
         self.nearest = matches!(filter, Filter::Nearest) as u32;
+        self
+    }
+
+    /// Where bricks meet those of other levels, positions are counted in such parts of a step.
+    #[must_use]
+    pub const fn with_finest(mut self, finest: f32) -> Self {
+        self.finest = finest;
         self
     }
 

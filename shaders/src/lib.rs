@@ -51,6 +51,7 @@ pub fn march_wgsl(variant: RaycastVariant, key: KernelKey) -> String {
         RaycastVariant::Hardware => parts!["read/hardware.wgsl"],
         RaycastVariant::Exact => parts!["read/exact.wgsl"],
     });
+    parts.extend(if key.borders { parts!["positions/finest.wgsl"] } else { parts!["positions/whole.wgsl"] });
     parts.extend(if key.has_map() { parts!["walk/map.wgsl"] } else { parts!["walk/unmapped.wgsl"] });
     parts.extend(if key.leaps { parts!["walk/leap.wgsl"] } else { parts!["walk/uncoded.wgsl"] });
     match key.take {

@@ -1,6 +1,6 @@
 // One brick into the accumulator: the only loop of rays. Where next is the *walk* (walk/), what a place holds the
-// *read* (read/), what a run of positions adds the *take* (take/), which part of a ray there is the *scene* (scene/):
-// of each the files that a kernel needs are joined to this one (shaders/src/lib.rs). shaders/src/twin/march.rs is the
+// *read* (read/), what a run of positions adds the *take* (take/), which part of a ray there is the *scene* (scene/), and
+// where a brick begins and ends the *positions* (positions/): of each the files that a kernel needs are joined to this one (shaders/src/lib.rs). shaders/src/twin/march.rs is the
 // same on the CPU.
 //
 // The invariant: a brick visits the positions that it owns and, where what lies between matters, the first one beyond.
@@ -36,7 +36,7 @@ fn march(
     }
     let pixel = vec2<i32>(brick.rect_lo + place);
     let ray = pixel_ray(frame, pixel.x, pixel.y);
-    let whole = owned_segment(frame, brick, ray);
+    let whole = segment_of(ray);
     // Most rays of a workgroup miss most bricks.
     if whole.k * frame.step >= whole.t_out {
         return;
@@ -52,9 +52,7 @@ fn march(
     }
     let reader = new_reader(brick);
     let last_texel = vec3<i32>(brick.stored_dims) - 1;
-    // The first position that is not owned, and the first that is not visited.
-    let k_out = first_outside(frame.step, owned.k, owned.t_out);
-    let k_end = select(k_out, k_out + 1.0, ends_beyond());
+    let at = positions_of(ray, owned);
     var by_map = enter_map(owned.k);
     var by_code = enter_code(ray);
     var taking = enter_take(ray);
@@ -66,13 +64,14 @@ fn march(
     var jumps_unread = 0.0;
     var positions = 0.0;
     var leapt = 0.0;
-    while k < k_end && sum.a < frame.stop_alpha {
+    while k < at.k_end && sum.a < frame.stop_alpha {
         // Always the product, never accumulated: the same sample in every brick.
         let p = place_at(ray, k);
         var step = ask_map(&by_map, p, follows);
         reads += ask_code(&by_code, &step, p, last_texel);
-        let k_exit = max(min(exit_of(ray, step), k_end), k + 1.0);
-        let n = select(select(1.0, k_exit - k, step.jumps), -1.0, step.is_back);
+        let k_exit = ends_at(at, k, exit_of(ray, step));
+        let k_next = select(select(behind(at, k), k_exit, step.jumps), before(at, k), step.is_back);
+        let n = k_next - k;
         var code = step.code;
         var in_region = step.is_deep || brick.region_flags == FLAGS_EVERY_VOXEL;
         if !step.is_known {
@@ -86,10 +85,11 @@ fn march(
         }
         // A place without data is no sample, and no slab ends or starts there.
         let is_taken = !(step.is_skip || is_no_data(code));
-        let owns = select(n, max(min(n, k_out - k), 0.0), ends_beyond());
+        let owns = select(n, max(min(n, at.k_out - k), 0.0), ends_beyond());
         var shows = false;
         if is_taken {
-            let run = Run(k, n, owns, code, in_region, step.is_flat, follows);
+            let within = before(at, k_next) - k;
+            let run = Run(k, n, within, owns, code, in_region, step.is_flat, follows);
             shows = take(&taking, reader, ray, p, run, &sum);
         }
         leave_map(&by_map, step, k, n, k_exit, shows);
@@ -98,7 +98,7 @@ fn march(
         positions += select(owns, 0.0, step.is_skip);
         leapt += select(0.0, n, step.jumps && step.is_flat);
         follows = is_taken;
-        k += n;
+        k = k_next;
     }
     accumulator[slot] = sum;
     count(COUNT_READS, reads);

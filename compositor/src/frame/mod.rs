@@ -198,7 +198,10 @@ impl Run<'_, '_> {
             finished.owed(&layers);
         }
         let FrameOrder { session, frame, epoch, store, scene, transport, .. } = *self.order;
-        let order = RenderOrder { session, frame, epoch, store, scene: scene.clone(), transport, layers };
+        let chunks = layers.iter().flat_map(|layer| layer.chunks.iter().copied());
+        let borders = self.shown.borders().and_then(|borders| borders.only(chunks));
+        let scene = scene.clone();
+        let order = RenderOrder { session, frame, epoch, store, scene, transport, layers, borders };
         let task = self.tasks.spawn(collect(client, ticket, order, self.events.clone()));
         self.sent.push(Sent { worker, task, progress: now, work: None, ended: false });
         Ok(())

@@ -55,6 +55,11 @@ impl InView {
         seen.map(|(c, r)| (c, TileRect::around(r))).collect()
     }
 
+    /// The pixels that chunks in view may touch, a rectangle each.
+    pub fn rects(&self) -> impl Iterator<Item = PixelRect> + '_ {
+        self.rects.values().copied().filter(|rect| !rect.is_empty())
+    }
+
     /// Per chunk, and per strip of its tiles: about how many sample positions lie inside the box of its shown bricks.
     /// No strips: not in view.
     #[must_use]

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use brickcast_volume::lod::Part;
+use brickcast_volume::lod::{Borders, Part};
 use brickcast_volume::look_on::{BricksOf, LookOn, NewTables};
 use brickcast_volume::merge::MergeTree;
 use brickcast_volume::regions::{BrickFacts, Drawn};
@@ -67,6 +67,8 @@ pub struct Shown {
     pub(super) boxes: PerChunk<Option<OwnedBox>>,
     /// Chunks in which another level of the volume is drawn; nothing where this is all of it.
     pub(super) elsewhere: Option<Arc<PerChunk<bool>>>,
+    /// Where it meets them.
+    borders: Option<Arc<Borders>>,
 }
 
 /// Of every brick, x fastest: how it is drawn, and whether it has regions; nothing where it shows nothing.
@@ -97,7 +99,7 @@ impl Shown {
             boxes[chunk] =
                 Some(boxes[chunk].map_or(owned, |b| OwnedBox { lo: b.lo.min(owned.lo), hi: b.hi.max(owned.hi) }));
         }
-        Self { tree, bricks, per_chunk, boxes, elsewhere: None }
+        Self { tree, bricks, per_chunk, boxes, elsewhere: None, borders: None }
     }
 
     /// What is shown where only a part of the volume is drawn on this level.
@@ -106,7 +108,14 @@ impl Shown {
         let grid = self.tree.grid();
         let is_drawn = |brick| part.drawn.get(self.tree.chunk_id(self.tree.chunk_of(brick))) == Some(&true);
         let bricks = grid.bricks().zip(&self.bricks).map(|(brick, &shown)| shown && is_drawn(brick)).collect();
-        Self { elsewhere: Some(Arc::new(part.elsewhere.clone())), ..Self::of(self.tree, bricks) }
+        let borders = Borders::of(&self.tree, part).map(Arc::new);
+        Self { elsewhere: Some(Arc::new(part.elsewhere.clone())), borders, ..Self::of(self.tree, bricks) }
+    }
+
+    /// Where it meets other levels of the volume; nothing where all of it is drawn.
+    #[must_use]
+    pub fn borders(&self) -> Option<&Borders> {
+        self.borders.as_deref()
     }
 
     #[must_use]

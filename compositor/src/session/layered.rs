@@ -3,10 +3,10 @@
 
 use std::time::Instant;
 
-use brickcast_volume::Epoch;
 use brickcast_volume::merge::{MergeTree, Viewpoint};
 use brickcast_volume::pixel::Coloring;
 use brickcast_volume::scene::Scene;
+use brickcast_volume::{Epoch, PixelRect};
 
 use super::balanced::BalanceStats;
 use super::error::SessionError;
@@ -38,8 +38,8 @@ pub(super) struct Layered {
     pub(super) end: FrameEnd,
     pub(super) epoch: Epoch,
     pub(super) balance: Option<BalanceStats>,
-    /// How many chunks of this level are in view and show something.
-    pub(super) in_view: usize,
+    /// Of the chunks of this level that are in view and show something, the rays that they may touch.
+    pub(super) in_view: Vec<PixelRect>,
     /// When its first order was planned.
     pub(super) started: Instant,
 }

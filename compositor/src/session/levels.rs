@@ -8,6 +8,7 @@ use brickcast_volume::lod::{Content, Levels, Rule, Selection};
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::store::Manifest;
 use brickcast_volume::style::Mode;
+use brickcast_volume::{PictureSize, PixelRect};
 use futures_util::future::{BoxFuture, try_join_all};
 
 use super::error::SessionError;
@@ -160,15 +161,17 @@ impl LevelSessions {
         let parts = try_join_all(parts).await?;
         let mut in_view = vec![0; self.sessions.len()];
         for (level, part) in used.iter().zip(&parts) {
-            in_view[usize::from(*level)] = part.in_view;
+            in_view[usize::from(*level)] = part.in_view.len();
         }
+        let coarse = used.iter().zip(&parts).filter(|(level, _)| **level > 0).flat_map(|(_, part)| &part.in_view);
+        let share_of_pixels = share_outside(rays.view.size, coarse.copied());
         let mut frame = joining.join(parts).await?;
-        frame.stats.lod = Some(self.told(in_view));
+        frame.stats.lod = Some(self.told(in_view, share_of_pixels));
         Ok(frame)
     }
 
     /// What was drawn on which level; `in_view` says how many of its chunks.
-    fn told(&self, in_view: Vec<usize>) -> LodStats {
+    fn told(&self, in_view: Vec<usize>, share_of_pixels: f64) -> LodStats {
         let shown = || self.sessions.iter().map(Session::drawn);
         let count = |of: fn(&Shown) -> u64| -> Vec<u64> { shown().map(|shown| shown.map_or(0, of)).collect() };
         let full = self.content.as_ref().map_or(0, |(look, _)| look.shown.voxel_count());
@@ -178,6 +181,76 @@ impl LevelSessions {
             loaded: count(|shown| shown.brick_count() as u64),
             in_view: in_view.into_iter().map(|chunks| chunks as u64).collect(),
             share_of_bytes: if full > 0 { drawn as f64 / full as f64 } else { 1.0 },
+            share_of_pixels,
         }
+    }
+
+    /// As [`Session::load`] of the volume itself.
+    ///
+    /// # Errors
+    /// As [`Session::load`].
+    pub async fn load_full(&mut self, scene: &Scene) -> Result<LoadStats, SessionError> {
+        self.whole().load(scene).await
+    }
+
+    /// The volume itself, whatever its levels.
+    ///
+    /// # Errors
+    /// As [`Session::render`].
+    pub async fn render_full(
+        &mut self,
+        scene: &Scene,
+        transport: Transport,
+        deadline: Duration,
+    ) -> Result<Frame, SessionError> {
+        self.whole().render(scene, transport, deadline).await
+    }
+
+    fn whole(&mut self) -> &mut Session {
+        self.sessions[0].draw_only(None);
+        &mut self.sessions[0]
+    }
+}
+
+/// The share of a picture's pixels that lie in none of `rects`.
+fn share_outside(size: PictureSize, rects: impl Iterator<Item = PixelRect>) -> f64 {
+    let (width, height) = (size.width() as usize, size.height() as usize);
+    // How many more rectangles a pixel lies in than the one before it, along x and then along y.
+    let mut more = vec![0_i32; (width + 1) * (height + 1)];
+    for rect in rects {
+        let ([x0, y0], [x1, y1]) = (rect.lo.to_array(), rect.hi.to_array());
+        for (x, y, by) in [(x0, y0, 1), (x1, y0, -1), (x0, y1, -1), (x1, y1, 1)] {
+            more[y as usize * (width + 1) + x as usize] += by;
+        }
+    }
+    let mut above = vec![0; width];
+    let mut outside = 0_u64;
+    for row in more.chunks_exact(width + 1).take(height) {
+        let mut left = 0;
+        for (above, more) in above.iter_mut().zip(row) {
+            left += more;
+            *above += left;
+            outside += u64::from(*above == 0);
+        }
+    }
+    outside as f64 / size.pixel_count() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::UVec2;
+
+    use super::*;
+
+    #[test]
+    fn pixels_outside_of_rectangles_are_counted_once() {
+        let size = PictureSize::new(10, 8).unwrap();
+        let rect = |lo: [u32; 2], hi: [u32; 2]| PixelRect { lo: UVec2::from(lo), hi: UVec2::from(hi) };
+        let share = |rects: &[PixelRect]| share_outside(size, rects.iter().copied()) * 80.0;
+        assert!((share(&[]) - 80.0).abs() < 1e-9);
+        assert!((share(&[rect([0, 0], [10, 8])])).abs() < 1e-9);
+        // 12 and 6 pixels, 2 of them in both.
+        let two = [rect([1, 1], [5, 4]), rect([4, 2], [7, 4])];
+        assert!((share(&two) - (80.0 - 16.0)).abs() < 1e-9, "{}", share(&two));
     }
 }

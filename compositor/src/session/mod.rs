@@ -299,7 +299,7 @@ impl Session {
         }
         let epoch = roster.epoch;
         let balance = divided.and_then(|d| cluster.learn(d, self.id, scene, &end.costs, clean));
-        let in_view = in_view.chunks().len();
+        let in_view = in_view.rects().collect();
         Ok(Layered { tree: store.tree(), from: view.viewpoint(), end, epoch, balance, in_view, started })
     }
 }

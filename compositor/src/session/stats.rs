@@ -54,6 +54,8 @@ pub struct LodStats {
     pub in_view: Vec<u64>,
     /// Voxels that these bricks own, as a share of those that show at full resolution.
     pub share_of_bytes: f64,
+    /// The share of the picture's pixels in which nothing is drawn coarser than it is; at least.
+    pub share_of_pixels: f64,
 }
 
 impl LodStats {
@@ -129,7 +131,7 @@ impl Default for LoadStats {
 
 impl LoadStats {
     /// Adds what was loaded of another level.
-    pub(super) fn join(&mut self, other: &Self) {
+    pub(crate) fn join(&mut self, other: &Self) {
         self.load_ms += other.load_ms;
         self.decoded_bytes += other.decoded_bytes;
         self.owned_bytes += other.owned_bytes;

@@ -175,7 +175,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             tables: Tables { table: &table.entries, region: None },
             slabs: take.slab_kind().preintegrated.then_some([slab, slab]),
         };
-        let key = KernelKey { skips, cubes: false, leaps: false, regions: false, holes: false, take };
+        let key = KernelKey { skips, cubes: false, leaps: false, regions: false, holes: false, borders: false, take };
         let bound: Vec<Bindings<'_>> = made
             .iter()
             .map(|made| {

@@ -89,7 +89,7 @@ impl<const TAKE: u8, const MAP: bool> Known for Plain<TAKE, MAP> {
     #[inline(always)]
     fn key(key: KernelKey) -> KernelKey {
         let (skips, cubes) = (MAP && key.skips, MAP && key.cubes);
-        KernelKey { skips, cubes, leaps: false, regions: false, holes: false, take: take_of(TAKE, key) }
+        KernelKey { skips, cubes, leaps: false, regions: false, holes: false, borders: false, take: take_of(TAKE, key) }
     }
 
     #[inline(always)]
@@ -114,7 +114,15 @@ impl Known for Leaping {
 
     #[inline(always)]
     fn key(_: KernelKey) -> KernelKey {
-        KernelKey { skips: true, cubes: false, leaps: true, regions: false, holes: false, take: TakeKind::Sampled }
+        KernelKey {
+            skips: true,
+            cubes: false,
+            leaps: true,
+            regions: false,
+            holes: false,
+            borders: false,
+            take: TakeKind::Sampled,
+        }
     }
 
     #[inline(always)]

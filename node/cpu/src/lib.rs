@@ -13,6 +13,7 @@ mod known;
 mod lanes;
 mod march;
 mod packet;
+mod positions;
 mod power;
 mod probe;
 mod ray;

@@ -11,8 +11,9 @@ use brickcast_shaders::twin::bindings::{Bindings, RayCounts};
 use super::counts::Counts;
 use super::known::Known;
 use super::lanes::{Floats, Ints, Lanes, Mask};
+use super::positions::{Borders, Positions};
 use super::probe::Probe;
-use super::ray::{Rays, first_outside, first_sample};
+use super::ray::{Rays, first_sample};
 use super::read::Reader;
 use super::run::{Run, Step};
 use super::slab::Sum;
@@ -39,14 +40,20 @@ pub(crate) fn march<L: Lanes, K: Known>(
     if !alive.any() {
         return (sum, counts.total(l));
     }
-    let Some(mut owned) = rays.owned(l, frame, bound.brick, alive) else { return (sum, counts.total(l)) };
+    let borders = key.borders.then(|| Borders::new(l, bound, &rays));
+    let Some(mut owned) = (match &borders {
+        None => rays.owned(l, frame.step, bound.brick, alive),
+        Some(borders) => borders.owned(alive),
+    }) else {
+        return (sum, counts.total(l));
+    };
     let mut alive = owned.is_some;
     let is_styled = key.take != TakeKind::Sampled;
     let mut t_lo = zero;
     if is_styled && style.plane_count > 0 {
         let (lo, hi) = rays.clipped(l, style);
         owned.t_out = hi.smaller(owned.t_out);
-        owned.k = L::F::select(zero.lt(lo), first_sample(l, frame, lo).larger(owned.k), owned.k);
+        owned.k = L::F::select(zero.lt(lo), first_sample(l, frame.step, lo).larger(owned.k), owned.k);
         alive = alive & (owned.k * l.splat(frame.step)).lt(owned.t_out);
         if !alive.any() {
             return (sum, counts.total(l));
@@ -54,13 +61,10 @@ pub(crate) fn march<L: Lanes, K: Known>(
         t_lo = lo;
     }
     let probe = &Probe { l, reader, rays: &rays, step: frame.step, style, is_styled, per_unit: frame.voxels_per_unit };
-    // The first position that is not owned, and the first that is not visited.
-    let k_out = first_outside(l, frame, owned.k, owned.t_out);
-    let k_end = if key.take.ends_beyond() { k_out + one } else { k_out };
-    // Nothing of rays that end before.
-    let k_end = L::F::select(alive, k_end, zero);
+    let at = Positions::new(l, frame.step, key, (&owned, alive), borders.as_ref());
+    let k_end = at.k_end;
     let slabs = Slabs::of(l, bound, key.take.slab_kind());
-    let mut walk = Walk::<L, K>::new(probe, bound, owned.k);
+    let mut walk = Walk::<L, K>::new(probe, bound, &at, owned.k);
     let mut taking = Take::<L, K>::new(probe, bound, slabs.as_ref(), t_lo);
     let mut k = owned.k;
     let mut follows = none;
@@ -92,7 +96,7 @@ pub(crate) fn march<L: Lanes, K: Known>(
         };
         if K::has_map(key) {
             let walking = k.lt(k_end) & went_on;
-            live = walk.ask_map(&mut step, (&mut k, k_end), &mut follows, (walking, live), &mut counts);
+            live = walk.ask_map(&mut step, &mut k, &mut follows, (walking, live), &mut counts);
             if !live.any() {
                 break;
             }
@@ -100,9 +104,9 @@ pub(crate) fn march<L: Lanes, K: Known>(
         went_on = goes_on;
         let p = probe.place(k);
         if key.leaps {
-            walk.ask_code(&mut step, p, (k, k_end), (live, &mut counts));
+            walk.ask_code(&mut step, p, k, (live, &mut counts));
         }
-        let n = L::F::select(step.jumps, step.k_exit - k, one);
+        let n = at.run(k, step.jumps, step.k_exit);
         let mut code = step.code;
         let mut in_region = step.is_deep | every;
         let reads = live & !step.is_known;
@@ -122,8 +126,8 @@ pub(crate) fn march<L: Lanes, K: Known>(
                 counts.samples = counts.samples.count(reads);
             }
         }
-        let owns = n.smaller(k_out - k).larger(zero);
-        let jumps = (live & step.jumps).any();
+        let owns = n.smaller(at.k_out - k).larger(zero);
+        let jumps = key.borders || (live & step.jumps).any();
         if jumps {
             counts.positions = counts.positions + owns.only(live).cut_off();
             counts.leapt = counts.leapt + n.only(live & step.jumps & step.is_flat).cut_off();
@@ -135,7 +139,8 @@ pub(crate) fn march<L: Lanes, K: Known>(
         let taken = if reader.has_holes { live & zero.le(code) } else { live };
         let mut shows = none;
         if taken.any() {
-            let run = Run { k, n, owns, jumps, code, in_region, is_flat: step.is_flat, follows };
+            let within = at.within(k, n);
+            let run = Run { k, n, within, owns, jumps, code, in_region, is_flat: step.is_flat, follows };
             shows = taking.take(p, &run, taken, &mut sum);
         }
         if K::has_map(key) {

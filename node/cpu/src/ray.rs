@@ -81,10 +81,10 @@ impl<L: Lanes> Rays<L> {
         rays
     }
 
-    /// The samples in the brick's owned box, of the `wanted` rays; `None` where none of them has any, as for most rays
+    /// The samples in the brick's owned box, `step` apart, of the `wanted` rays; `None` where none of them has any, as for most rays
     /// of a tile in most bricks.
     #[inline(always)]
-    pub(crate) fn owned(&self, l: L, frame: &FrameUniform, brick: &BrickUniform, wanted: L::M) -> Option<Segments<L>> {
+    pub(crate) fn owned(&self, l: L, step: f32, brick: &BrickUniform, wanted: L::M) -> Option<Segments<L>> {
         let zero = l.splat(0.0);
         let (mut t_in, mut t_out, mut is_out) = (zero, l.splat(FAR), zero.lt(zero));
         for a in 0..3 {
@@ -99,8 +99,8 @@ impl<L: Lanes> Rays<L> {
         if !meets.any() {
             return None;
         }
-        let k = first_sample(l, frame, t_in);
-        let is_some = meets & (k * l.splat(frame.step)).lt(t_out);
+        let k = first_sample(l, step, t_in);
+        let is_some = meets & (k * l.splat(step)).lt(t_out);
         is_some.any().then_some(Segments { k, t_out, is_some })
     }
 
@@ -151,7 +151,7 @@ impl<L: Lanes> Rays<L> {
 
 /// As `f32::ceil` but for the sign of zero.
 #[inline(always)]
-fn rounded_up<L: Lanes>(l: L, x: L::F) -> L::F {
+pub(crate) fn rounded_up<L: Lanes>(l: L, x: L::F) -> L::F {
     let whole = x.cut_off().floats();
     let up = L::F::select(whole.lt(x), whole + l.splat(1.0), whole);
     // Larger ones are whole.
@@ -160,8 +160,8 @@ fn rounded_up<L: Lanes>(l: L, x: L::F) -> L::F {
 
 /// The first sample at or behind `t`, exactly.
 #[inline(always)]
-pub(crate) fn first_sample<L: Lanes>(l: L, frame: &FrameUniform, t: L::F) -> L::F {
-    let (zero, one, step) = (l.splat(0.0), l.splat(1.0), l.splat(frame.step));
+pub(crate) fn first_sample<L: Lanes>(l: L, step: f32, t: L::F) -> L::F {
+    let (zero, one, step) = (l.splat(0.0), l.splat(1.0), l.splat(step));
     // The quotient errs by a few units in the last place, the product decides.
     let mut k = rounded_up(l, t / step);
     for _ in 0..4 {
@@ -183,8 +183,8 @@ pub(crate) fn first_sample<L: Lanes>(l: L, frame: &FrameUniform, t: L::F) -> L::
 
 /// The first sample that the brick does not own: the first k with `k * step >= t_out`.
 #[inline(always)]
-pub(crate) fn first_outside<L: Lanes>(l: L, frame: &FrameUniform, k: L::F, t_out: L::F) -> L::F {
-    let (one, step) = (l.splat(1.0), l.splat(frame.step));
+pub(crate) fn first_outside<L: Lanes>(l: L, step: f32, k: L::F, t_out: L::F) -> L::F {
+    let (one, step) = (l.splat(1.0), l.splat(step));
     let next = k + one;
     let mut k_out = rounded_up(l, t_out / step).larger(next);
     for _ in 0..2 {

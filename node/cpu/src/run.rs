@@ -19,13 +19,15 @@ pub(crate) struct Step<L: Lanes> {
     pub(crate) is_flat: L::M,
 }
 
-/// Positions `k .. k + n` of one code: the twin's `Run`, a lane each.
+/// Positions from `k` to below `k + n`, of one code: the twin's `Run`, a lane each.
 pub(crate) struct Run<L: Lanes> {
     pub(crate) k: L::F,
     pub(crate) n: L::F,
+    /// From the first of them to the last.
+    pub(crate) within: L::F,
     /// Those of them that the brick owns.
     pub(crate) owns: L::F,
-    /// Some lane's run is longer than one position.
+    /// Some lane's run may have another length than a step.
     pub(crate) jumps: bool,
     pub(crate) code: L::F,
     pub(crate) in_region: L::M,

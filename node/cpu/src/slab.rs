@@ -118,6 +118,8 @@ pub(crate) struct Closing<'a, L: Lanes> {
     pub(crate) probe: &'a Probe<'a, L>,
     pub(crate) slabs: Option<&'a [Slabs<'a, L>; 2]>,
     pub(crate) kind: SlabKind,
+    /// Runs have other lengths than steps.
+    pub(crate) borders: bool,
     /// Slabs that lie in regions, where tables differ.
     pub(crate) in_region: L::M,
     /// They do: ends know no place in a table.
@@ -275,8 +277,9 @@ impl<'a, L: Lanes> Closing<'a, L> {
             let mut n = n;
             if kind.light.is_some() && (cut & shown).any() {
                 let [r, g, b] = self.cut(slab, far);
-                add(l, sum, cut & shown, [r, g, b, slab[3]]);
-                n = L::F::select(cut, n - l.splat(1.0), n);
+                let first = n.smaller(l.splat(1.0));
+                add(l, sum, cut & shown, of_length(l, [r, g, b, slab[3]], first));
+                n = L::F::select(cut, n - first, n);
             }
             let [r, g, b] = self.whole(slab, far);
             add(l, sum, shown, of_length(l, [r, g, b, slab[3]], n));

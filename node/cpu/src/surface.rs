@@ -39,7 +39,8 @@ pub(crate) fn close_slabs<L: Lanes>(
 ) -> L::F {
     let l = closing.probe.l;
     if !closing.kind.surfaces {
-        return closing.add_slab(sum, ends, l.splat(1.0), wanted);
+        let length = if closing.borders { ends.1.k - ends.0.k } else { l.splat(1.0) };
+        return closing.add_slab(sum, ends, length, wanted);
     }
     let (front, back) = ends;
     l.enter(CloseSurfaces { closing, sum, front, back, wanted })
@@ -97,7 +98,8 @@ impl<L: Lanes> Task for CloseSurfaces<'_, '_, L> {
         }
         let mut opacity = zero;
         if closing.kind.preintegrated {
-            let length = L::F::select(any, back.k - front.k, one);
+            let whole = if closing.borders { back.k - front.k } else { one };
+            let length = L::F::select(any, back.k - front.k, whole);
             opacity = l.enter(AddPart { closing, sum, front, back, length, wanted });
         }
         L::F::select(any, one, opacity)

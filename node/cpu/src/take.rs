@@ -51,11 +51,11 @@ impl<'a, L: Lanes, K: Known> Take<'a, L, K> {
         if kind.surfaces || may_cut {
             let entry = probe.rays.volume_entry(l, style);
             if kind.surfaces {
-                k_entry = first_sample(l, frame, entry.larger(t_lo));
+                k_entry = first_sample(l, frame.step, entry.larger(t_lo));
             }
             if may_cut {
                 let is_face = t_lo.le(entry + l.splat(LEAST_CUT));
-                k_cut = L::F::select(is_face, never, first_sample(l, frame, t_lo));
+                k_cut = L::F::select(is_face, never, first_sample(l, frame.step, t_lo));
             }
         }
         let at = (l.splat_int(0), zero);
@@ -164,7 +164,7 @@ impl<'a, L: Lanes, K: Known> Take<'a, L, K> {
         let Some(([r, g, b, alpha], shown)) = self.classify(run.in_region & shown, run.code, shown) else {
             return l.mask(0);
         };
-        let alpha = if run.jumps { opacity_of(l, alpha, run.n, shown) } else { alpha };
+        let alpha = if run.jumps { opacity_of(l, alpha, run.n, shown, self.key().borders) } else { alpha };
         // Colours are finite, and no sum is -0: adding zeros changes no bit.
         let weight = ((l.splat(1.0) - sum[3]) * alpha).only(shown);
         sum[0] = sum[0] + r * weight;
@@ -188,7 +188,7 @@ impl<'a, L: Lanes, K: Known> Take<'a, L, K> {
             at: entry_of(l, self.slabs, self.key().regions, run.code),
             light: Lit::none(l),
             is_lit: run.is_flat,
-            is_cut: is_cut & run.n.same(one),
+            is_cut: is_cut & run.within.same(zero),
         };
         if take.ends_beyond() {
             let closed = taken & run.follows & self.shows(self.front_in_region);
@@ -204,16 +204,16 @@ impl<'a, L: Lanes, K: Known> Take<'a, L, K> {
         }
         if kind.preintegrated {
             // The slabs within the run.
-            let within = shown & one.lt(run.n);
+            let within = shown & zero.lt(run.within);
             if within.any() {
-                self.closing(run.in_region).add_flat(sum, run.code, run.n - one, (within, is_cut));
+                self.closing(run.in_region).add_flat(sum, run.code, run.within, (within, is_cut));
                 opacity = L::F::select(within, one, opacity);
             }
         } else {
             self.lit_sample(p, (run, &mut back), (shown & zero.lt(run.owns), is_cut), (sum, &mut opacity));
         }
         if take.ends_beyond() {
-            back.k = run.k + run.n - one;
+            back.k = run.k + run.within;
             // Of no meaning where nothing was taken: no slab follows there.
             self.front = back;
             self.front_in_region = run.in_region;
@@ -225,7 +225,7 @@ impl<'a, L: Lanes, K: Known> Take<'a, L, K> {
     fn closing(&self, in_region: L::M) -> Closing<'a, L> {
         let key = self.key();
         let (kind, tells_regions_apart) = (key.take.slab_kind(), key.regions);
-        Closing { probe: self.probe, slabs: self.slabs, kind, in_region, tells_regions_apart }
+        Closing { probe: self.probe, slabs: self.slabs, kind, borders: key.borders, in_region, tells_regions_apart }
     }
 
     /// Closes the slabs that end at the run's first position; their opacity.
@@ -269,8 +269,10 @@ impl<'a, L: Lanes, K: Known> Take<'a, L, K> {
         let cut = shown & is_cut;
         if cut.any() {
             let [r, g, b] = lit_color::<L>(color, self.probe.light_of_entry(), one, one);
+            let first = rest.smaller(one);
+            let alpha = if self.key().borders { opacity_of(l, alpha, first, cut, true) } else { alpha };
             add(l, sum, cut, [r * alpha, g * alpha, b * alpha, alpha]);
-            rest = L::F::select(cut, rest - one, rest);
+            rest = L::F::select(cut, rest - first, rest);
             shown = shown & zero.lt(rest);
         }
         if has_light {
@@ -281,25 +283,35 @@ impl<'a, L: Lanes, K: Known> Take<'a, L, K> {
             color[1] = L::F::select(lit, g, color[1]);
             color[2] = L::F::select(lit, b, color[2]);
         }
-        let alpha = if run.jumps { opacity_of(l, alpha, rest, shown) } else { alpha };
+        let alpha = if run.jumps { opacity_of(l, alpha, rest, shown, self.key().borders) } else { alpha };
         add(l, sum, shown, [color[0] * alpha, color[1] * alpha, color[2] * alpha, alpha]);
     }
 }
 
-/// The opacity of `n` samples of opacity `alpha`: by squaring, as exact as n single ones.
+/// The opacity of `n` samples of opacity `alpha`: by squaring, as exact as n single ones. What is left of `n` beyond
+/// whole numbers is a sum of halves of halves, and taken by square roots; only on `borders` is there any.
 #[inline(always)]
-fn opacity_of<L: Lanes>(l: L, alpha: L::F, n: L::F, wanted: L::M) -> L::F {
+fn opacity_of<L: Lanes>(l: L, alpha: L::F, n: L::F, wanted: L::M, borders: bool) -> L::F {
     let one = l.splat(1.0);
     let many = wanted & !n.same(one);
     if !many.any() {
         return alpha;
     }
     let (mut clear, mut square, mut left) = (one, one - alpha, n.cut_off());
+    let (mut root, mut part) = (square, n - left.floats());
     while (left.gt(l.splat_int(0)) & many).any() {
         let is_odd = (left & l.splat_int(1)).gt(l.splat_int(0));
         clear = L::F::select(is_odd, clear * square, clear);
         square = square * square;
         left = left.shift_right(1);
+    }
+    let zero = l.splat(0.0);
+    while borders && (zero.lt(part) & many).any() {
+        root = root.sqrt();
+        part = part + part;
+        let is_in = one.le(part);
+        clear = L::F::select(is_in, clear * root, clear);
+        part = L::F::select(is_in, part - one, part);
     }
     L::F::select(many, one - clear, alpha)
 }

@@ -10,6 +10,7 @@ use brickcast_shaders::twin::walk::{ENTRY_PROBES, MARGIN, MARGIN_SHARE, NEARLY_E
 use super::counts::Counts;
 use super::known::Known;
 use super::lanes::{Floats, Ints, Lanes, Mask};
+use super::positions::Positions;
 use super::probe::Probe;
 use super::ray::Place;
 use super::run::Step;
@@ -17,6 +18,7 @@ use super::run::Step;
 pub(crate) struct Walk<'a, L: Lanes, K: Known> {
     probe: &'a Probe<'a, L>,
     bound: &'a Bindings<'a>,
+    at: &'a Positions<L>,
     known: PhantomData<K>,
     /// The first position at which the map may say something new, and whether it is asked at the present one.
     k_look: L::F,
@@ -36,7 +38,7 @@ pub(crate) struct Walk<'a, L: Lanes, K: Known> {
 
 impl<'a, L: Lanes, K: Known> Walk<'a, L, K> {
     #[inline(always)]
-    pub(crate) fn new(probe: &'a Probe<'a, L>, bound: &'a Bindings<'a>, k: L::F) -> Self {
+    pub(crate) fn new(probe: &'a Probe<'a, L>, bound: &'a Bindings<'a>, at: &'a Positions<L>, k: L::F) -> Self {
         let (l, none) = (probe.l, probe.l.mask(0));
         let mut margin = l.splat(MARGIN);
         if K::key(bound.key).leaps {
@@ -50,6 +52,7 @@ impl<'a, L: Lanes, K: Known> Walk<'a, L, K> {
         Self {
             probe,
             bound,
+            at,
             known: PhantomData,
             k_look: k,
             looks: !none,
@@ -68,15 +71,15 @@ impl<'a, L: Lanes, K: Known> Walk<'a, L, K> {
     pub(crate) fn ask_map(
         &mut self,
         step: &mut Step<L>,
-        (k, k_end): (&mut L::F, L::F),
+        k: &mut L::F,
         follows: &mut L::M,
         (walking, live): (L::M, L::M),
         counts: &mut Counts<L>,
     ) -> L::M {
-        let (l, bound, probe) = (self.probe.l, self.bound, self.probe);
+        let (l, bound, probe, at) = (self.probe.l, self.bound, self.probe, self.at);
         let (frame, brick, key) = (bound.scene.frame, bound.brick, K::key(bound.key));
         let Some((map, dims)) = bound.data.map else { return live };
-        let (one, none) = (l.splat(1.0), l.mask(0));
+        let none = l.mask(0);
         let edge = l.splat((1_u32 << brick.cell_shift) as f32);
         // Cells know no regions: their samples may need different tables.
         let hears_cubes = key.cubes && !(key.regions && brick.region_flags == RegionFlags::Texture as u32);
@@ -85,22 +88,22 @@ impl<'a, L: Lanes, K: Known> Walk<'a, L, K> {
         let mut asks = walking & self.looks;
         while asks.any() {
             let p = probe.place(*k);
-            let (mut center, mut at) = (p, l.splat_int(0));
+            let (mut center, mut place) = (p, l.splat_int(0));
             for a in [2, 1, 0] {
                 let along = p[a].cut_off().shift_right(brick.cell_shift) - l.splat_int(brick.cell_lo[a]);
                 let cell = along.larger(l.splat_int(0)).smaller(l.splat_int(dims[a] as i32 - 1));
-                at = at * l.splat_int(dims[a] as i32) + cell;
+                place = place * l.splat_int(dims[a] as i32) + cell;
                 center[a] = ((cell + l.splat_int(brick.cell_lo[a])).floats() + l.splat(0.5)) * edge;
             }
             // SAFETY: cells were clamped to those of the map, which is whole (`Reader::new`).
-            let texel = unsafe { l.words(map.as_ptr(), at) };
+            let texel = unsafe { l.words(map.as_ptr(), place) };
             let byte = l.splat_int(0xff);
             let empty = if key.skips { texel & byte } else { l.splat_int(0) };
             let alike = if hears_cubes { texel.shift_right(8) & byte } else { l.splat_int(0) };
             let is_empty = empty.gt(l.splat_int(0));
             let cells = L::I::select(is_empty, empty, alike.larger(l.splat_int(1)));
             let half = (cells.floats() - l.splat(0.5)) * edge;
-            let k_exit = probe.rays.exit_of(l, frame, center, half).smaller(k_end).larger(*k + one);
+            let k_exit = at.ends_at(*k, probe.rays.exit_of(l, frame, center, half));
             let mut skips = none;
             let mut stays = asks;
             if takes_empty {
@@ -121,7 +124,7 @@ impl<'a, L: Lanes, K: Known> Walk<'a, L, K> {
                 self.has_skipped = (self.has_skipped & !backs) | skips;
                 self.looks = self.looks & !backs;
                 *follows = *follows & !(skips | backs);
-                *k = L::F::select(backs, *k - one, *k);
+                *k = L::F::select(backs, at.before(*k), *k);
                 self.forget(backs);
             } else {
                 skips = asks & is_empty;
@@ -140,7 +143,7 @@ impl<'a, L: Lanes, K: Known> Walk<'a, L, K> {
             }
             step.looked = step.looked | stays;
             step.k_exit = L::F::select(stays, k_exit, step.k_exit);
-            let is_within = k.lt(k_end);
+            let is_within = k.lt(at.k_end);
             (walking, live) = (walking & is_within, live & is_within);
             asks = skips & walking;
         }
@@ -183,7 +186,7 @@ impl<'a, L: Lanes, K: Known> Walk<'a, L, K> {
         &mut self,
         step: &mut Step<L>,
         p: Place<L>,
-        (k, k_end): (L::F, L::F),
+        k: L::F,
         (live, counts): (L::M, &mut Counts<L>),
     ) {
         let (l, frame) = (self.probe.l, self.bound.scene.frame);
@@ -201,7 +204,7 @@ impl<'a, L: Lanes, K: Known> Walk<'a, L, K> {
             for a in 0..3 {
                 center[a] = p[a].cut_off().floats() + l.splat(0.5);
             }
-            let k_exit = self.probe.rays.exit_of(l, frame, center, half).smaller(k_end).larger(k + one);
+            let k_exit = self.at.ends_at(k, self.probe.rays.exit_of(l, frame, center, half));
             step.code = L::F::select(leaps, texel.mean, step.code);
             step.k_exit = L::F::select(leaps, k_exit, step.k_exit);
             step.jumps = step.jumps | leaps;

@@ -51,11 +51,14 @@ struct With {
     holes: bool,
     noise: bool,
     nearest: bool,
+    /// Other levels around, and parts of steps.
+    borders: bool,
 }
 
-const PLAIN: With = With { map: false, leaps: false, regions: None, holes: false, noise: false, nearest: false };
+const PLAIN: With =
+    With { map: false, leaps: false, regions: None, holes: false, noise: false, nearest: false, borders: false };
 
-const ALL: [With; 12] = [
+const ALL: [With; 16] = [
     PLAIN,
     With { noise: true, ..PLAIN },
     With { map: true, ..PLAIN },
@@ -68,6 +71,10 @@ const ALL: [With; 12] = [
     With { regions: Some(RegionFlags::Texture), map: true, ..PLAIN },
     With { regions: Some(RegionFlags::Texture), leaps: true, holes: true, map: true, ..PLAIN },
     With { regions: Some(RegionFlags::EveryVoxel), noise: true, ..PLAIN },
+    With { borders: true, ..PLAIN },
+    With { borders: true, map: true, noise: true, ..PLAIN },
+    With { borders: true, map: true, leaps: true, ..PLAIN },
+    With { borders: true, regions: Some(RegionFlags::Texture), holes: true, map: true, ..PLAIN },
 ];
 
 /// What a brick holds.
@@ -127,6 +134,9 @@ impl Made {
         let flags = texels.iter().map(|_| u8::from(random.below(3) == 0)).collect();
         uniform.region_flags = with.regions.map_or(0, |flags| flags as u32);
         uniform.holes = u32::from(with.holes);
+        if with.borders {
+            uniform.borders = random.next() as u32 & 0x7ff_dfff;
+        }
         Self { uniform, texels, means, map, hears, flags }
     }
 
@@ -230,7 +240,8 @@ fn pictures(set: InstructionSet, style: &Style, with: With, seed: u64) -> Pictur
     let stop = if take.pixel_kind().may_end_early() && random.below(3) > 0 { 0.97 } else { 1.0 };
     let frame = FrameUniform::new(&view.kernel(), &table, stop)
         .with_regions(region_view, region_table.as_ref())
-        .with_filter(if with.nearest { Filter::Nearest } else { Filter::Exact });
+        .with_filter(if with.nearest { Filter::Nearest } else { Filter::Exact })
+        .with_finest(if with.borders { [0.5, 0.25, 0.125][seed as usize % 3] } else { 1.0 });
     let uniform = StyleUniform::new(style, &geometry, (0.0, 1.0));
     let tables = Tables { table: &table.entries, region: region_table.as_ref().map(|table| &table.entries[..]) };
     let made = [0.2, 0.6].map(|hue| slabs_of(hue, step, has_weights));
@@ -252,7 +263,15 @@ fn pictures(set: InstructionSet, style: &Style, with: With, seed: u64) -> Pictur
     let mut bound = Vec::new();
     for made in &bricks {
         let (skips, cubes) = made.hears;
-        let key = KernelKey { skips, cubes, leaps: with.leaps, regions, holes: with.holes, take };
+        let key = KernelKey {
+            skips,
+            cubes,
+            leaps: with.leaps,
+            regions,
+            holes: with.holes,
+            borders: with.borders && !take.is_projection(),
+            take,
+        };
         bound.push(Bindings { scene: &scene, brick: &made.uniform, data: made.data(), key });
     }
     let shown = ShownEntries::of(&tables);
@@ -357,5 +376,5 @@ fn pictures_have_the_same_bits_on_every_processor() {
             }
         }
     }
-    assert_eq!(format!("{sum:016x}"), "f616c8fadc1dc486");
+    assert_eq!(format!("{sum:016x}"), "0b0d33587187f328");
 }

@@ -9,6 +9,7 @@ use brickcast_shaders::layout::BrickUniform;
 use brickcast_shaders::twin::bindings::{Bindings, BrickData, SceneData};
 use brickcast_shaders::twin::macrocell::empty_distances;
 use brickcast_volume::brick::OwnedBox;
+use brickcast_volume::lod::Sides;
 use brickcast_volume::macrocell::MapTexel;
 use brickcast_volume::regions::Density;
 use brickcast_volume::scene::Filter;
@@ -155,12 +156,12 @@ struct SceneBrick<'a> {
 }
 
 impl<'a> SceneBrick<'a> {
-    fn new(brick: &'a CpuBrick, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> Self {
+    fn new(brick: &'a CpuBrick, sides: Sides, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> Self {
         let cells = brick.cells.as_ref();
         let ask = |(emptiness, built): (_, &BuiltCells)| brick.occupancy.ask(emptiness, &brick.owned, &built.cells);
         let has_cubes = cells.is_some_and(|built| built.homogeneous.is_some());
         let has = (brick.means.is_some(), has_cubes);
-        let Placed { uniform, key } = Placed::new(scene, &brick.uniform, has, emptiness.zip(cells).map(ask));
+        let Placed { uniform, key } = Placed::new(scene, &brick.uniform, has, emptiness.zip(cells).map(ask), sides);
         let map = brick.map(emptiness.filter(|_| key.skips));
         Self { brick, projected: scene.view.project(&uniform.owned()), uniform, key, map }
     }
@@ -292,7 +293,11 @@ fn render_job(
     let bricks: Vec<SceneBrick<'_>> = job
         .bricks
         .par_iter()
-        .map(|b| b.as_any().downcast_ref::<CpuBrick>().map(|b| SceneBrick::new(b, scene, emptiness)))
+        .enumerate()
+        .map(|(i, b)| {
+            let brick = b.as_any().downcast_ref::<CpuBrick>()?;
+            Some(SceneBrick::new(brick, job.sides_of(i), scene, emptiness))
+        })
         .collect::<Option<_>>()
         .ok_or(RaycastError::ForeignBrick { backend: "cpu" })?;
     let placed: Vec<PlacedBrick<'_>> = bricks.iter().map(|brick| brick.placed(reads)).collect();

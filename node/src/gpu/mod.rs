@@ -137,7 +137,7 @@ impl Raycaster for GpuRaycaster {
         let stored = owned.stored(brickcast_volume::brick::GHOST_SAMPLED);
         let codes = vec![u16::MAX; stored.voxel_count() as usize];
         let bricks = vec![self.upload(owned, &BrickInput::plain(&BrickVoxels { stored, codes, has_holes: false }))?];
-        self.render(&scene, &[Job { bricks, rect: scene.view.size().full_rect() }])?;
+        self.render(&scene, &[Job::new(bricks, scene.view.size().full_rect())])?;
         if keys.iter().any(|key| key.has_map()) {
             self.scratch.lock().unwrap_or_else(PoisonError::into_inner).warm_up_maps(&self.gpu)?;
         }

@@ -157,7 +157,7 @@ pub(super) fn render(
         let mut dispatches = Vec::new();
         for band in &batch.bands {
             for (i, brick) in bricks[band.job].iter().enumerate() {
-                let of_brick = brick.in_scene(scene, call.emptiness);
+                let of_brick = brick.in_scene(jobs[band.job].sides_of(i), scene, call.emptiness);
                 dispatches.extend(plan::dispatches(&scene.view, band, (i, call.gpu.dispatch_samples()), of_brick));
             }
         }

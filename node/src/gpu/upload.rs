@@ -6,6 +6,7 @@ use std::sync::Arc;
 use brickcast_shaders::binding;
 use brickcast_shaders::layout::BrickUniform;
 use brickcast_volume::brick::OwnedBox;
+use brickcast_volume::lod::Sides;
 use brickcast_volume::regions::code::MAX_SLOTS;
 
 use super::cells::CellTextures;
@@ -38,11 +39,11 @@ impl GpuBrick {
     }
 
     /// What the brick needs in this scene.
-    pub(super) fn in_scene(&self, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> Placed {
+    pub(super) fn in_scene(&self, sides: Sides, scene: &KernelScene, emptiness: Option<&Arc<Emptiness>>) -> Placed {
         let cells = self.cells.as_ref();
         let ask = |(emptiness, cells): (_, &CellTextures)| self.occupancy.ask(emptiness, &self.owned, &cells.cells);
         let has_cubes = cells.is_some_and(CellTextures::has_homogeneous);
-        Placed::new(scene, &self.uniform, (self.has_leaps, has_cubes), emptiness.zip(cells).map(ask))
+        Placed::new(scene, &self.uniform, (self.has_leaps, has_cubes), emptiness.zip(cells).map(ask), sides)
     }
 
     /// The cells whose map is not that of `emptiness`; afterwards it counts as such.

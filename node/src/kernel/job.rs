@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use brickcast_shaders::twin::bindings::RayCounts;
+use brickcast_volume::lod::Sides;
 use brickcast_volume::{PixelKind, PixelRect, Pixels, RawPixel};
 
 use super::brick::ResidentBrick;
@@ -13,7 +14,21 @@ use super::scene::KernelScene;
 #[derive(Debug, Clone)]
 pub struct Job {
     pub bricks: Vec<Arc<dyn ResidentBrick>>,
+    /// Of each brick, where it meets other levels; of bricks beyond the last one: nowhere.
+    pub sides: Vec<Sides>,
     pub rect: PixelRect,
+}
+
+impl Job {
+    /// Of bricks that meet no other level.
+    #[must_use]
+    pub fn new(bricks: Vec<Arc<dyn ResidentBrick>>, rect: PixelRect) -> Self {
+        Self { bricks, sides: Vec::new(), rect }
+    }
+
+    pub(crate) fn sides_of(&self, position: usize) -> Sides {
+        self.sides.get(position).copied().unwrap_or_default()
+    }
 }
 
 /// A finished accumulator.

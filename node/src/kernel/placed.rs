@@ -2,6 +2,7 @@
 
 use brickcast_shaders::layout::BrickUniform;
 use brickcast_shaders::{BrickTraits, KernelKey};
+use brickcast_volume::lod::Sides;
 
 use super::occupied::Occupied;
 use super::scene::KernelScene;
@@ -9,25 +10,30 @@ use super::scene::KernelScene;
 /// What a brick needs in a scene.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Placed {
-    /// Its owned box is the part of the brick that may show something.
+    /// Its owned box is the part of the brick that may show something, or all of it where other levels are next to it.
     pub(crate) uniform: BrickUniform,
     pub(crate) key: KernelKey,
 }
 
 impl Placed {
-    /// `uniform`, `leaps` and `cubes` are the brick's; `occupied` where it has macrocells and the scene skips.
+    /// `uniform`, `leaps`, `cubes` and `sides` are the brick's; `occupied` where it has macrocells and the scene skips.
     pub(crate) fn new(
         scene: &KernelScene,
         uniform: &BrickUniform,
         (leaps, cubes): (bool, bool),
         occupied: Option<Occupied>,
+        sides: Sides,
     ) -> Self {
-        let mut uniform = *uniform;
-        let mut traits = BrickTraits { leaps, holes: uniform.holes != 0, cubes, ..BrickTraits::default() };
+        let mut uniform = BrickUniform { borders: sides.bits(), ..*uniform };
+        let borders = !sides.is_empty();
+        let mut traits = BrickTraits { leaps, holes: uniform.holes != 0, cubes, borders, ..BrickTraits::default() };
         if let Some(occupied) = occupied {
             let (bounds, pays) = scene.bounds(occupied, &uniform.owned());
             (traits.may_skip, traits.skipping_pays) = (true, pays);
-            uniform = uniform.within(&bounds);
+            // What of a brick meets other levels is told by all of it.
+            if !borders || bounds.voxel_count() == 0 {
+                uniform = uniform.within(&bounds);
+            }
         }
         Self { uniform, key: KernelKey::of(scene.look(), traits) }
     }

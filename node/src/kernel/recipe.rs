@@ -65,7 +65,8 @@ impl Recipe {
     }
 
     /// All that bricks of this recipe can be to a kernel: those without leap voxels do not leap, those with little that
-    /// is empty do not skip; where voxels of the store may lack data, some have holes, and these never leap.
+    /// is empty do not skip; where voxels of the store may lack data, some have holes, and these never leap. Next to other
+    /// levels there are few: their kernels are compiled once they are met.
     #[must_use]
     pub fn traits(&self, may_lack_data: bool) -> Vec<BrickTraits> {
         let cubes = self.homogeneous.is_some();
@@ -76,7 +77,8 @@ impl Recipe {
                     let lacks = holes && !may_lack_data || leaps && (holes || self.guard.is_none());
                     if !lacks && (!skipping_pays || self.macrocell.is_some()) {
                         let may_skip = self.macrocell.is_some();
-                        all.push(BrickTraits { leaps, holes, may_skip, skipping_pays, cubes: cubes && !holes });
+                        let cubes = cubes && !holes;
+                        all.push(BrickTraits { leaps, holes, may_skip, skipping_pays, cubes, borders: false });
                     }
                 }
             }

@@ -29,6 +29,8 @@ pub struct KernelScene {
     pub region_table: Option<Arc<TransferTable>>,
     /// What the plain kernels do not do; none where the scene asks for nothing of it.
     pub style: Option<KernelStyle>,
+    /// As [`FrameUniform::finest`]: 1 where no brick meets another level.
+    pub finest: f32,
 }
 
 impl KernelScene {
@@ -36,7 +38,8 @@ impl KernelScene {
     #[must_use]
     pub fn plain(view: View, table: Arc<TransferTable>, early_termination: f32, filter: Filter) -> Self {
         let (skip_empty, region_view, region_table, style) = (false, RegionView::All, None, None);
-        Self { view, table, early_termination, filter, skip_empty, region_view, region_table, style }
+        let finest = 1.0;
+        Self { view, table, early_termination, filter, skip_empty, region_view, region_table, style, finest }
     }
 
     /// What is left in accumulators.
@@ -64,6 +67,7 @@ impl KernelScene {
         FrameUniform::new(&self.view.kernel(), &self.table, stop)
             .with_regions(self.region_view, self.region_table.as_deref())
             .with_filter(self.filter)
+            .with_finest(self.finest)
     }
 
     /// What rays on the processor read of it.

@@ -116,7 +116,9 @@ impl<'a> Batches<'a> {
             wanted.iter().map(|w| w.key).zip(lease.bricks()).collect();
         let key = |position: &usize| self.plan.bricks[*position].wanted.key;
         let brick = |position: &usize| resident[&key(position)].clone();
-        let job = |part: &Part| Job { bricks: part.positions.iter().map(&brick).collect(), rect: part.rect };
+        let sides = |part: &Part| part.positions.iter().map(|p| self.plan.bricks[*p].sides).collect();
+        let bricks = |part: &Part| part.positions.iter().map(&brick).collect();
+        let job = |part: &Part| Job { bricks: bricks(part), sides: sides(part), rect: part.rect };
         let jobs: Vec<Job> = parts.iter().map(job).collect();
         let (scene, raycaster) = (&self.plan.scene, workshop.raycaster);
         let render = || match &self.plan.interval {

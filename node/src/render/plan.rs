@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use brickcast_proto::{LayerOrder, RenderOrder, TileRect};
+use brickcast_volume::lod::{Borders, Sides};
 use brickcast_volume::merge::{Viewpoint, sort_front_to_back};
 use brickcast_volume::regions::Drawn;
 use brickcast_volume::store::BrickSource;
@@ -38,6 +39,8 @@ pub(super) struct PlannedBrick {
     pub wanted: Wanted,
     pub drawn: Drawn,
     pub index: BrickIndex,
+    /// Where it meets other levels of the volume.
+    pub sides: Sides,
     /// Pixels that it can touch.
     pub rect: PixelRect,
     /// What a pixel of them takes, on average and where no ray ends early: a guess.
@@ -102,6 +105,7 @@ impl FramePlan {
                     manifest.range,
                     choice.slabs.clone(),
                 ),
+                finest: order.borders.as_ref().map_or(1.0, Borders::finest),
             },
             interval: scene.quality.extreme.map(|extreme| choice.interval(extreme)),
             bricks: Vec::new(),
@@ -130,7 +134,7 @@ impl FramePlan {
         // Bricks by chunk, front to back within each.
         let mut by_chunk: HashMap<TreeNode, Vec<usize>> = HashMap::new();
         for chunk in chunks {
-            let positions = self.visible(*chunk, &window, choice, workshop)?;
+            let positions = self.visible(*chunk, &window, (choice, order.borders.as_ref()), workshop)?;
             if !positions.is_empty() {
                 by_chunk.insert(self.tree.leaf(*chunk), positions);
             }
@@ -198,7 +202,7 @@ impl FramePlan {
         &mut self,
         chunk: ChunkIndex,
         window: &PixelRect,
-        choice: &BrickChoice<'_>,
+        (choice, borders): (&BrickChoice<'_>, Option<&Borders>),
         workshop: Workshop<'_>,
     ) -> Result<Vec<usize>, NodeError> {
         let budget = workshop.residency.budget();
@@ -220,8 +224,9 @@ impl FramePlan {
                 return Err(NodeError::BrickTooLarge { brick: index, bytes: wanted.bytes, budget });
             }
             let samples_per_pixel = samples_across(&self.scene.view, &grid.owned_box(index));
+            let sides = borders.map_or(Sides::default(), |borders| borders.of_brick(&self.tree, index));
             positions.push(self.bricks.len());
-            self.bricks.push(PlannedBrick { wanted, drawn, index, rect, samples_per_pixel });
+            self.bricks.push(PlannedBrick { wanted, drawn, index, sides, rect, samples_per_pixel });
         }
         Ok(positions)
     }

@@ -73,6 +73,12 @@ pub enum WireError {
     Beyond { what: &'static str, index: u64, last: u64 },
     #[error("bricks of level {0}: this node knows level 0 only, the finest")]
     Level(u32),
+    #[error("borders: {chunks} chunks and {sides} sides; each has one")]
+    BorderSides { chunks: usize, sides: usize },
+    #[error("borders of level {0}: only levels 1 to 32 have any")]
+    BorderLevel(u32),
+    #[error("borders: chunk {chunk} has sides {bits:#x}, which are none")]
+    Border { chunk: u32, bits: u32 },
     #[error("{what} must be strictly increasing; {after} follows {before}")]
     Order { what: &'static str, before: u32, after: u32 },
     #[error("the order has crc32c {got:08x}, it says {want:08x}: damaged on the way; send it again")]

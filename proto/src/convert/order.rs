@@ -2,13 +2,14 @@
 
 use std::collections::HashSet;
 
+use brickcast_volume::lod::{Borders, Sides};
 use brickcast_volume::scene::Transport;
 use brickcast_volume::{ChunkId, Epoch, FrameId, SessionId, TreeNode};
 use prost::Message as _;
 
 use super::scene::{format_from_wire, format_to_wire};
 use super::{WireError, at_most, tree_node};
-use crate::order::{LayerOrder, MAX_CHUNKS, MAX_LAYERS, MAX_TILES_OWED, RenderOrder};
+use crate::order::{LayerOrder, MAX_CHUNKS, MAX_LAYERS, MAX_LEVEL, MAX_TILES_OWED, RenderOrder};
 use crate::tile_rect::TileRect;
 use crate::wire;
 
@@ -25,6 +26,36 @@ impl From<&LayerOrder> for wire::Layer {
     }
 }
 
+impl From<&Borders> for wire::Borders {
+    fn from(borders: &Borders) -> Self {
+        let (chunks, sides) = borders.iter().map(|(chunk, sides)| (chunk.linear(), sides.bits())).unzip();
+        Self { level: u32::from(borders.level()), chunks, sides }
+    }
+}
+
+impl TryFrom<wire::Borders> for Borders {
+    type Error = WireError;
+
+    fn try_from(borders: wire::Borders) -> Result<Self, WireError> {
+        let wire::Borders { level, chunks, sides } = borders;
+        at_most("chunks at borders", chunks.len(), MAX_CHUNKS)?;
+        if chunks.len() != sides.len() {
+            return Err(WireError::BorderSides { chunks: chunks.len(), sides: sides.len() });
+        }
+        if let Some(&[before, after]) = chunks.array_windows().find(|[before, after]| before >= after) {
+            return Err(WireError::Order { what: "chunks at borders", before, after });
+        }
+        let known = u8::try_from(level).ok().filter(|level| (1..=MAX_LEVEL).contains(level));
+        let level = known.ok_or(WireError::BorderLevel(level))?;
+        let side = |(&chunk, &bits)| match Sides::from_bits(bits) {
+            Some(sides) => Ok((ChunkId::new(chunk), sides)),
+            None => Err(WireError::Border { chunk, bits }),
+        };
+        let sides = chunks.iter().zip(&sides).map(side).collect::<Result<Vec<_>, _>>()?;
+        Self::new(level, sides).ok_or(WireError::Missing("a side of a border"))
+    }
+}
+
 impl From<&RenderOrder> for wire::RenderOrder {
     fn from(order: &RenderOrder) -> Self {
         let unsealed = Self {
@@ -35,6 +66,7 @@ impl From<&RenderOrder> for wire::RenderOrder {
             scene: Some((&order.scene).into()),
             transport: format_to_wire(order.transport),
             layers: order.layers.iter().map(Into::into).collect(),
+            borders: order.borders.as_ref().map(Into::into),
             crc32c: 0,
         };
         unsealed.sealed()
@@ -116,7 +148,8 @@ impl TryFrom<wire::RenderOrder> for RenderOrder {
         }
         disjoint(&layers)?;
         let (session, frame, epoch) = (SessionId(order.session), FrameId(order.frame), Epoch(order.epoch));
-        Ok(Self { session, frame, epoch, store, scene, transport, layers })
+        let borders = order.borders.map(TryInto::try_into).transpose()?;
+        Ok(Self { session, frame, epoch, store, scene, transport, layers, borders })
     }
 }
 

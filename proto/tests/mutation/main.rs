@@ -10,6 +10,7 @@ use brickcast_proto::{
     Receipt, RenderOrder, StoreDescription, StoreName, StoreQuery, Throttle, TileError, TilePart, TileRect, WireError,
     decode_tile, encode_tile, wire,
 };
+use brickcast_volume::lod::{Borders, Sides};
 use brickcast_volume::scene::{
     Acceleration, Extreme, Filter, Leap, Look, MacrocellEdge, PixelSamples, Quality, RegionView, Scene, Transport,
     ViewSpec,
@@ -158,7 +159,14 @@ fn order(random: &mut Random) -> RenderOrder {
         layers: (0..1 + random.below(8) as u32).map(layer).collect(),
         scene,
         transport,
+        borders: (random.below(2) == 0).then(|| borders(random)).flatten(),
     }
+}
+
+fn borders(random: &mut Random) -> Option<Borders> {
+    let sides = |bit: usize| Sides::from_bits(1 << bit | 1 << 26).unwrap_or_default();
+    let of = |chunk: u32, random: &mut Random| (ChunkId::new(chunk * 3), sides(random.below(13)));
+    Borders::new(1 + random.below(9) as u8, (0..4).map(|chunk| of(chunk, random)))
 }
 
 fn part(random: &mut Random) -> FramePart {

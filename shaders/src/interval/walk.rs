@@ -65,16 +65,16 @@ impl<'a> Walk<'a> {
     /// `None` where the ray takes nothing.
     fn new(bound: &'a Bindings<'a>, spans: &Spans<'a>, tables: &'a IntervalTables, ray: &'a Ray) -> Option<Self> {
         let (frame, brick, style) = (bound.scene.frame, bound.brick, bound.scene.style);
-        let owned = owned_segment(frame, brick, ray)?;
+        let owned = owned_segment(frame.step, brick, ray)?;
         let is_plain = bound.key.take == TakeKind::Sampled;
         let owned = if is_plain { Plain::clipped(bound, ray, owned) } else { Styled::clipped(bound, ray, owned) };
         if owned.k * frame.step >= owned.t_out {
             return None;
         }
-        let k_out = first_outside(frame, owned.k, owned.t_out);
+        let k_out = first_outside(frame.step, owned.k, owned.t_out);
         let kind = bound.key.take.slab_kind();
         let t_lo = if is_plain { 0.0 } else { clip_span(style, ray).0 };
-        let entry = || first_sample(frame, volume_entry(style, ray).max(t_lo));
+        let entry = || first_sample(frame.step, volume_entry(style, ray).max(t_lo));
         let far = (0..3).fold(0.0_f32, |m, a| m.max(ray.origin[a].abs()).max(brick.owned_hi[a] as f32));
         Some(Self {
             k: owned.k,

@@ -7,8 +7,8 @@ use brickcast_volume::Premul;
 
 use super::bindings::{Along, Bindings, RayCounts};
 use super::holes::is_no_data;
-use super::jump::first_outside;
-use super::ray::{Ray, owned_segment};
+use super::positions::Positions;
+use super::ray::Ray;
 use super::run::Run;
 use super::scene::Scene;
 use super::take::{Projection, Sampled, Slabs, Take};
@@ -52,34 +52,32 @@ pub fn march<M: MapWalk, C: CodeWalk, T: Take>(
 ) -> Option<(T, RayCounts)> {
     let (frame, brick) = (bound.scene.frame, bound.brick);
     // Most rays of a tile miss most bricks.
-    let owned = T::Scene::clipped(bound, ray, owned_segment(frame, brick, ray)?);
-    if owned.k * frame.step >= owned.t_out || sum.a >= frame.stop_alpha || bound.scene.tables.table.len() < 2 {
+    let at = Positions::new::<T>(bound, ray)?;
+    if sum.a >= frame.stop_alpha || bound.scene.tables.table.len() < 2 {
         return None;
     }
     let along = &Along::new(bound, ray);
-    // The first position that is not owned, and the first that is not visited.
-    let k_out = first_outside(frame, owned.k, owned.t_out);
-    let k_end = if T::ends_beyond(bound) { k_out + 1.0 } else { k_out };
-    let mut by_map = M::enter_map(bound, owned.k);
+    let mut by_map = M::enter_map(bound, at.start);
     let mut by_code = C::enter_code(along);
     let mut taking = T::enter_take(along);
-    let mut k = owned.k;
+    let mut k = at.start;
     // The position before k was taken.
     let mut follows = false;
     let mut counts = RayCounts::default();
-    while k < k_end && sum.a < frame.stop_alpha {
+    while k < at.k_end && sum.a < frame.stop_alpha {
         // Always the product, never accumulated: the same sample in every brick.
         let p = T::Scene::place_at(along, k);
         let mut step = by_map.ask_map::<T>(bound, p, follows);
         counts.samples += by_code.ask_code(along, &mut step, p);
-        let k_exit = by_code.exit_of(along, &step, k).min(k_end).max(k + 1.0);
-        let n = if step.is_back {
-            -1.0
+        let k_exit = at.ends_at(k, by_code.exit_of(along, &step, k));
+        let k_next = if step.is_back {
+            at.before(k)
         } else if step.jumps {
-            k_exit - k
+            k_exit
         } else {
-            1.0
+            at.behind(k)
         };
+        let n = k_next - k;
         let mut code = step.code;
         let mut in_region = step.is_deep || brick.region_flags == RegionFlags::EveryVoxel as u32;
         if !step.is_known {
@@ -92,10 +90,11 @@ pub fn march<M: MapWalk, C: CodeWalk, T: Take>(
         }
         // A place without data is no sample, and no slab ends or starts there.
         let is_taken = !(step.is_skip || is_no_data(code));
-        let owns = n.min(k_out - k).max(0.0);
+        let owns = n.min(at.k_out - k).max(0.0);
         let mut shows = false;
         if is_taken {
-            let run = Run { k, n, owns, code, in_region, is_flat: step.is_flat, follows };
+            let within = at.before(k_next) - k;
+            let run = Run { k, n, within, owns, code, in_region, is_flat: step.is_flat, follows };
             shows = taking.take(along, p, run, sum);
         }
         by_map.leave_map::<T>(bound, &step, k, n, k_exit, shows);
@@ -104,7 +103,7 @@ pub fn march<M: MapWalk, C: CodeWalk, T: Take>(
         counts.positions += if step.is_skip { 0 } else { owns as u32 };
         counts.leapt += if step.jumps && step.is_flat { n as u32 } else { 0 };
         follows = is_taken;
-        k += n;
+        k = k_next;
     }
     Some((taking, counts))
 }

@@ -8,6 +8,7 @@ pub(crate) mod light;
 pub mod macrocell;
 pub mod march;
 pub mod part;
+pub(crate) mod positions;
 pub mod power;
 pub mod ray;
 pub mod read;

@@ -56,16 +56,16 @@ pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
 
 /// The first sample at or behind `t`, exactly.
 #[inline(always)]
-pub(crate) fn first_sample(frame: &FrameUniform, t: f32) -> f32 {
+pub(crate) fn first_sample(step: f32, t: f32) -> f32 {
     // The quotient errs by a few units in the last place, the product decides.
-    let mut k = rounded_up(t / frame.step);
+    let mut k = rounded_up(t / step);
     for _ in 0..4 {
-        if k > 0.0 && (k - 1.0) * frame.step >= t {
+        if k > 0.0 && (k - 1.0) * step >= t {
             k -= 1.0;
         }
     }
     for _ in 0..4 {
-        if k * frame.step < t {
+        if k * step < t {
             k += 1.0;
         }
     }
@@ -83,10 +83,11 @@ pub(super) fn rounded_up(x: f32) -> f32 {
     if whole < x { whole + 1.0 } else { whole }
 }
 
-/// The samples of `ray` in the brick's owned box (docs/definition.md, Sampling grid); `None` where there are none.
+/// The samples of `ray`, `step` apart, in the brick's owned box (docs/definition.md, Sampling grid); `None` where there
+/// are none.
 #[must_use]
 #[inline]
-pub fn owned_segment(frame: &FrameUniform, brick: &BrickUniform, ray: &Ray) -> Option<Segment> {
+pub fn owned_segment(step: f32, brick: &BrickUniform, ray: &Ray) -> Option<Segment> {
     let (mut t_in, mut t_out) = (0.0_f32, FAR);
     for a in 0..3 {
         let (lo, hi) = (brick.owned_lo[a] as f32, brick.owned_hi[a] as f32);
@@ -105,6 +106,6 @@ pub fn owned_segment(frame: &FrameUniform, brick: &BrickUniform, ray: &Ray) -> O
     if t_in >= t_out {
         return None;
     }
-    let k = first_sample(frame, t_in);
-    (k * frame.step < t_out).then_some(Segment { k, t_out })
+    let k = first_sample(step, t_in);
+    (k * step < t_out).then_some(Segment { k, t_out })
 }

@@ -34,11 +34,14 @@ pub(crate) fn exit_of(frame: &FrameUniform, ray: &Ray, step: &Step) -> f32 {
     rounded_up(leaves(ray, step.center, step.half) / frame.step)
 }
 
-/// Positions `k .. k + n` of one code: a sample (n = 1), a leap, or a cube of one value.
+/// Positions `k .. k + n` of one code: a sample, a leap, or a cube of one value. A sample is one step long (n = 1), or
+/// shorter where levels meet.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Run {
     pub k: f32,
     pub n: f32,
+    /// From the first of them to the last.
+    pub within: f32,
     /// Those of them that the brick owns.
     pub owns: f32,
     /// 0..=1.

@@ -38,7 +38,7 @@ pub(super) fn add(sum: &mut Premul, [r, g, b, a]: [f32; 4]) {
 /// `color` premultiplied, of a slab of opacity `a`, as of one that is `length` times as long (docs/algorithms.md,
 /// Integration).
 #[inline(always)]
-fn of_length([r, g, b, a]: [f32; 4], length: f32) -> [f32; 4] {
+pub(super) fn of_length([r, g, b, a]: [f32; 4], length: f32) -> [f32; 4] {
     if length == 1.0 {
         return [r, g, b, a];
     }

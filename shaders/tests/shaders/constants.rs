@@ -57,6 +57,7 @@ fn rust_constant(key: KernelKey, name: &str) -> Option<Vec<f64>> {
         "FAR" => number(ray::FAR),
         "PARALLEL_TO_PLANE" => number(ray::PARALLEL_TO_PLANE),
         "LEAST_CUT" => number(scene::LEAST_CUT),
+        "BORDERS" => integer(u32::from(key.borders)),
         "HAS_MAP" => integer(u32::from(key.has_map())),
         "TAKES_EMPTY" => integer(u32::from(takes_empty)),
         // Factor and glint of what is not lit.

@@ -5,9 +5,9 @@ use brickcast_volume::PixelKind;
 use brickcast_volume::style::{Isosurface, Mode, Phong, Style};
 
 fn bricks() -> impl Iterator<Item = BrickTraits> {
-    (0..32_u32).map(|bits| {
+    (0..64_u32).map(|bits| {
         let is = |bit: u32| bits >> bit & 1 == 1;
-        BrickTraits { leaps: is(0), holes: is(1), may_skip: is(2), skipping_pays: is(3), cubes: is(4) }
+        BrickTraits { leaps: is(0), holes: is(1), may_skip: is(2), skipping_pays: is(3), cubes: is(4), borders: is(5) }
     })
 }
 
@@ -25,13 +25,15 @@ fn a_brick_takes_what_it_needs_and_no_more() {
                 let key = KernelKey::of(LookTraits { take, tells_regions_apart }, brick);
                 assert_eq!((key.take, key.regions), (take, tells_regions_apart));
                 assert_eq!((key.leaps, key.holes, key.cubes), (brick.leaps, brick.holes, brick.cubes));
+                // An extreme does not ask how long a run is.
+                assert_eq!(key.borders, brick.borders && !take.is_projection());
                 let uses_map = brick.may_skip && (brick.skipping_pays || brick.cubes);
                 // What is skipped in a projection counts as samples, and a place without data is none.
                 assert_eq!(key.skips, uses_map && !(brick.holes && take.is_projection()), "{brick:?}");
                 assert_eq!(key.has_map(), key.skips || brick.cubes);
                 plain += u32::from(key == KernelKey::PLAIN);
                 // Each position is one read: nothing jumps but over what adds nothing, and no flags are read.
-                let reads_each = take == TakeKind::Sampled && !key.leaps && !key.cubes && !key.regions;
+                let reads_each = take == TakeKind::Sampled && !key.leaps && !key.cubes && !key.regions && !key.borders;
                 assert_eq!(key.counts_positions(), !reads_each, "{key:?}");
             }
         }

@@ -31,12 +31,12 @@ macro_rules! rust_struct {
 fn frame() -> (Members, u32) {
     rust_struct!(FrameUniform: eye step ray_forward stop_alpha ray_right inverse_width ray_up inverse_height
         voxels_per_unit parallel width height table_first table_scale fan shown region_first region_scale table_last
-        region_last nearest reserved)
+        region_last nearest finest reserved)
 }
 
 fn brick() -> (Members, u32) {
     rust_struct!(BrickUniform: owned_lo accumulator_base owned_hi accumulator_stride stored_lo counter stored_dims
-        region_flags rect_lo rect_size cell_lo cell_shift code_scale holes reserved)
+        region_flags rect_lo rect_size cell_lo cell_shift code_scale holes borders reserved)
 }
 
 fn style() -> (Members, u32) {

@@ -20,7 +20,9 @@ pub(crate) fn all_keys() -> Vec<KernelKey> {
     let takes = [TakeKind::Sampled, TakeKind::Slabs(slabs), TakeKind::Projection(PixelKind::Largest)];
     let walks = [(false, false), (true, false), (false, true), (true, true)];
     let key = |take| walks.map(|(skips, leaps)| KernelKey { skips, leaps, take, ..KernelKey::PLAIN });
-    takes.into_iter().flat_map(key).collect()
+    let keys: Vec<KernelKey> = takes.into_iter().flat_map(key).collect();
+    let on_borders = keys.iter().filter(|key| !key.take.is_projection()).map(|key| KernelKey { borders: true, ..*key });
+    keys.iter().copied().chain(on_borders).collect()
 }
 
 /// Of all kernels.

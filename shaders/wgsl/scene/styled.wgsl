@@ -43,7 +43,7 @@ fn clipped(ray: Ray, owned: Segment) -> Segment {
     let span = clip_span(ray);
     var left = Segment(owned.k, min(owned.t_out, span.y));
     if span.x > 0.0 {
-        left.k = max(left.k, first_sample(frame, span.x));
+        left.k = max(left.k, first_sample(frame.step, span.x));
     }
     return left;
 }
@@ -95,5 +95,5 @@ fn first_behind_cut(ray: Ray, t_lo: f32) -> f32 {
     if t_lo <= volume_entry(ray) + LEAST_CUT {
         return -1.0;
     }
-    return first_sample(frame, t_lo);
+    return first_sample(frame.step, t_lo);
 }

@@ -21,7 +21,8 @@ struct FrameUniform {
     table_last: u32,
     region_last: u32,
     nearest: u32,
-    reserved: array<u32, 3>,
+    finest: f32,
+    reserved: array<u32, 2>,
 }
 
 struct BrickUniform {
@@ -39,7 +40,8 @@ struct BrickUniform {
     cell_shift: u32,
     code_scale: f32,
     holes: u32,
-    reserved: array<u32, 2>,
+    borders: u32,
+    reserved: u32,
 }
 
 // FrameUniform.shown: samples outside regions, in regions.

@@ -45,24 +45,24 @@ fn pixel_ray(frame: FrameUniform, x: i32, y: i32) -> Ray {
 }
 
 // The first sample at or behind t, exactly.
-fn first_sample(frame: FrameUniform, t: f32) -> f32 {
+fn first_sample(step: f32, t: f32) -> f32 {
     // The quotient errs by a few units in the last place, the product decides.
-    var k = ceil(t / frame.step);
+    var k = ceil(t / step);
     for (var i = 0; i < 4; i++) {
-        if k > 0.0 && (k - 1.0) * frame.step >= t {
+        if k > 0.0 && (k - 1.0) * step >= t {
             k -= 1.0;
         }
     }
     for (var i = 0; i < 4; i++) {
-        if k * frame.step < t {
+        if k * step < t {
             k += 1.0;
         }
     }
     return k;
 }
 
-// Empty where k * step >= t_out.
-fn owned_segment(frame: FrameUniform, brick: BrickUniform, ray: Ray) -> Segment {
+// Of samples `step` apart; empty where k * step >= t_out.
+fn owned_segment(step: f32, brick: BrickUniform, ray: Ray) -> Segment {
     let lo = vec3<f32>(brick.owned_lo);
     let hi = vec3<f32>(brick.owned_hi);
     let flat = ray.direction == vec3(0.0);
@@ -78,5 +78,5 @@ fn owned_segment(frame: FrameUniform, brick: BrickUniform, ray: Ray) -> Segment 
     if t_in >= t_out {
         return Segment(0.0, -1.0);
     }
-    return Segment(first_sample(frame, t_in), t_out);
+    return Segment(first_sample(step, t_in), t_out);
 }

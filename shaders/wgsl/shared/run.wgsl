@@ -31,10 +31,13 @@ fn exit_of(ray: Ray, step: Step) -> f32 {
     return ceil(leaves(ray, step.center, step.half) / frame.step);
 }
 
-// Positions k .. k + n of one code: a sample (n = 1), a leap, or a cube of one value.
+// Positions k .. k + n of one code: a sample, a leap, or a cube of one value. A sample is one step long (n = 1), or
+// shorter where levels meet.
 struct Run {
     k: f32,
     n: f32,
+    // From the first of them to the last.
+    within: f32,
     // Those of them that the brick owns.
     owns: f32,
     code: f32,

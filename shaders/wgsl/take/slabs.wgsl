@@ -28,7 +28,7 @@ struct Taking {
 fn enter_take(ray: Ray) -> Taking {
     let span = clip_span(ray);
     // As its brick computes it.
-    let k_entry = select(-1.0, first_sample(frame, max(volume_entry(ray), span.x)), SURFACES);
+    let k_entry = select(-1.0, first_sample(frame.step, max(volume_entry(ray), span.x)), SURFACES);
     let k_cut = select(-1.0, first_behind_cut(ray, span.x), LIGHT != 0u);
     return Taking(End(0.0, 0.0, UNLIT, false, false), false, k_entry, k_cut);
 }
@@ -45,7 +45,7 @@ fn take(
     var opacity = 0.0;
     let shows = is_shown(run.in_region);
     let is_cut = LIGHT != 0u && run.k == (*taking).k_cut;
-    var back = End(run.code, run.k, UNLIT, run.is_flat, is_cut && run.n == 1.0);
+    var back = End(run.code, run.k, UNLIT, run.is_flat, is_cut && run.within == 0.0);
     if ends_beyond() && run.follows && is_shown((*taking).front_in_region) {
         // A slab is of one kind, its front's: colours do not run from one kind into the other.
         var far = back;
@@ -67,13 +67,14 @@ fn take(
     }
     if PREINTEGRATED {
         // The slabs within the run.
-        if run.n > 1.0 && shows {
-            var within = run.n - 1.0;
+        if run.within > 0.0 && shows {
+            var within = run.within;
             if is_cut {
                 let nodes = nodes_of(run.in_region, run.code, run.code);
                 let slab = look_up(false, run.in_region, nodes);
-                add(sum, cut_slab(ray, run.in_region, nodes, slab));
-                within -= 1.0;
+                let first = min(within, 1.0);
+                add(sum, of_length(cut_slab(ray, run.in_region, nodes, slab), first));
+                within -= first;
             }
             add(sum, flat_slabs(run.in_region, run.code, within));
             opacity = 1.0;
@@ -84,8 +85,10 @@ fn take(
         var rest = run.owns;
         if is_cut && sample.a > 0.0 {
             let color = lit_color(sample.rgb, light_of_entry(ray));
-            add(sum, vec4(color * sample.a, sample.a));
-            rest -= 1.0;
+            let first = min(rest, 1.0);
+            let alpha = select(opacity_of(sample.a, first), sample.a, first == 1.0);
+            add(sum, vec4(color * alpha, alpha));
+            rest -= first;
         }
         if sample.a > 0.0 && rest > 0.0 {
             if LIGHT != 0u && !run.is_flat {
@@ -99,7 +102,7 @@ fn take(
             add(sum, vec4(sample.rgb * alpha, alpha));
         }
     }
-    back.k = run.k + run.n - 1.0;
+    back.k = run.k + run.within;
     (*taking).front = back;
     (*taking).front_in_region = run.in_region;
     return opacity > 0.0;
@@ -140,7 +143,7 @@ fn close_slab(
         }
     }
     if PREINTEGRATED {
-        let length = select((*back).k - (*front).k, 1.0, opacity == 0.0);
+        let length = select((*back).k - (*front).k, 1.0, opacity == 0.0 && !BORDERS);
         let rest = slab_between(reader, ray, in_region, front, back, length);
         add(sum, rest);
         opacity = max(opacity, rest.a);

@@ -44,7 +44,16 @@ impl Rig {
         let chunks = MergeTree::of(store.manifest.grid).chunk_ids().collect();
         let layers = vec![LayerOrder { node: TreeNode(1), chunks, tiles: TileRect::of_picture(scene.view.size) }];
         let (frame, epoch, transport) = (FrameId(1), Epoch(1), Transport::F16);
-        let order = RenderOrder { session: SessionId(1), frame, epoch, store: store.hash, scene, transport, layers };
+        let order = RenderOrder {
+            session: SessionId(1),
+            frame,
+            epoch,
+            store: store.hash,
+            scene,
+            transport,
+            layers,
+            borders: None,
+        };
         let mut rig = Self { node, client, order };
         // Loading is not what is measured here.
         rig.load((0..512).map(BrickId::finest).collect()).await;

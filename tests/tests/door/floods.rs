@@ -95,6 +95,7 @@ fn order(session: &Session, store: &Store) -> wire::RenderOrder {
         scene,
         transport: Transport::F32,
         layers,
+        borders: None,
     };
     (&order).into()
 }

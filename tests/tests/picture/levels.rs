@@ -79,7 +79,12 @@ fn field() -> Vec<u16> {
     (0..nz).flat_map(|z| (0..ny).flat_map(move |y| row(y, z))).collect()
 }
 
-fn made(folder: &Path, name: &str, (geometry, voxels): (Geometry, Vec<u16>), options: &PrepareOptions) -> Store {
+pub(crate) fn made(
+    folder: &Path,
+    name: &str,
+    (geometry, voxels): (Geometry, Vec<u16>),
+    options: &PrepareOptions,
+) -> Store {
     let target = folder.join(name);
     prepare(&mut Voxels::new(geometry, voxels), &target, options, &mut |_| {}).unwrap();
     Store::open(&target).unwrap()
@@ -125,7 +130,7 @@ fn styles(store: &Store) -> Vec<(&'static str, Style)> {
 }
 
 /// Nodes inside this process; they stop with it.
-async fn nodes(store: &Store, count: usize) -> (Session, EmbeddedNodes) {
+pub(crate) async fn nodes(store: &Store, count: usize) -> (Session, EmbeddedNodes) {
     let kernel = Backend::open(BackendChoice::Cpu).unwrap();
     let nodes = EmbeddedNodes::start(&kernel, count, &store.path(), 1 << 30).await.unwrap();
     let choice = StoreChoice::Hash(store.hash());
@@ -134,11 +139,11 @@ async fn nodes(store: &Store, count: usize) -> (Session, EmbeddedNodes) {
 
 const LIMIT: Duration = Duration::from_secs(120);
 
-async fn alone(session: &mut Session, scene: &Scene) -> Frame {
+pub(crate) async fn alone(session: &mut Session, scene: &Scene) -> Frame {
     complete(session.render(scene, Transport::F32, LIMIT).await.unwrap())
 }
 
-async fn mixed(levels: &mut LevelSessions, scene: &Scene, rule: Rule) -> Frame {
+pub(crate) async fn mixed(levels: &mut LevelSessions, scene: &Scene, rule: Rule) -> Frame {
     complete(levels.render(scene, rule, Transport::F32, LIMIT).await.unwrap())
 }
 

@@ -153,3 +153,47 @@ fn what_cannot_be_drawn_is_refused_with_the_way_out() {
     brickcast_ok(at, &draw("flat", "full.exr", &["--exact"]));
     assert!(bits(at, "flat.exr") == bits(at, "full.exr"));
 }
+
+/// Each picture is complete, the last is the one that is drawn without the flag.
+#[test]
+fn progressive_pictures_end_with_what_was_asked_for() {
+    let _turn = turn(module_path!());
+    let site = site();
+    let at = site.path();
+    brickcast_ok(at, &draw("part", "full.exr", &["--exact"]));
+    let progressive = ["--progressive", "--exact", "--stats", "stats.json"];
+    let (code, said) = ended(at, &draw("part", "p.exr", &progressive));
+    let lines: Vec<&str> = said.lines().filter(|line| line.starts_with("picture ")).collect();
+    assert!(code == 0 && lines.len() >= 3, "{code} {said}");
+    assert!(lines[0].contains("picture 1 of") && lines[0].contains("of level 2"), "{said}");
+    assert!(lines.last().unwrap().ends_with(": full resolution") && !lines[0].ends_with(": full resolution"), "{said}");
+    assert!(bits(at, "p.exr") == bits(at, "full.exr"));
+    assert_eq!(json(at, "p.exr.json"), {
+        let mut full = json(at, "full.exr.json");
+        for key in ["epoch", "nodes"] {
+            full[key] = json(at, "p.exr.json")[key].clone();
+        }
+        full
+    });
+    let frames = json(at, "stats.json")["frames"].as_array().unwrap().clone();
+    let shares: Vec<f64> = frames.iter().filter_map(|frame| frame["lod"]["share_of_pixels"].as_f64()).collect();
+    assert!(frames.len() == lines.len() && shares.len() + 1 == frames.len(), "{frames:?}");
+    assert!(shares.is_sorted() && shares[0] < 1.0, "{shares:?}");
+    // Up to an error, which is not full resolution.
+    let coarse = ["--lod", "auto", "--pixel-error", "3", "--exact"];
+    let (code, _) = ended(at, &draw("part", "coarse.exr", &coarse));
+    let (progressive, said) = ended(at, &draw("part", "q.exr", &[&coarse[..], &["--progressive"]].concat()));
+    assert!((code, progressive) == (4, 4) && bits(at, "q.exr") == bits(at, "coarse.exr"), "{said}");
+    // A store without levels has one picture.
+    brickcast_ok(at, &["prepare", "part.nrrd", "flat", "--brick", "16", "--levels", "0"]);
+    let (code, said) = ended(at, &draw("flat", "flat.exr", &["--progressive"]));
+    assert!(code == 0 && said.contains("picture 1 of 1"), "{said}");
+    for (flags, words) in [
+        (&["--frames", "3", "--orbit", "20"][..], "a sequence of frames"),
+        (&["--lod", "1"], "--lod with a number"),
+        (&["--dry-run"], "--dry-run draws nothing"),
+    ] {
+        let (code, said) = ended(at, &draw("part", "none.exr", &[&["--progressive"], flags].concat()));
+        assert!(code == 2 && said.contains("--progressive") && said.contains(words), "{flags:?}: {code} {said}");
+    }
+}

@@ -5,6 +5,7 @@
 //! same whoever renders what of it (docs/adr/0018-level-of-detail.md).
 
 mod balance;
+mod borders;
 mod content;
 mod json;
 mod levels;
@@ -12,6 +13,7 @@ mod rule;
 mod selection;
 mod sight;
 
+pub use self::borders::{Borders, Sides};
 pub use self::content::Content;
 pub use self::levels::Levels;
 pub use self::rule::{Criterion, Lod, LodError, Rule};

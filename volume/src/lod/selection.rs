@@ -23,6 +23,7 @@ pub struct Selection {
 /// What one level draws of a volume; over the chunks of that level.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Part {
+    pub level: u8,
     /// Chunks that are drawn on this level.
     pub drawn: PerChunk<bool>,
     /// Chunks in which another level draws something.
@@ -88,6 +89,7 @@ impl Selection {
             under.any(|c| self.shows[c] && is(self.of[c]))
         };
         Part {
+            level,
             drawn: chunks().map(|c| shown_on(c, &|of| of == level)).collect(),
             elsewhere: chunks().map(|c| shown_on(c, &|of| of != level)).collect(),
         }

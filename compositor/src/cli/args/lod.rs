@@ -39,6 +39,11 @@ pub struct LodArgs {
     #[arg(long, value_name = "X,Y,Z", value_parser = triple::<f64>, allow_hyphen_values = true)]
     #[arg(conflicts_with_all = ["pixel_error", "lod_criterion"])]
     pub focus: Option<[f64; 3]>,
+    /// Write a complete coarse picture first, and finer ones in its place, up to what --lod asks for
+    ///
+    /// A line says of each what it is of. The last one is the picture without this flag, bit for bit.
+    #[arg(long)]
+    pub progressive: bool,
 }
 
 fn lod(text: &str) -> Result<LodArg, String> {

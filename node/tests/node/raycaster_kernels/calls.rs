@@ -112,13 +112,13 @@ fn refusals(raycaster: &dyn Raycaster, other: &dyn Raycaster) {
     let scene = scene(view, 0.999, Filter::Exact);
     let brick = raycaster.upload(owned, &BrickInput::plain(&volume.cut(owned.stored(1)))).unwrap();
     assert_eq!(brick.bytes(), raycaster.brick_bytes(1000, Recipe::default()));
-    let outside = Job { bricks: vec![brick], rect: rect([0, 0], [20, 11]) };
+    let outside = Job::new(vec![brick], rect([0, 0], [20, 11]));
     let outside = raycaster.render(&scene, &[outside]);
     assert!(matches!(outside, Err(RaycastError::RectOutsidePicture { width: 20, height: 10, .. })));
     let foreign = raycaster.render(&scene, &[volume.job(other, &view, 16)]);
     assert!(matches!(foreign, Err(RaycastError::ForeignBrick { .. })));
     // And it still renders.
-    let nothing = render_one(raycaster, &scene, Job { bricks: vec![], rect: view.size().full_rect() });
+    let nothing = render_one(raycaster, &scene, Job::new(vec![], view.size().full_rect()));
     assert!(nothing.pixels.len() == 200 && nothing.pixels.raw().iter().all(|p| *p == [0.0; 4]));
     assert!(raycaster.render(&scene, &[]).unwrap().is_empty());
     assert!(most_opaque(&render_one(raycaster, &scene, volume.job(raycaster, &view, 16)).pixels) > 0.3);

@@ -16,7 +16,7 @@ impl Scene for Styled {
         let (t_lo, t_hi) = clip_span(bound.scene.style, ray);
         let mut left = Segment { k: owned.k, t_out: owned.t_out.min(t_hi) };
         if t_lo > 0.0 {
-            left.k = left.k.max(first_sample(bound.scene.frame, t_lo));
+            left.k = left.k.max(first_sample(bound.scene.frame.step, t_lo));
         }
         left
     }
@@ -84,5 +84,5 @@ pub(crate) fn volume_entry(style: &StyleUniform, ray: &Ray) -> f32 {
 /// nothing.
 #[inline(always)]
 pub(crate) fn first_behind_cut(frame: &FrameUniform, style: &StyleUniform, ray: &Ray, t_lo: f32) -> f32 {
-    if t_lo <= volume_entry(style, ray) + LEAST_CUT { -1.0 } else { first_sample(frame, t_lo) }
+    if t_lo <= volume_entry(style, ray) + LEAST_CUT { -1.0 } else { first_sample(frame.step, t_lo) }
 }

@@ -16,7 +16,7 @@ use super::super::ray::first_sample;
 use super::super::run::Run;
 use super::super::scene::Styled;
 use super::super::scene::styled::{clip_span, first_behind_cut, volume_entry};
-use super::super::slab::{End, add, cut_slab, flat_slabs, look_up, nodes_of, slab_between};
+use super::super::slab::{End, add, cut_slab, flat_slabs, look_up, nodes_of, of_length, slab_between};
 use super::super::surface::{crossing, surface_at};
 
 #[derive(Debug)]
@@ -50,7 +50,7 @@ impl Take for Slabs {
         let kind = along.bound.key.take.slab_kind();
         let (t_lo, _) = clip_span(style, ray);
         // As its brick computes it.
-        let k_entry = if kind.surfaces { first_sample(frame, volume_entry(style, ray).max(t_lo)) } else { -1.0 };
+        let k_entry = if kind.surfaces { first_sample(frame.step, volume_entry(style, ray).max(t_lo)) } else { -1.0 };
         let k_cut = if kind.light.is_some() { first_behind_cut(frame, style, ray, t_lo) } else { -1.0 };
         let front = End { code: 0.0, k: 0.0, light: None, is_cut: false };
         Self { front, front_in_region: false, k_entry, k_cut }
@@ -64,7 +64,7 @@ impl Take for Slabs {
         let shows = is_shown(bound, run.in_region);
         let is_cut = kind.light.is_some() && run.k == self.k_cut;
         let mut back =
-            End { code: run.code, k: run.k, light: run.is_flat.then_some(UNLIT), is_cut: is_cut && run.n == 1.0 };
+            End { code: run.code, k: run.k, light: run.is_flat.then_some(UNLIT), is_cut: is_cut && run.within == 0.0 };
         if Self::ends_beyond(bound) && run.follows && is_shown(bound, self.front_in_region) {
             // A slab is of one kind, its front's: colours do not run from one kind into the other.
             let mut far = back;
@@ -85,13 +85,14 @@ impl Take for Slabs {
         }
         if kind.preintegrated {
             // The slabs within the run.
-            if run.n > 1.0 && shows {
-                let mut within = run.n - 1.0;
+            if run.within > 0.0 && shows {
+                let mut within = run.within;
                 if is_cut {
                     let nodes = nodes_of(bound, run.in_region, run.code, run.code);
                     let slab = look_up(bound, false, run.in_region, nodes);
-                    add(sum, cut_slab(along, run.in_region, nodes, slab));
-                    within -= 1.0;
+                    let first = within.min(1.0);
+                    add(sum, of_length(cut_slab(along, run.in_region, nodes, slab), first));
+                    within -= first;
                 }
                 add(sum, flat_slabs(bound, run.in_region, run.code, within));
                 opacity = 1.0;
@@ -103,8 +104,10 @@ impl Take for Slabs {
             let mut rest = run.owns;
             if is_cut && alpha > 0.0 {
                 let [r, g, b] = lit_color(color, light_of_entry(along));
+                let first = rest.min(1.0);
+                let alpha = if first == 1.0 { alpha } else { opacity_of(alpha, first) };
                 add(sum, [r * alpha, g * alpha, b * alpha, alpha]);
-                rest -= 1.0;
+                rest -= first;
             }
             if alpha > 0.0 && rest > 0.0 {
                 if kind.light.is_some() && !run.is_flat {
@@ -115,7 +118,7 @@ impl Take for Slabs {
                 add(sum, [color[0] * alpha, color[1] * alpha, color[2] * alpha, alpha]);
             }
         }
-        back.k = run.k + run.n - 1.0;
+        back.k = run.k + run.within;
         self.front = back;
         self.front_in_region = run.in_region;
         opacity > 0.0
@@ -149,8 +152,7 @@ fn close_slab(along: &Along<'_>, in_region: bool, front: &mut End, back: &mut En
         }
     }
     if kind.preintegrated {
-        let length = if opacity == 0.0 { 1.0 } else { back.k - front.k };
-        let rest = slab_between(along, in_region, front, back, length);
+        let rest = slab_between(along, in_region, front, back, back.k - front.k);
         add(sum, rest);
         opacity = rest[3].max(opacity);
     }

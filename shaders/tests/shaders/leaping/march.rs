@@ -176,7 +176,7 @@ pub(crate) fn compare(field: &Field, size: u32, step: f32, rays: &[Ray], broken:
 
 fn add(field: &Field, brick: &Brick, frame: &FrameUniform, ray: &Ray, broken: Broken, sum: &mut Comparison) {
     let (taken, counts) = brick.march(frame, ray, broken);
-    let mut next = owned_segment(frame, &brick.uniform, ray).map(|s| s.k);
+    let mut next = owned_segment(frame.step, &brick.uniform, ray).map(|s| s.k);
     let coded = brick.means.is_some();
     let exact = |p| {
         // Where no voxel leaps, voxels outside regions keep their 16 bits.
@@ -192,7 +192,7 @@ fn add(field: &Field, brick: &Brick, frame: &FrameUniform, ray: &Ray, broken: Br
         }
         next = Some(k + n);
     }
-    if let Some(segment) = owned_segment(frame, &brick.uniform, ray) {
+    if let Some(segment) = owned_segment(frame.step, &brick.uniform, ray) {
         let k = next.unwrap_or(0.0);
         assert!(
             k * frame.step >= segment.t_out && (k - 1.0) * frame.step < segment.t_out,

@@ -46,6 +46,12 @@ pub enum RegionsError {
     Memory { need: u64, available: u64 },
     #[error("the volume has more than {MAX_REGIONS} regions; leave small ones out with a larger --min-region")]
     TooManyRegions,
+    #[error(
+        "{others} labels lie beside others under the voxels of one plane of level {level}, at most {most} can be \
+         counted: if they are no regions, leave --labels out, else make no level as coarse as this one: --levels {}",
+        level.saturating_sub(1)
+    )]
+    ScatteredLabels { level: usize, others: usize, most: usize },
     #[error("this store has no regions; prepare it with --segmentation-range")]
     None,
     #[error("the table of bricks has {got} bytes, {bricks} bricks need {want}; prepare the store again")]

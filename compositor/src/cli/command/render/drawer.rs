@@ -39,6 +39,30 @@ pub(super) fn asked(args: &RenderArgs, scenes: &ScenesPlan) -> Result<Lod, Failu
     Ok(lod)
 }
 
+/// Is the picture written coarse first?
+///
+/// # Errors
+/// Usage: with what is no single picture of the volume.
+pub(super) fn is_progressive(args: &RenderArgs, scenes: &ScenesPlan, lod: Lod) -> Result<bool, Failure> {
+    if !args.lod.progressive {
+        return Ok(false);
+    }
+    let is_drawn = matches!(scenes, ScenesPlan::Drawn(_));
+    let others = [
+        ("--scene draws again what was drawn", is_drawn),
+        ("a sequence of frames has each once", scenes.count() > 1),
+        ("--audit compares the last picture", args.audit),
+        ("--error is of the last picture", args.error.is_some()),
+        ("--dry-run draws nothing", args.dry_run),
+        ("--lod with a number draws one level", matches!(lod, Lod::Level(_))),
+        ("--mode average has no mean of several levels", scenes.modes().contains(&Mode::Average)),
+    ];
+    match others.into_iter().find(|(_, is_asked)| *is_asked) {
+        Some((why, _)) => Err(Failure::usage(anyhow!("--progressive: {why}: leave one of the two out"))),
+        None => Ok(true),
+    }
+}
+
 /// What to say where frames of several levels were to be balanced.
 pub(super) fn unbalanced(args: &RenderArgs, lod: Lod) -> Option<String> {
     let asked = args.balance.balance.filter(|asked| *asked != BalanceArg::Off)?;
@@ -61,20 +85,22 @@ pub(super) struct Drawer {
 #[derive(Debug)]
 enum Sessions {
     One(Session),
-    Levels(Box<LevelSessions>, Rule),
+    /// By the rule, or the volume itself.
+    Levels(Box<LevelSessions>, Option<Rule>),
 }
 
 impl Drawer {
-    /// `session` is of the store itself.
+    /// `session` is of the store itself; `progressive`: other levels are drawn, too.
     ///
     /// # Errors
     /// Usage: a level that is not there. Nodes that cannot be reached again, or lack a level.
-    pub(super) async fn open(session: Session, lod: Lod) -> Result<Self, Failure> {
+    pub(super) async fn open(session: Session, lod: Lod, progressive: bool) -> Result<Self, Failure> {
         let store = session.store().clone();
         let sessions = match lod {
+            Lod::Full if progressive => Sessions::Levels(Box::new(LevelSessions::open(session).await?), None),
             Lod::Full => Sessions::One(session),
             Lod::Level(level) => Sessions::One(at_level(&session, level).await?),
-            Lod::Auto(rule) => Sessions::Levels(Box::new(LevelSessions::open(session).await?), rule),
+            Lod::Auto(rule) => Sessions::Levels(Box::new(LevelSessions::open(session).await?), Some(rule)),
         };
         Ok(Self { store, sessions })
     }
@@ -100,7 +126,8 @@ impl Drawer {
     pub(super) async fn load(&mut self, scene: &Scene) -> Result<LoadStats, SessionError> {
         match &mut self.sessions {
             Sessions::One(session) => session.load(scene).await,
-            Sessions::Levels(levels, rule) => levels.load(scene, *rule).await,
+            Sessions::Levels(levels, None) => levels.load_full(scene).await,
+            Sessions::Levels(levels, Some(rule)) => levels.load(scene, *rule).await,
         }
     }
 
@@ -112,10 +139,45 @@ impl Drawer {
     ) -> Result<Frame, SessionError> {
         match &mut self.sessions {
             Sessions::One(session) => session.render(scene, transport, deadline).await,
-            Sessions::Levels(levels, rule) => levels.render(scene, *rule, transport, deadline).await,
+            Sessions::Levels(levels, None) => levels.render_full(scene, transport, deadline).await,
+            Sessions::Levels(levels, Some(rule)) => levels.render(scene, *rule, transport, deadline).await,
+        }
+    }
+
+    /// What comes before `last`, and that: by smaller and smaller errors, none of which chooses as the one before.
+    ///
+    /// # Errors
+    /// A view that is none.
+    pub(super) fn stages(&mut self, scene: &Scene, last: Lod) -> Result<Vec<Lod>, SessionError> {
+        let mut stages = Vec::new();
+        if let Sessions::Levels(levels, rule) = &mut self.sessions {
+            let mut chosen = rule.map(|rule| levels.select(scene, rule)).transpose()?;
+            let least = if let Some(Rule::Error { pixels }) = rule { *pixels } else { 0.0 };
+            // From the last one back, so that what is left out is what a finer one repeats.
+            for pixels in ERRORS.into_iter().filter(|&pixels| pixels > least) {
+                let rule = Rule::Error { pixels };
+                let selection = levels.select(scene, rule)?;
+                if selection.used().any(|level| level > 0) && chosen.as_ref() != Some(&selection) {
+                    stages.push(Lod::Auto(rule));
+                }
+                chosen = Some(selection);
+            }
+        }
+        stages.reverse();
+        stages.push(last);
+        Ok(stages)
+    }
+
+    /// Draws by `lod` from now on, one of [`Drawer::stages`].
+    pub(super) fn draw_by(&mut self, lod: Lod) {
+        if let Sessions::Levels(_, rule) = &mut self.sessions {
+            *rule = if let Lod::Auto(by) = lod { Some(by) } else { None };
         }
     }
 }
+
+/// Pixel errors of the pictures before the last, the smallest first.
+const ERRORS: [f64; 6] = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
 
 /// # Errors
 /// Usage: a level that is not there.

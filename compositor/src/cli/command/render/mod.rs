@@ -8,6 +8,7 @@ mod manifest;
 mod nodes;
 mod output_paths;
 mod plan;
+mod progressive;
 mod proof;
 mod redraw;
 mod report;
@@ -41,11 +42,14 @@ pub async fn run(args: RenderArgs, quiet: bool) -> Result<(), Failure> {
 
 async fn render(plan: &RenderPlan, session: Session, quiet: bool) -> Result<(), Failure> {
     plan.source.agree(&plan.scenes, session.store().hash)?;
-    let mut drawer = Drawer::open(session, plan.lod).await?;
+    let mut drawer = Drawer::open(session, plan.lod, plan.progressive).await?;
     let store = drawer.store().clone();
     let frames = Frames::on(&plan.scenes, &store)?;
     frames.tell(&store.manifest, quiet)?;
     plan.unbalanced.as_ref().map_or(Ok(()), |note| say(quiet, note))?;
-    let all = sequence::draw(plan, &frames, &mut drawer, quiet).await?;
+    let all = match plan.progressive {
+        true => progressive::draw(plan, &frames, &mut drawer, quiet).await?,
+        false => sequence::draw(plan, &frames, &mut drawer, quiet).await?,
+    };
     report(plan, &all, &frames, quiet)
 }

@@ -35,6 +35,8 @@ pub(super) struct RenderPlan {
     pub(super) error: Option<PathBuf>,
     pub(super) dry_run: bool,
     pub(super) lod: Lod,
+    /// Coarser pictures are written first.
+    pub(super) progressive: bool,
     /// What to say of balancing that was asked for in vain.
     pub(super) unbalanced: Option<String>,
 }
@@ -81,6 +83,7 @@ impl RenderPlan {
             return Err(Failure::usage(anyhow!("--frames {}: must lie between 1 and {MAX_FRAMES}", args.frames)));
         }
         let lod = drawer::asked(&args, &scenes)?;
+        let progressive = drawer::is_progressive(&args, &scenes, lod)?;
         if args.audit {
             scenes.check_intervals("--audit")?;
         }
@@ -119,6 +122,7 @@ impl RenderPlan {
         let several = scenes.count() > 1 && nodes.are_elsewhere() && !args.audit && args.error.is_none();
         Ok(Self {
             lod,
+            progressive,
             unbalanced: drawer::unbalanced(&args, lod),
             source: SourcePlan::of(args.path, args.prepare, &scenes, nodes.are_elsewhere())?,
             balance: args.balance.settings(if several { BalanceArg::Dynamic } else { BalanceArg::Off }),

@@ -33,7 +33,7 @@ pub(super) fn report(plan: &RenderPlan, all: &Sequence, frames: &Frames<'_>, qui
         }
         write_json(path, &report)?;
     }
-    tell(all, frames.first().view.size, quiet)?;
+    tell(plan, all, frames.first().view.size, quiet)?;
     if !all.problems.is_empty() {
         let problems = all.problems.join("; ");
         return Err(Failure::Incomplete(match &plan.output {
@@ -49,6 +49,8 @@ pub(super) fn report(plan: &RenderPlan, all: &Sequence, frames: &Frames<'_>, qui
 
 /// Where something in view was drawn coarser than it is.
 fn coarse(plan: &RenderPlan, frames: &[FrameStats]) -> Option<Failure> {
+    // Of pictures that take each other's place the last one counts.
+    let frames = if plan.progressive { &frames[frames.len().saturating_sub(1)..] } else { frames };
     let lods = || frames.iter().filter_map(|frame| frame.lod.as_ref());
     let coarse = lods().map(LodStats::coarse_in_view).max().filter(|&chunks| chunks > 0)?;
     let of = lods().map(|lod| lod.in_view.iter().sum::<u64>()).max().unwrap_or(coarse);
@@ -60,7 +62,7 @@ fn coarse(plan: &RenderPlan, frames: &[FrameStats]) -> Option<Failure> {
 }
 
 /// A line for what was written, and with -v another with more figures.
-fn tell(all: &Sequence, size: PictureSize, quiet: bool) -> Result<(), Failure> {
+fn tell(plan: &RenderPlan, all: &Sequence, size: PictureSize, quiet: bool) -> Result<(), Failure> {
     let (Some(first), Some(last)) = (all.written.first(), all.written.last()) else { return Ok(()) };
     let names = if all.written.len() > 1 {
         format!("{} to {}", first.display(), file_name(last))
@@ -74,6 +76,7 @@ fn tell(all: &Sequence, size: PictureSize, quiet: bool) -> Result<(), Failure> {
     let nodes = frames.last().map_or(0, |f| f.nodes.len());
     let took = match frames.len() {
         1 => time(all.first_frame_ms / 1e3),
+        n if plan.progressive => format!("{n} pictures, the first after {}", time(all.first_frame_ms / 1e3)),
         n => format!("{n} frames, {} each", time(mean / 1e3)),
     };
     let (w, h, s) = (size.width(), size.height(), if nodes == 1 { "" } else { "s" });

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use brickcast_volume::leftovers::Farewell;
+use brickcast_volume::lod::Lod;
 use brickcast_volume::scene::{Scene, Transport};
 
 use super::drawer::Drawer;
@@ -36,9 +37,27 @@ pub(super) struct Sequence {
     pub(super) written: Vec<std::path::PathBuf>,
 }
 
+impl Sequence {
+    /// Nothing yet but what was loaded.
+    pub(super) fn new(load: LoadStats) -> Self {
+        Self {
+            load,
+            frames: Vec::new(),
+            first_frame_ms: 0.0,
+            audits: Vec::new(),
+            differences: Vec::new(),
+            problems: Vec::new(),
+            empty: 0,
+            written: Vec::new(),
+        }
+    }
+}
+
 /// The files of a sequence in the making.
-struct Files<'a> {
+pub(super) struct Files<'a> {
     plan: &'a RenderPlan,
+    /// By what its frames are drawn.
+    lod: Lod,
     written: Option<(FrameWriter, Unended)>,
     /// While there is a writer.
     _farewell: Option<Farewell>,
@@ -55,7 +74,7 @@ pub(super) async fn draw(
     quiet: bool,
 ) -> Result<Sequence, Failure> {
     drawer.balance(plan.balance.clone());
-    let mut files = Files::open(plan, frames)?;
+    let mut files = Files::open(plan, plan.lod, frames)?;
     let started = Instant::now();
     let load = drawer.load(frames.first()).await?;
     if !load.fits {
@@ -69,16 +88,7 @@ pub(super) async fn draw(
         let why = "the store has no regions, so no ray leaps, and the picture without leaping is the same";
         say(quiet, &format!("{flag}: {why}; stores that were prepared with --segmentation-range W have some"))?;
     }
-    let mut all = Sequence {
-        load,
-        frames: Vec::new(),
-        first_frame_ms: 0.0,
-        audits: Vec::new(),
-        differences: Vec::new(),
-        problems: Vec::new(),
-        empty: 0,
-        written: Vec::new(),
-    };
+    let mut all = Sequence::new(load);
     let drawn = each(plan, frames, drawer, (&mut files, &mut all), (started, quiet)).await;
     if let Err(failure) = drawn {
         if let Some(kept) = files.keep() {
@@ -131,7 +141,7 @@ async fn each(
 }
 
 impl<'a> Files<'a> {
-    fn open(plan: &'a RenderPlan, frames: &Frames<'_>) -> Result<Self, Failure> {
+    pub(super) fn open(plan: &'a RenderPlan, lod: Lod, frames: &Frames<'_>) -> Result<Self, Failure> {
         let written = match &plan.output {
             Some(output) => {
                 let background = output.format.background(plan.background);
@@ -143,11 +153,11 @@ impl<'a> Files<'a> {
             None => None,
         };
         let farewell = written.as_ref().map(|(_, unended)| unended.farewell());
-        Ok(Self { plan, written, _farewell: farewell })
+        Ok(Self { plan, lod, written, _farewell: farewell })
     }
 
     /// `empty_because` is there where nothing shows.
-    fn push(
+    pub(super) fn push(
         &mut self,
         store: &StoreFacts,
         shown: (&Scene, Transport),
@@ -160,7 +170,7 @@ impl<'a> Files<'a> {
             return Ok(writer.push(&picture)?);
         }
         let background = output.format.background(self.plan.background);
-        let origin = Origin { path: self.plan.source.given.as_deref(), background, lod: self.plan.lod };
+        let origin = Origin { path: self.plan.source.given.as_deref(), background, lod: self.lod };
         let mut manifest = manifest(store, shown, frame, origin);
         manifest.about.empty = empty_because.is_some();
         manifest.about.empty_because = empty_because.flatten().map(|outlook| outlook.why().to_owned());
@@ -180,7 +190,7 @@ impl<'a> Files<'a> {
         self.written.as_ref()?.1.keep(false)
     }
 
-    fn finish(self) -> Result<Vec<std::path::PathBuf>, Failure> {
+    pub(super) fn finish(self) -> Result<Vec<std::path::PathBuf>, Failure> {
         let (Some(output), Some((writer, unended))) = (&self.plan.output, self.written) else { return Ok(Vec::new()) };
         let written = writer.finish()?;
         let count = self.plan.scenes.count();

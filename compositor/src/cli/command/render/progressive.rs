@@ -1,0 +1,63 @@
+//! One picture, coarse first: each is complete, and takes the place of the one before it.
+
+use std::time::Instant;
+
+use super::drawer::Drawer;
+use super::frames::Frames;
+use super::plan::RenderPlan;
+use super::sequence::{Files, Sequence};
+use crate::cli::failure::Failure;
+use crate::cli::say::say;
+use crate::cli::scene::nothing_shows;
+use crate::session::{Frame, LoadStats};
+use crate::words::time;
+
+/// Draws and writes one picture after the other, up to what the plan asks for; a file that is there is complete.
+///
+/// # Errors
+/// As [`super::sequence::draw`]. The pictures that were written before stay.
+pub(super) async fn draw(
+    plan: &RenderPlan,
+    frames: &Frames<'_>,
+    drawer: &mut Drawer,
+    quiet: bool,
+) -> Result<Sequence, Failure> {
+    let (started, mut all) = (Instant::now(), Sequence::new(LoadStats::default()));
+    let Some((scene, transport)) = frames.each().next() else { return Ok(all) };
+    let stages = drawer.stages(&scene, plan.lod)?;
+    let count = stages.len();
+    for (i, lod) in stages.into_iter().enumerate() {
+        drawer.draw_by(lod);
+        let mut files = Files::open(plan, lod, frames)?;
+        all.load.join(&drawer.load(&scene).await?);
+        let frame = drawer.render(&scene, transport, plan.nodes.deadline).await?;
+        let since = started.elapsed().as_secs_f64();
+        if i == 0 {
+            all.first_frame_ms = since * 1e3;
+        }
+        all.problems.extend(frame.problems.iter().cloned());
+        let is_empty = frame.complete && nothing_shows::is_empty(&frame.picture);
+        // Of the last picture, not of all that came before it.
+        all.empty = usize::from(is_empty);
+        files.push(drawer.store(), (&scene, transport), &frame, is_empty.then_some(frames.outlook.as_ref()))?;
+        all.written = files.finish()?;
+        say(quiet, &in_words((i + 1, count), &frame, since))?;
+        all.frames.push(frame.stats);
+        // What follows would lack the same.
+        if !all.problems.is_empty() {
+            break;
+        }
+    }
+    Ok(all)
+}
+
+fn in_words((stage, count): (usize, usize), frame: &Frame, since: f64) -> String {
+    let by = match &frame.stats.lod {
+        None => "full resolution".to_owned(),
+        Some(lod) => {
+            let share = 100.0 * lod.share_of_pixels;
+            format!("{}; {share:.0} % of the pixels at full resolution", lod.in_words())
+        }
+    };
+    format!("picture {stage} of {count} after {}: {by}", time(since))
+}
