@@ -26,9 +26,9 @@ pub(crate) trait Known: Copy + 'static {
     fn reader(reader: Reader<'_>) -> Reader<'_>;
 }
 
-/// Any key: nothing is known.
+/// Any key: nothing is known but whether other levels are next to the brick.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Any;
+pub(crate) struct Any<const BORDERS: bool>;
 
 /// Volumes without leaps, regions and holes, between voxels; with a map or without.
 #[derive(Debug, Clone, Copy)]
@@ -54,17 +54,17 @@ fn take_of(take: u8, key: KernelKey) -> TakeKind {
     }
 }
 
-impl Known for Any {
+impl<const BORDERS: bool> Known for Any<BORDERS> {
     const READS_AHEAD: bool = false;
 
     #[inline(always)]
-    fn is_for(_: KernelKey, _: &Reader<'_>) -> bool {
-        true
+    fn is_for(key: KernelKey, _: &Reader<'_>) -> bool {
+        key.borders == BORDERS
     }
 
     #[inline(always)]
     fn key(key: KernelKey) -> KernelKey {
-        key
+        KernelKey { borders: BORDERS, ..key }
     }
 
     #[inline(always)]

@@ -64,7 +64,7 @@ pub(crate) fn march<L: Lanes, K: Known>(
     let at = Positions::new(l, frame.step, key, (&owned, alive), borders.as_ref());
     let k_end = at.k_end;
     let slabs = Slabs::of(l, bound, key.take.slab_kind());
-    let mut walk = Walk::<L, K>::new(probe, bound, &at, owned.k);
+    let mut walk = Walk::<L, K>::new(probe, bound, at, owned.k);
     let mut taking = Take::<L, K>::new(probe, bound, slabs.as_ref(), t_lo);
     let mut k = owned.k;
     let mut follows = none;

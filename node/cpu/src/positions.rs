@@ -8,6 +8,7 @@ use super::lanes::{Floats, Ints, Lanes, Mask};
 use super::ray::{Rays, Segments, first_outside, rounded_up};
 
 /// Which positions of rays a brick visits: from `start` to below `k_end`; it owns those below `k_out`.
+#[derive(Clone, Copy)]
 pub(crate) struct Positions<L: Lanes> {
     l: L,
     start: L::F,
@@ -77,10 +78,10 @@ impl<L: Lanes> Positions<L> {
         L::F::select(jumps, k_exit - k, self.l.splat(1.0))
     }
 
-    /// How far it is from the first position of a run of `n` from `k` to its last.
+    /// How far it is from the first position of a run of `n` from `k` to its last, where that is not `n - 1`.
     #[inline(always)]
     pub(crate) fn within(&self, k: L::F, n: L::F) -> L::F {
-        if self.borders { self.before(k + n) - k } else { n - self.l.splat(1.0) }
+        if self.borders { self.before(k + n) - k } else { n }
     }
 }
 

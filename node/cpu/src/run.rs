@@ -23,7 +23,7 @@ pub(crate) struct Step<L: Lanes> {
 pub(crate) struct Run<L: Lanes> {
     pub(crate) k: L::F,
     pub(crate) n: L::F,
-    /// From the first of them to the last.
+    /// From the first of them to the last where other levels are next to the brick; elsewhere that is `n - 1`.
     pub(crate) within: L::F,
     /// Those of them that the brick owns.
     pub(crate) owns: L::F,

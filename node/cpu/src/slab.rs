@@ -277,8 +277,10 @@ impl<'a, L: Lanes> Closing<'a, L> {
             let mut n = n;
             if kind.light.is_some() && (cut & shown).any() {
                 let [r, g, b] = self.cut(slab, far);
-                let first = n.smaller(l.splat(1.0));
-                add(l, sum, cut & shown, of_length(l, [r, g, b, slab[3]], first));
+                let (one, on_cut) = (l.splat(1.0), [r, g, b, slab[3]]);
+                let first = if self.borders { n.smaller(one) } else { one };
+                let on_cut = if self.borders { of_length(l, on_cut, first) } else { on_cut };
+                add(l, sum, cut & shown, on_cut);
                 n = L::F::select(cut, n - first, n);
             }
             let [r, g, b] = self.whole(slab, far);

@@ -178,7 +178,7 @@ impl<'a, L: Lanes, K: Known> Take<'a, L, K> {
     #[inline(always)]
     fn slabs(&mut self, p: Place<L>, run: &Run<L>, (taken, shown): (L::M, L::M), sum: &mut Sum<L>) -> L::M {
         let (l, take) = (self.probe.l, self.key().take);
-        let kind = take.slab_kind();
+        let (kind, borders) = (take.slab_kind(), self.key().borders);
         let (zero, one, none) = (l.splat(0.0), l.splat(1.0), l.mask(0));
         let mut opacity = zero;
         let is_cut = if kind.light.is_some() { taken & run.k.same(self.k_cut) } else { none };
@@ -188,7 +188,7 @@ impl<'a, L: Lanes, K: Known> Take<'a, L, K> {
             at: entry_of(l, self.slabs, self.key().regions, run.code),
             light: Lit::none(l),
             is_lit: run.is_flat,
-            is_cut: is_cut & run.within.same(zero),
+            is_cut: is_cut & if borders { run.within.same(zero) } else { run.n.same(one) },
         };
         if take.ends_beyond() {
             let closed = taken & run.follows & self.shows(self.front_in_region);
@@ -204,16 +204,17 @@ impl<'a, L: Lanes, K: Known> Take<'a, L, K> {
         }
         if kind.preintegrated {
             // The slabs within the run.
-            let within = shown & zero.lt(run.within);
+            let within = shown & if borders { zero.lt(run.within) } else { one.lt(run.n) };
             if within.any() {
-                self.closing(run.in_region).add_flat(sum, run.code, run.within, (within, is_cut));
+                let length = if borders { run.within } else { run.n - one };
+                self.closing(run.in_region).add_flat(sum, run.code, length, (within, is_cut));
                 opacity = L::F::select(within, one, opacity);
             }
         } else {
             self.lit_sample(p, (run, &mut back), (shown & zero.lt(run.owns), is_cut), (sum, &mut opacity));
         }
         if take.ends_beyond() {
-            back.k = run.k + run.within;
+            back.k = if borders { run.k + run.within } else { run.k + run.n - one };
             // Of no meaning where nothing was taken: no slab follows there.
             self.front = back;
             self.front_in_region = run.in_region;
@@ -269,8 +270,9 @@ impl<'a, L: Lanes, K: Known> Take<'a, L, K> {
         let cut = shown & is_cut;
         if cut.any() {
             let [r, g, b] = lit_color::<L>(color, self.probe.light_of_entry(), one, one);
-            let first = rest.smaller(one);
-            let alpha = if self.key().borders { opacity_of(l, alpha, first, cut, true) } else { alpha };
+            let borders = self.key().borders;
+            let first = if borders { rest.smaller(one) } else { one };
+            let alpha = if borders { opacity_of(l, alpha, first, cut, true) } else { alpha };
             add(l, sum, cut, [r * alpha, g * alpha, b * alpha, alpha]);
             rest = L::F::select(cut, rest - first, rest);
             shown = shown & zero.lt(rest);

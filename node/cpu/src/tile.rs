@@ -131,7 +131,8 @@ fn over_packets<L: Lanes>(
         first_of!(Plain::<SAMPLES, false>, Plain::<SAMPLES, true>, Plain::<SLABS, false>, Plain::<SLABS, true>);
         first_of!(Plain::<LIT, false>, Plain::<LIT, true>, Leaping);
     }
-    l.enter(BrickTask { known: Any, l, bound, reader, packets, touched })
+    first_of!(Any::<true>);
+    l.enter(BrickTask { known: Any::<false>, l, bound, reader, packets, touched })
 }
 
 #[inline(always)]

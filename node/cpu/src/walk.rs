@@ -18,7 +18,7 @@ use super::run::Step;
 pub(crate) struct Walk<'a, L: Lanes, K: Known> {
     probe: &'a Probe<'a, L>,
     bound: &'a Bindings<'a>,
-    at: &'a Positions<L>,
+    at: Positions<L>,
     known: PhantomData<K>,
     /// The first position at which the map may say something new, and whether it is asked at the present one.
     k_look: L::F,
@@ -38,7 +38,7 @@ pub(crate) struct Walk<'a, L: Lanes, K: Known> {
 
 impl<'a, L: Lanes, K: Known> Walk<'a, L, K> {
     #[inline(always)]
-    pub(crate) fn new(probe: &'a Probe<'a, L>, bound: &'a Bindings<'a>, at: &'a Positions<L>, k: L::F) -> Self {
+    pub(crate) fn new(probe: &'a Probe<'a, L>, bound: &'a Bindings<'a>, at: Positions<L>, k: L::F) -> Self {
         let (l, none) = (probe.l, probe.l.mask(0));
         let mut margin = l.splat(MARGIN);
         if K::key(bound.key).leaps {

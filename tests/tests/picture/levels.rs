@@ -130,9 +130,12 @@ fn styles(store: &Store) -> Vec<(&'static str, Style)> {
 }
 
 /// Nodes inside this process; they stop with it.
-pub(crate) async fn nodes(store: &Store, count: usize) -> (Session, EmbeddedNodes) {
-    let kernel = Backend::open(BackendChoice::Cpu).unwrap();
-    let nodes = EmbeddedNodes::start(&kernel, count, &store.path(), 1 << 30).await.unwrap();
+async fn nodes(store: &Store, count: usize) -> (Session, EmbeddedNodes) {
+    nodes_by(&Backend::open(BackendChoice::Cpu).unwrap(), store, count).await
+}
+
+pub(crate) async fn nodes_by(kernel: &Backend, store: &Store, count: usize) -> (Session, EmbeddedNodes) {
+    let nodes = EmbeddedNodes::start(kernel, count, &store.path(), 1 << 30).await.unwrap();
     let choice = StoreChoice::Hash(store.hash());
     (Session::open_through(nodes.dial(), &nodes.addresses(), choice).await.unwrap(), nodes)
 }

@@ -1,5 +1,6 @@
 //! Where levels meet: of the finest positions of a ray every one is taken once (docs/definition.md, Levels 3).
 
+use brickcast::embedded::Backend;
 use brickcast::session::Session;
 use brickcast::session::levels::LevelSessions;
 use brickcast_volume::lod::{Rule, Selection};
@@ -10,8 +11,8 @@ use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunc
 use brickcast_volume::{BrickIndex, Camera, Geometry, PictureSize, Projection};
 use glam::DVec3;
 
-use crate::levels::{alone, made, mixed, nodes};
-use crate::rig::runtime;
+use crate::levels::{alone, made, mixed, nodes_by};
+use crate::rig::{kernels, runtime};
 
 const DIMS: [u32; 3] = [96, 80, 72];
 const SPACING: [f64; 3] = [1.0, 1.25, 0.75];
@@ -81,6 +82,10 @@ fn positions(store: &Store, scene: &Scene, selection: &Selection, [x, y]: [u32; 
 
 #[test]
 fn where_levels_meet_every_finest_position_is_taken_once() {
+    kernels().iter().for_each(check);
+}
+
+fn check(kernel: &Backend) {
     let folder = tempfile::tempdir().unwrap();
     let center = DVec3::new(50.0, 49.0, 27.5);
     let eye = |x, y, z| center + DVec3::new(x, y, z);
@@ -93,7 +98,7 @@ fn where_levels_meet_every_finest_position_is_taken_once() {
     runtime().block_on(async {
         for brick_size in [8, 16] {
             let store = store(folder.path(), brick_size);
-            let (root, _nodes) = nodes(&store, 2).await;
+            let (root, _nodes) = nodes_by(kernel, &store, 2).await;
             let mut levels = LevelSessions::open(Session::on(root.cluster().clone())).await.unwrap();
             for (camera, focus) in cameras.iter().zip([[8.0, 70.0, 60.0], [90.0, 4.0, 4.0], [40.0, 40.0, 30.0]]) {
                 let rule = Rule::Focus(store.manifest().geometry.world_from_voxel(DVec3::from(focus)));
