@@ -160,7 +160,7 @@ fn measure(raycaster: &dyn Raycaster, filter: Filter, casting: &Casting, frames:
             raycaster.upload(owned, &BrickInput { voxels: &voxels, regions: Some((&regions, &casting.table)), recipe })
         };
         let bricks = order.iter().map(|&b| upload(b)).collect::<Result<Vec<_>, _>>()?;
-        let jobs = [Job { bricks, rect: view.size().full_rect() }];
+        let jobs = [Job::new(bricks, view.size().full_rect())];
         for (name, table) in &scenes {
             let plain = KernelScene::plain(view, table.clone(), 0.999, filter);
             let scene = KernelScene { skip_empty, ..plain };

@@ -37,7 +37,7 @@ fn measure(what: &str, raycaster: &dyn Raycaster) -> Result<()> {
         raycaster.upload(owned, &BrickInput { voxels: &voxels, regions: None, recipe })
     };
     let bricks = grid.bricks().map(upload).collect::<Result<Vec<_>, _>>()?;
-    let jobs = [Job { bricks, rect: view.size().full_rect() }];
+    let jobs = [Job::new(bricks, view.size().full_rect())];
     let scene = |lo: f64| -> Result<KernelScene> {
         let function = TransferFunction::window(lo, 65_535.0, 0.5, Colormap::Viridis)?;
         let table = Arc::new(TransferTable::build(&function, (0.0, 65_535.0), 1.0));

@@ -59,7 +59,7 @@ fn measure(raycaster: &dyn Raycaster, filter: Filter, brick_size: u32, frames: u
         .into_iter()
         .map(|b| raycaster.upload(grid.owned_box(b), &BrickInput::plain(&cut(grid.owned_box(b).stored(1)))))
         .collect::<Result<Vec<_>, _>>()?;
-    let jobs = [Job { bricks, rect: view.size().full_rect() }];
+    let jobs = [Job::new(bricks, view.size().full_rect())];
     raycaster.render(&scene, &jobs)?;
 
     let (cpu, wall) = (cpu_seconds(), Instant::now());

@@ -198,7 +198,7 @@ impl Loaded<'_> {
         let plain = KernelScene::plain(view, Arc::new(table), truth.early_termination as f32, self.filter);
         let kernel_scene = KernelScene { style, ..plain };
         let jobs: Vec<Job> =
-            bricks.chunks(bricks.len().div_ceil(count)).map(|run| Job { bricks: run.to_vec(), rect }).collect();
+            bricks.chunks(bricks.len().div_ceil(count)).map(|run| Job::new(run.to_vec(), rect)).collect();
         let images = self.raycaster.render(&kernel_scene, &jobs).unwrap();
         assert_eq!(images.len(), jobs.len(), "one image for each job");
         for (image, job) in images.iter().zip(&jobs) {

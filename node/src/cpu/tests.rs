@@ -64,7 +64,7 @@ fn a_picture_that_nobody_wants_ends() {
     let codes = vec![30_000; stored.voxel_count() as usize];
     let voxels = BrickVoxels { stored, codes, has_holes: false };
     let bricks = vec![raycaster.upload(owned, &BrickInput::plain(&voxels)).unwrap()];
-    let job = Job { bricks, rect: scene.view.size().full_rect() };
+    let job = Job::new(bricks, scene.view.size().full_rect());
     let asked = AtomicU32::new(0);
     let pulse = Pulse::default();
     let is_cancelled = || asked.fetch_add(1, Ordering::Relaxed) >= 20;

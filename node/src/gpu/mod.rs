@@ -121,6 +121,12 @@ impl Raycaster for GpuRaycaster {
         expected_bytes(stored_voxels, recipe, self.kernels.voxel_bytes(), CELL_BYTES)
     }
 
+    fn upload_bytes(&self, stored_voxels: u64) -> u64 {
+        // The driver's copy, and what it is copied from where texels are no codes.
+        let texel = self.kernels.voxel_bytes();
+        stored_voxels * if texel == 2 { texel } else { 2 * texel }
+    }
+
     fn upload(&self, owned: OwnedBox, input: &BrickInput<'_>) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
         let prepared = BuiltBrick::new(&owned, input)?;
         Ok(Arc::new(upload::upload(&self.gpu, &self.kernels, owned, prepared)?))
@@ -137,7 +143,7 @@ impl Raycaster for GpuRaycaster {
         let stored = owned.stored(brickcast_volume::brick::GHOST_SAMPLED);
         let codes = vec![u16::MAX; stored.voxel_count() as usize];
         let bricks = vec![self.upload(owned, &BrickInput::plain(&BrickVoxels { stored, codes, has_holes: false }))?];
-        self.render(&scene, &[Job { bricks, rect: scene.view.size().full_rect() }])?;
+        self.render(&scene, &[Job::new(bricks, scene.view.size().full_rect())])?;
         if keys.iter().any(|key| key.has_map()) {
             self.scratch.lock().unwrap_or_else(PoisonError::into_inner).warm_up_maps(&self.gpu)?;
         }

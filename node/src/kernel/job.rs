@@ -14,6 +14,25 @@ use super::scene::KernelScene;
 pub struct Job {
     pub bricks: Vec<Arc<dyn ResidentBrick>>,
     pub rect: PixelRect,
+    /// What lies in front of them: the pixels of a job that ended there. None: nothing.
+    pub front: Option<Pixels>,
+}
+
+impl Job {
+    /// With nothing in front.
+    #[must_use]
+    pub fn new(bricks: Vec<Arc<dyn ResidentBrick>>, rect: PixelRect) -> Self {
+        Self { bricks, rect, front: None }
+    }
+
+    /// The accumulator as it starts, in a scene of this kind of pixels.
+    pub(crate) fn started(&self, kind: PixelKind) -> Result<Pixels, RaycastError> {
+        match &self.front {
+            Some(front) if front.kind() == kind && front.len() == self.rect.pixel_count() => Ok(front.clone()),
+            Some(front) => Err(RaycastError::Front { got: front.len(), want: self.rect.pixel_count(), kind }),
+            None => new_pixels(kind, &self.rect),
+        }
+    }
 }
 
 /// A finished accumulator.

@@ -64,7 +64,7 @@ fn bricks_blend_in_the_jobs_order() {
             raycaster.upload(owned, &BrickInput::plain(&volume.cut(owned.stored(1)))).unwrap()
         });
         let render = |bricks: Vec<_>| {
-            let image = render_one(raycaster, &opaque, Job { bricks, rect: view.size().full_rect() });
+            let image = render_one(raycaster, &opaque, Job::new(bricks, view.size().full_rect()));
             (image.pixels.typed::<Premul>().unwrap()[16 * 33 + 16], image.counts)
         };
         let [far, near] = halves;

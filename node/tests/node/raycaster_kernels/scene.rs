@@ -79,7 +79,7 @@ impl Resident {
         let mut order: Vec<_> = self.grid.bricks().collect();
         sort_front_to_back(&mut order, self.grid.brick_size(), view.viewpoint());
         let bricks = order.into_iter().map(|b| self.bricks[self.grid.id(b).index()].clone()).collect();
-        Job { bricks, rect: view.size().full_rect() }
+        Job::new(bricks, view.size().full_rect())
     }
 }
 
