@@ -28,7 +28,7 @@ static ALLOCATOR: Cap<System> = Cap::new(System, usize::MAX);
 const FOLDER: &str = "BRICKCAST_TEST_MAKES_A_STORE_IN";
 const MIB: usize = 1 << 20;
 /// Beside a budget, in frames of 128 x 128: tables of the transfer function, ends of open shards, pictures.
-const BESIDE: usize = 16 * MIB;
+const BESIDE: usize = 8 * MIB;
 
 /// 256^3 voxels of 16 bits with regions, in bricks of 32: 40 MiB of bricks, and 114 MiB that are decoded for them.
 fn make(folder: &Path) {
