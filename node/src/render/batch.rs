@@ -117,7 +117,7 @@ impl<'a> Batches<'a> {
             return Ok(None);
         }
         let unit = &self.plan.units[self.next];
-        while !self.begun.front().is_some_and(|begun| begun.pass(unit).is_none()) {
+        while self.begun.front().is_none_or(|begun| begun.pass(unit).is_some()) {
             if self.watch.is_cancelled() {
                 return Err(NodeError::Cancelled);
             }
