@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use brickcast_node::backend;
 pub use brickcast_node::backend::BackendChoice;
+use brickcast_node::brick::shares::MemoryShares;
 use brickcast_node::config::parse_bytes;
 use brickcast_node::gpu::GpuError;
 pub use brickcast_node::gpu::drivers::need_no_desktop;
@@ -80,6 +81,12 @@ pub fn planned_bytes(store: &StoreFacts, scene: &Scene, texel_bytes: u64) -> Vec
         Some(Recipe::planned_bytes(scene, &grid.owned_box(brick), &drawn, has_regions, texel_bytes))
     };
     grid.bricks().zip(drawn_in_scene(store, scene)).map(|brick| bytes(brick).unwrap_or(0)).collect()
+}
+
+/// What a node of this process has for bricks and for loading them, of a memory budget in bytes.
+#[must_use]
+pub fn brick_budget(memory_budget: u64) -> u64 {
+    MemoryShares::of(memory_budget).residency
 }
 
 /// Reads a size such as `4GiB`.

@@ -19,7 +19,8 @@ pub enum DataRoot {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct NodeConfig {
     pub data: DataRoot,
-    /// Bytes for resident bricks.
+    /// Bytes for bricks, for loading them and for decoded chunks together, see
+    /// [`MemoryShares`](crate::brick::shares::MemoryShares).
     pub memory_budget: u64,
     /// Unique per process; see [`unique_node_id`].
     pub node_id: String,
@@ -45,9 +46,8 @@ pub fn unique_node_id() -> String {
     format!("{:x}-{:x}-{count}", std::process::id(), nanos & 0xffff_ffff_ffff)
 }
 
-/// What a node of this budget takes beside its bricks, at least, bytes: the program, what is being decoded, requests
-/// and frames.
-const BESIDE: u64 = 96 << 20;
+/// What a node takes beside its budget, at least, bytes: the program, tables, requests and pictures.
+const BESIDE: u64 = 48 << 20;
 
 /// What to tell of a budget that is more than can be had: the node would be killed once it is used up, in the middle of
 /// a frame.
@@ -56,8 +56,8 @@ pub fn too_much(budget: u64, most: Option<Limit>) -> Option<String> {
     let Limit { bytes, by } = most?;
     (budget.saturating_add(BESIDE) > bytes).then(|| {
         format!(
-            "--memory-budget {}: {} is all that there is ({by}), and a node takes {} and more beside its bricks; it \
-             may be killed in the middle of a frame: lower the budget to half of that, or raise the limit",
+            "--memory-budget {}: {} is all that there is ({by}), and a node takes {} and more beside it; it may be \
+             killed in the middle of a frame: lower the budget to half of that, or raise the limit",
             format_bytes(budget),
             format_bytes(bytes),
             format_bytes(BESIDE),

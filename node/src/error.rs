@@ -8,6 +8,7 @@ use brickcast_volume::store::StoreError;
 use brickcast_volume::visibility::ViewError;
 use brickcast_volume::{BrickId, BrickIndex, ChunkId, ChunkIndex, StoreHash, TreeNode};
 
+use crate::brick::shares::{MemoryShares, Need};
 use crate::config::format_bytes;
 use crate::kernel::RaycastError;
 
@@ -48,19 +49,22 @@ pub enum NodeError {
     OpacityUnit { delta: f64, unit: f64, ratio: f64 },
 
     #[error(
-        "brick {brick} needs {}, the node's memory budget is {}; raise --memory-budget",
-        format_bytes(*bytes),
-        format_bytes(*budget)
+        "brick {brick} needs {}, and {} while it is loaded; the node's memory budget has {} for bricks: raise \
+         --memory-budget to {}, or prepare the store with a smaller --brick",
+        format_bytes(need.bytes),
+        format_bytes(need.loading),
+        format_bytes(*budget),
+        format_bytes(MemoryShares::least_for(need.bytes.saturating_add(need.loading)))
     )]
-    BrickTooLarge { brick: BrickIndex, bytes: u64, budget: u64 },
+    BrickTooLarge { brick: BrickIndex, need: Need, budget: u64 },
     #[error(
-        "chunk {chunk} needs {} at once in exact mode, the node's memory budget is {}; raise --memory-budget, or \
-         render without --exact",
+        "chunk {chunk} needs {} at once for intervals in exact mode, the node's memory budget has {} for bricks; raise \
+         --memory-budget, or leave out --exact",
         format_bytes(*bytes),
         format_bytes(*budget)
     )]
     ChunkTooLarge { chunk: ChunkIndex, bytes: u64, budget: u64 },
-    #[error("bricks of {} are wanted at once, the memory budget is {}", format_bytes(*bytes), format_bytes(*budget))]
+    #[error("bricks of {} are wanted at once, the memory budget has {}", format_bytes(*bytes), format_bytes(*budget))]
     BatchTooLarge { bytes: u64, budget: u64 },
     #[error(transparent)]
     Raycast(RaycastError),
@@ -101,6 +105,7 @@ impl NodeError {
         let name = name.to_owned();
         match source {
             StoreError::Outside { file } => Self::Outside { name, file },
+            StoreError::Unwanted => Self::Cancelled,
             source => Self::Store { name, source },
         }
     }

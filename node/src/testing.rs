@@ -12,8 +12,8 @@ use brickcast_volume::scene::{Filter, Look, Quality, Scene, Transport, ViewSpec}
 use brickcast_volume::store::{PrepareOptions, prepare};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use brickcast_volume::{
-    Camera, Epoch, FrameId, Geometry, MergeTree, Orbit, PictureSize, Pixels, Premul, SessionId, StoreHash, TreeNode,
-    over,
+    Camera, Epoch, FrameId, Geometry, MergeTree, Orbit, PictureSize, PixelKind, Pixels, Premul, SessionId, StoreHash,
+    TreeNode, over,
 };
 
 use crate::kernel::{
@@ -222,7 +222,8 @@ impl Raycaster for FakeRaycaster {
         assert!(call != self.panic_in_call.load(Ordering::SeqCst), "the fake was told to panic");
         let render = |job: &Job| {
             let width = job.rect.size().x as usize;
-            let mut pixels = vec![Premul::CLEAR; job.rect.pixel_count()];
+            let started = job.started(PixelKind::Over).unwrap();
+            let mut pixels = started.typed::<Premul>().unwrap().to_vec();
             for brick in &job.bricks {
                 let owned = brick.as_any().downcast_ref::<FakeBrick>().unwrap().owned;
                 let rect = scene.view.project(&owned).intersect(&job.rect);

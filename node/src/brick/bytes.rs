@@ -2,6 +2,7 @@
 
 use brickcast_volume::regions::Drawn;
 use brickcast_volume::scene::Scene;
+use brickcast_volume::store::{CHUNK_EDGE, CHUNK_VOXELS, CHUNKS_AT_ONCE};
 use brickcast_volume::{OwnedBox, StoredBox};
 use glam::IVec3;
 
@@ -26,6 +27,32 @@ pub(crate) fn expected_bytes(stored_voxels: u64, recipe: Recipe, texel_bytes: u6
 pub(crate) fn interval_bytes(stored_voxels: u64, recipe: Recipe) -> u64 {
     let flattened = if recipe.guard.is_some() { 3 } else { 0 };
     stored_voxels * (2 + flattened + u64::from(recipe.region_flags))
+}
+
+/// Bytes that loading a brick holds beside the brick itself, at most: its codes, and meanwhile what they are decoded
+/// from; or, of the `covered` voxels where regions are read, labels, distances and what these are decoded from; or
+/// `upload` bytes on the way to a GPU. Voxels lie in the store as `stored_type` bytes each; `has_halos`: those of
+/// neighbours beside them.
+pub(crate) fn loading_bytes(
+    owned: &OwnedBox,
+    (stored, covered): (&StoredBox, Option<&StoredBox>),
+    (stored_type, has_halos): (u64, bool),
+    upload: u64,
+) -> u64 {
+    let at_once = (CHUNKS_AT_ONCE * CHUNK_VOXELS) as u64;
+    // Voxels as they are fetched: inner chunks, of which one is decoded at a time; a halo's record, and it decoded.
+    let fetched = |of: &StoredBox| {
+        let own = owned.voxel_count();
+        let along = of.dims().map(|n| n.div_ceil(CHUNK_EDGE) + 1).as_u64vec3();
+        let (chunks, halo) = match has_halos {
+            true => (own, 2 * of.voxel_count().saturating_sub(own)),
+            false => (along.element_product().saturating_mul(CHUNK_VOXELS as u64), 0),
+        };
+        chunks.min(at_once) + CHUNK_VOXELS as u64 + halo
+    };
+    let voxels = stored_type * fetched(stored);
+    let regions = covered.map_or(0, |covered| (4 + 1) * covered.voxel_count() + 4 * fetched(covered));
+    2 * stored.voxel_count() + voxels.max(regions).max(upload)
 }
 
 /// Where rays of the brick may read a position: one voxel within the stored box, whose last voxel is only interpolated

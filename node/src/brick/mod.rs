@@ -1,8 +1,9 @@
 //! Bricks as nodes have them: what is made of their voxels for either backend, whether an acceleration pays in them,
-//! and which of them are resident.
+//! which of them are resident, and how much memory they and loading them may have.
 
 pub(crate) mod bytes;
 pub(crate) mod emptiness;
 pub mod residency;
+pub mod shares;
 pub(crate) mod texels;
 pub(crate) mod worth;

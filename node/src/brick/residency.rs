@@ -1,36 +1,46 @@
-//! Bricks in the backend's memory, within a budget.
+//! Bricks in the backend's memory, within what the node's budget has for them.
 //!
-//! A frame takes a [`Lease`] on all bricks of a batch at once: room for the whole batch is reserved under one lock, so
-//! that two frames never wait for each other's bricks half-served. A thread that holds a lease must not ask for
-//! another. Each brick is loaded once, whoever asks; the least recently used go first; leased bricks stay.
+//! A frame takes a [`Lease`] on all bricks of a batch at once: room for the whole batch, and for what loading it holds
+//! meanwhile, is reserved under one lock, so that two frames never wait for each other's bricks half-served. A thread
+//! that holds a lease must not ask for another; it may have bricks fetched ahead, which waits for nothing. Each brick
+//! is loaded once, whoever asks; leased bricks stay. Which go first: [`visits`].
 
-use std::collections::{HashMap, HashSet};
+mod lease;
+mod table;
+mod threads;
+pub mod visits;
+mod wanted;
+
+use std::collections::HashSet;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use brickcast_volume::{BrickId, SessionId, StoreHash};
-use rayon::prelude::*;
 
+use self::lease::{Claim, Grant};
+use self::table::{Slot, State, Table, Users};
+use self::visits::Place;
+use super::shares::{BrickShares, Need};
 use crate::error::NodeError;
-use crate::kernel::{Recipe, ResidentBrick};
+use crate::kernel::ResidentBrick;
+
+pub use self::lease::Lease;
+pub(crate) use self::threads::beside;
+pub use self::wanted::{BrickKey, Wanted};
 
 /// How often a waiting thread looks whether its client is still there.
 const PATIENCE: Duration = Duration::from_millis(100);
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub struct BrickKey {
-    pub store: StoreHash,
-    pub brick: BrickId,
-    /// Ghost layers on each side.
-    pub ghost: u32,
-    pub recipe: Recipe,
-}
-
-/// A brick that a batch needs, and the bytes that it is expected to occupy.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Wanted {
-    pub key: BrickKey,
-    pub bytes: u64,
+/// Who wants which bricks.
+#[derive(Debug, Clone, Copy)]
+pub struct Ask<'a> {
+    pub session: SessionId,
+    /// None twice.
+    pub wanted: &'a [Wanted],
+    /// Of the frame that they are for, or of the request.
+    pub shares: BrickShares,
+    /// Where the frame is, if there is one.
+    pub place: Option<Place<'a>>,
 }
 
 /// Loads one brick into the backend; called from several threads at once.
@@ -43,46 +53,6 @@ pub struct Residency {
     changed: Condvar,
 }
 
-#[derive(Debug, Default)]
-struct Table {
-    slots: HashMap<BrickKey, Slot>,
-    /// Bytes of all slots, those included that are still reserved only.
-    used: u64,
-    clock: u64,
-}
-
-#[derive(Debug)]
-struct Slot {
-    state: State,
-    bytes: u64,
-    /// Leases that hold it.
-    pins: u32,
-    used_at: u64,
-    users: Users,
-}
-
-/// Whose frames used a brick since it was loaded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Users {
-    One(SessionId),
-    Several,
-}
-
-impl Users {
-    fn and(self, session: SessionId) -> Self {
-        if self == Self::One(session) { self } else { Self::Several }
-    }
-}
-
-#[derive(Debug)]
-enum State {
-    /// Room is reserved, nobody loads it.
-    Reserved,
-    /// Somebody loads it.
-    Loading,
-    Ready(Arc<dyn ResidentBrick>),
-}
-
 /// What is resident.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Occupancy {
@@ -91,7 +61,7 @@ pub struct Occupancy {
 }
 
 impl Residency {
-    /// `budget` in bytes.
+    /// `budget` in bytes, for bricks and what loading them holds.
     #[must_use]
     pub fn new(budget: u64) -> Self {
         Self { budget, table: Mutex::default(), changed: Condvar::new() }
@@ -100,6 +70,12 @@ impl Residency {
     #[must_use]
     pub fn budget(&self) -> u64 {
         self.budget
+    }
+
+    /// How the budget is shared among bricks of which each needs at most `largest`. Nothing where not even one fits.
+    #[must_use]
+    pub fn shares(&self, largest: Need) -> Option<BrickShares> {
+        BrickShares::of(self.budget, largest, threads::count())
     }
 
     #[must_use]
@@ -115,6 +91,12 @@ impl Residency {
         let table = self.lock();
         let slots = wanted.iter().filter_map(|w| table.slots.get(&w.key));
         slots.filter(|slot| matches!(slot.state, State::Ready(_))).map(|slot| slot.bytes).sum()
+    }
+
+    /// Is any of them not there, nor on its way?
+    pub(crate) fn lacks(&self, wanted: &[Wanted]) -> bool {
+        let table = self.lock();
+        wanted.iter().any(|w| !table.slots.contains_key(&w.key))
     }
 
     /// Lets go of these bricks of a store, however they are drawn, but for those that a lease holds or that another
@@ -136,23 +118,22 @@ impl Residency {
         freed
     }
 
-    /// Holds all of `wanted` (none twice), loading what is missing; waits for bricks that others load and for room that
-    /// others hold, until `cancelled`.
+    /// Holds all that is asked for, loading what is missing; waits for bricks that others load and for room that others
+    /// hold, until `cancelled`.
     ///
     /// # Errors
-    /// More than the budget at once, a load that failed, `cancelled`.
+    /// More than its share at once, a load that failed, `cancelled`.
     pub fn lease(
         &self,
-        session: SessionId,
-        wanted: &[Wanted],
+        ask: Ask<'_>,
         load: &Load<'_>,
         cancelled: &(dyn Fn() -> bool + Sync),
     ) -> Result<Lease<'_>, NodeError> {
-        let bytes = wanted.iter().map(|w| w.bytes).fold(0, u64::saturating_add);
-        if bytes > self.budget {
-            return Err(NodeError::BatchTooLarge { bytes, budget: self.budget });
+        let (bytes, budget) = (ask.wanted.iter().map(|w| w.bytes).fold(0, u64::saturating_add), ask.shares.resident);
+        if bytes > budget {
+            return Err(NodeError::BatchTooLarge { bytes, budget });
         }
-        let mut lease = self.reserve(session, wanted, cancelled)?;
+        let (mut lease, _grant) = self.reserve(ask, cancelled)?;
         loop {
             let mine = {
                 let mut table = self.lock();
@@ -171,57 +152,80 @@ impl Residency {
                 mine
             };
             lease.loaded.extend(&mine);
-            self.load(Claim { residency: self, keys: mine }, load, cancelled)?;
+            self.load(Claim { residency: self, keys: mine }, ask.shares.at_once, load, cancelled)?;
         }
     }
 
-    /// Pins `wanted`, with room for what is missing.
-    fn reserve(
+    /// Loads of what is asked for, in its order, what fits beside that which is held, and holds none of it. Waits for
+    /// nobody. Those that were loaded.
+    ///
+    /// # Errors
+    /// A load that failed, `cancelled`.
+    pub fn fetch_ahead(
         &self,
-        session: SessionId,
-        wanted: &[Wanted],
-        cancelled: &dyn Fn() -> bool,
-    ) -> Result<Lease<'_>, NodeError> {
+        ask: Ask<'_>,
+        load: &Load<'_>,
+        cancelled: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Vec<BrickKey>, NodeError> {
+        let Some((lease, _grant)) = self.reserve_now(ask) else { return Ok(Vec::new()) };
+        let mine = self.lock().claim(&lease.keys);
+        self.load(Claim { residency: self, keys: mine.clone() }, ask.shares.at_once, load, cancelled)?;
+        Ok(mine)
+    }
+
+    /// Holds what is asked for, with room for what is missing and for loading it.
+    fn reserve(&self, ask: Ask<'_>, cancelled: &dyn Fn() -> bool) -> Result<(Lease<'_>, Grant<'_>), NodeError> {
+        let keep: HashSet<BrickKey> = ask.wanted.iter().map(|w| w.key).collect();
         let mut table = self.lock();
-        loop {
-            let missing: u64 = wanted.iter().filter(|w| !table.slots.contains_key(&w.key)).map(|w| w.bytes).sum();
-            if table.make_room(missing, self.budget, wanted) {
-                break;
+        let loading = loop {
+            let missing = table.missing(ask.wanted);
+            let is_there = ask.wanted.iter().all(|w| table.slots.contains_key(&w.key));
+            let loading = if is_there { 0 } else { ask.shares.loading };
+            if table.make_room(missing.saturating_add(loading), self.budget, &keep, ask.place) {
+                break loading;
             }
             if cancelled() {
                 return Err(NodeError::Cancelled);
             }
             table = self.wait(table);
-        }
-        table.clock += 1;
-        let clock = table.clock;
-        for w in wanted {
-            if !table.slots.contains_key(&w.key) {
-                table.used = table.used.saturating_add(w.bytes);
-            }
-            let slot = table.slots.entry(w.key).or_insert(Slot {
-                state: State::Reserved,
-                bytes: w.bytes,
-                pins: 0,
-                used_at: clock,
-                users: Users::One(session),
-            });
-            slot.users = slot.users.and(session);
-            slot.pins += 1;
-            slot.used_at = clock;
-        }
-        let keys = wanted.iter().map(|w| w.key).collect();
-        Ok(Lease { residency: self, keys, bricks: Vec::new(), loaded: Vec::new() })
+        };
+        Ok(self.hold(&mut table, ask.session, ask.wanted, loading))
     }
 
-    /// Loads what is claimed, in parallel, in the grid's order so that neighbours share decoded chunks.
+    /// Reserves as many of those that are missing as there is room for. Nothing where there is none, or nothing misses.
+    fn reserve_now(&self, ask: Ask<'_>) -> Option<(Lease<'_>, Grant<'_>)> {
+        let keep: HashSet<BrickKey> = ask.wanted.iter().map(|w| w.key).collect();
+        let mut table = self.lock();
+        let mut left = table.could_be_free(self.budget, &keep).checked_sub(ask.shares.loading)?;
+        let fits = |w: &Wanted| {
+            let rest = left.checked_sub(w.bytes);
+            left = rest.unwrap_or(left);
+            rest.is_some()
+        };
+        let missing = ask.wanted.iter().copied().filter(|w| !table.slots.contains_key(&w.key));
+        let wanted: Vec<Wanted> = missing.take_while(fits).collect();
+        let bytes: u64 = wanted.iter().map(|w| w.bytes).sum();
+        let more = bytes.saturating_add(ask.shares.loading);
+        let is_room = !wanted.is_empty() && table.make_room(more, self.budget, &keep, ask.place);
+        is_room.then(|| self.hold(&mut table, ask.session, &wanted, ask.shares.loading))
+    }
+
+    fn hold(&self, table: &mut Table, session: SessionId, wanted: &[Wanted], loading: u64) -> (Lease<'_>, Grant<'_>) {
+        table.pin(session, wanted);
+        table.loading = table.loading.saturating_add(loading);
+        let keys = wanted.iter().map(|w| w.key).collect();
+        let lease = Lease { residency: self, keys, bricks: Vec::new(), loaded: Vec::new() };
+        (lease, Grant { residency: self, bytes: loading })
+    }
+
+    /// Loads what is claimed in its order, so many at once.
     fn load(
         &self,
-        mut claim: Claim<'_>,
+        claim: Claim<'_>,
+        at_once: usize,
         make: &Load<'_>,
         cancelled: &(dyn Fn() -> bool + Sync),
     ) -> Result<(), NodeError> {
-        claim.keys.sort_unstable();
         let load = |key: &BrickKey| {
             if cancelled() {
                 return Err(NodeError::Cancelled);
@@ -238,11 +242,7 @@ impl Residency {
             self.changed.notify_all();
             Ok(())
         };
-        match &claim.keys[..] {
-            // Alone, it waits for its file and its texture here, not where others compute.
-            [key] => load(key),
-            keys => keys.par_iter().try_for_each(load),
-        }
+        threads::for_each(&claim.keys, at_once, load)
     }
 
     fn lock(&self) -> MutexGuard<'_, Table> {
@@ -251,125 +251,6 @@ impl Residency {
 
     fn wait<'a>(&self, table: MutexGuard<'a, Table>) -> MutexGuard<'a, Table> {
         self.changed.wait_timeout(table, PATIENCE).unwrap_or_else(PoisonError::into_inner).0
-    }
-}
-
-impl Table {
-    /// Evicts until `missing` more bytes fit; false (and nothing evicted) where leases hold too much: wait for them.
-    fn make_room(&mut self, missing: u64, budget: u64, keep: &[Wanted]) -> bool {
-        let over = self.used.saturating_add(missing).saturating_sub(budget);
-        if over == 0 || missing == 0 {
-            return true;
-        }
-        let keep: HashSet<BrickKey> = keep.iter().map(|w| w.key).collect();
-        let mut idle: Vec<(u64, BrickKey, u64)> = self
-            .slots
-            .iter()
-            .filter(|(key, slot)| slot.pins == 0 && !keep.contains(key))
-            .map(|(key, slot)| (slot.used_at, *key, slot.bytes))
-            .collect();
-        // Where nobody holds anything, waiting would never end: bricks turned out larger than expected, so go over.
-        let someone_holds = self.slots.values().any(|slot| slot.pins > 0);
-        if someone_holds && idle.iter().map(|(_, _, bytes)| bytes).sum::<u64>() < over {
-            return false;
-        }
-        idle.sort_unstable();
-        let mut freed = 0;
-        for (_, key, bytes) in idle {
-            if freed >= over {
-                break;
-            }
-            self.slots.remove(&key);
-            freed += bytes;
-        }
-        self.used = self.used.saturating_sub(freed);
-        true
-    }
-
-    /// Marks what nobody loads yet as being loaded, and returns it.
-    fn claim(&mut self, keys: &[BrickKey]) -> Vec<BrickKey> {
-        let mut mine = Vec::new();
-        for key in keys {
-            if let Some(slot) = self.slots.get_mut(key)
-                && matches!(slot.state, State::Reserved)
-            {
-                slot.state = State::Loading;
-                mine.push(*key);
-            }
-        }
-        mine
-    }
-
-    /// All bricks, if all are there.
-    fn ready(&self, keys: &[BrickKey]) -> Option<Vec<Arc<dyn ResidentBrick>>> {
-        keys.iter()
-            .map(|key| match self.slots.get(key).map(|slot| &slot.state) {
-                Some(State::Ready(brick)) => Some(brick.clone()),
-                _ => None,
-            })
-            .collect()
-    }
-}
-
-/// Bricks being loaded by one thread; what it leaves behind (error, panic) may be loaded by others.
-struct Claim<'a> {
-    residency: &'a Residency,
-    keys: Vec<BrickKey>,
-}
-
-impl Drop for Claim<'_> {
-    fn drop(&mut self) {
-        let mut table = self.residency.lock();
-        for key in &self.keys {
-            if let Some(slot) = table.slots.get_mut(key)
-                && matches!(slot.state, State::Loading)
-            {
-                slot.state = State::Reserved;
-            }
-        }
-        drop(table);
-        self.residency.changed.notify_all();
-    }
-}
-
-/// Bricks that stay resident while this lives.
-#[derive(Debug)]
-pub struct Lease<'a> {
-    residency: &'a Residency,
-    keys: Vec<BrickKey>,
-    bricks: Vec<Arc<dyn ResidentBrick>>,
-    loaded: Vec<BrickKey>,
-}
-
-impl Lease<'_> {
-    /// The bricks, in the order in which they were wanted.
-    #[must_use]
-    pub fn bricks(&self) -> &[Arc<dyn ResidentBrick>] {
-        &self.bricks
-    }
-
-    /// Those that were not resident before and that this lease loaded.
-    #[must_use]
-    pub fn loaded(&self) -> &[BrickKey] {
-        &self.loaded
-    }
-}
-
-impl Drop for Lease<'_> {
-    fn drop(&mut self) {
-        self.bricks.clear();
-        let mut table = self.residency.lock();
-        for key in &self.keys {
-            let Some(slot) = table.slots.get_mut(key) else { continue };
-            slot.pins = slot.pins.saturating_sub(1);
-            if slot.pins == 0 && matches!(slot.state, State::Reserved) {
-                let bytes = slot.bytes;
-                table.slots.remove(key);
-                table.used = table.used.saturating_sub(bytes);
-            }
-        }
-        drop(table);
-        self.residency.changed.notify_all();
     }
 }
 

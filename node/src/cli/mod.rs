@@ -67,7 +67,7 @@ pub(crate) struct Cli {
     #[arg(long, value_enum, default_value_t = Backend::Auto, env = "BRICKCAST_NODE_BACKEND")]
     pub(crate) backend: Backend,
 
-    /// Memory for resident bricks, with a unit such as 512MiB or 4GiB
+    /// Memory for bricks, for loading them and for decoded chunks, with a unit such as 512MiB or 4GiB
     #[arg(
         long, value_name = "SIZE", default_value = "4GiB", value_parser = parse_bytes,
         env = "BRICKCAST_NODE_MEMORY_BUDGET"

@@ -23,7 +23,7 @@ use crate::brick::texels::{BuiltBrick, BuiltCells};
 use crate::brick::worth::LastOccupied;
 use crate::kernel::{
     BackendInfo, BrickCounts, BrickInput, Cancelled, Job, JobImage, KernelKey, KernelScene, Placed, RaycastError,
-    Raycaster, Recipe, ResidentBrick, Watch, check_jobs, new_pixels,
+    Raycaster, Recipe, ResidentBrick, Watch, check_jobs,
 };
 
 /// Tile edge in pixels: small enough that threads stay busy to the end, large enough that a brick's voxels are reused
@@ -301,7 +301,7 @@ fn render_job(
         .collect::<Option<_>>()
         .ok_or(RaycastError::ForeignBrick { backend: "cpu" })?;
     let placed: Vec<PlacedBrick<'_>> = bricks.iter().map(|brick| brick.placed(reads)).collect();
-    let mut pixels = new_pixels(scene.pixel_kind(), &job.rect)?;
+    let mut pixels = job.started(scene.pixel_kind())?;
     let edge = tile_edge(job.rect.pixel_count(), rayon::current_num_threads());
     // One by one: what rayon would keep together is a quarter of the picture, whose other quarters may be empty.
     let tiles = tiles_of(&job.rect, pixels.raw_mut(), edge).into_par_iter().with_max_len(1);

@@ -121,6 +121,12 @@ impl Raycaster for GpuRaycaster {
         expected_bytes(stored_voxels, recipe, self.kernels.voxel_bytes(), CELL_BYTES)
     }
 
+    fn upload_bytes(&self, stored_voxels: u64) -> u64 {
+        // The driver's copy, and what it is copied from where texels are no codes.
+        let texel = self.kernels.voxel_bytes();
+        stored_voxels * if texel == 2 { texel } else { 2 * texel }
+    }
+
     fn upload(&self, owned: OwnedBox, input: &BrickInput<'_>) -> Result<Arc<dyn ResidentBrick>, RaycastError> {
         let prepared = BuiltBrick::new(&owned, input)?;
         Ok(Arc::new(upload::upload(&self.gpu, &self.kernels, owned, prepared)?))

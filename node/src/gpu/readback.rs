@@ -11,10 +11,10 @@ use brickcast_volume::PixelRect;
 use super::cells::MapBuilder;
 use super::device::Gpu;
 use super::kernel::{DISPATCH_BYTES, FRAME_BYTES, FrameTables, Kernels, SCENE_BYTES};
-use super::plan::{self, Batch, Dispatch, PIXEL_BYTES};
+use super::plan::{self, Band, Batch, Dispatch, PIXEL_BYTES};
 use super::upload::GpuBrick;
 use crate::brick::emptiness::Emptiness;
-use crate::kernel::{BrickCounts, Job, JobImage, KernelScene, RaycastError, Watch, new_pixels};
+use crate::kernel::{BrickCounts, Job, JobImage, KernelScene, RaycastError, Watch};
 
 /// The most dispatches of one submission.
 const SUBMIT_DISPATCHES: usize = 1024;
@@ -144,7 +144,7 @@ pub(super) fn render(
         .iter()
         .map(|job| {
             let counts = vec![BrickCounts::default(); job.bricks.len()];
-            Ok(JobImage { rect: job.rect, pixels: new_pixels(scene.pixel_kind(), &job.rect)?, counts })
+            Ok(JobImage { rect: job.rect, pixels: job.started(scene.pixel_kind())?, counts })
         })
         .collect::<Result<_, RaycastError>>()?;
     let frame = scratch.bind_frame(call, scene)?;
@@ -162,7 +162,8 @@ pub(super) fn render(
             }
         }
         if !dispatches.is_empty() {
-            let staged = run(call, scratch, &frame, &bricks, &batch, &mut dispatches)?;
+            let front = jobs.iter().any(|job| job.front.is_some()).then_some(&*images);
+            let staged = run(call, scratch, &frame, &bricks, (&batch, front), &mut dispatches)?;
             collect(call, scratch, &batch, &dispatches, staged, &mut images)?;
         }
     }
@@ -191,13 +192,14 @@ fn submissions(dispatches: &[Dispatch], most: f64) -> Vec<std::ops::Range<usize>
     runs
 }
 
-/// Renders a batch and copies the result to the staging buffer; returns its bytes there.
+/// Renders a batch, over what is in front where there is something, and copies the result to the staging buffer;
+/// returns its bytes there.
 fn run(
     call: &Call<'_>,
     scratch: &mut Scratch,
     frame: &wgpu::BindGroup,
     bricks: &[Vec<&GpuBrick>],
-    batch: &Batch,
+    (batch, front): (&Batch, Option<&[JobImage]>),
     dispatches: &mut [Dispatch],
 ) -> Result<u64, RaycastError> {
     let gpu = call.gpu;
@@ -225,9 +227,14 @@ fn run(
         }
         let submission = gpu.guarded("rendering", 0, || {
             gpu.queue.write_buffer(&scratch.dispatches, 0, &uniforms);
+            if n == 0 {
+                write_front(gpu, &buffers.accumulator, batch, front.unwrap_or_default());
+            }
             let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
             if n == 0 {
-                encoder.clear_buffer(&buffers.accumulator, 0, Some(pixel_bytes));
+                if front.is_none() {
+                    encoder.clear_buffer(&buffers.accumulator, 0, Some(pixel_bytes));
+                }
                 encoder.clear_buffer(&buffers.counters, 0, Some(counter_bytes));
             }
             {
@@ -266,6 +273,21 @@ fn run(
     Ok(pixel_bytes + counter_bytes)
 }
 
+/// The accumulators of a batch as they start.
+fn write_front(gpu: &Gpu, accumulator: &wgpu::Buffer, batch: &Batch, front: &[JobImage]) {
+    for band in &batch.bands {
+        if let Some(image) = front.get(band.job) {
+            let pixels = &image.pixels.raw()[first_pixel(band, image)..][..band.rect.pixel_count()];
+            gpu.queue.write_buffer(accumulator, u64::from(band.base) * PIXEL_BYTES, bytemuck::cast_slice(pixels));
+        }
+    }
+}
+
+/// Where a band begins in its job's image: bands are whole rows, so that their pixels lie together.
+fn first_pixel(band: &Band, image: &JobImage) -> usize {
+    (band.rect.lo.y - image.rect.lo.y) as usize * band.rect.size().x as usize
+}
+
 /// Staging buffer to images.
 fn collect(
     call: &Call<'_>,
@@ -281,8 +303,7 @@ fn collect(
         for band in &batch.bands {
             let image = &mut images[band.job];
             let count = band.rect.pixel_count();
-            // Bands are whole rows, so their pixels lie together in both.
-            let to = (band.rect.lo.y - image.rect.lo.y) as usize * band.rect.size().x as usize;
+            let to = first_pixel(band, image);
             let from = band.base as usize * PIXEL_BYTES as usize;
             let target: &mut [u8] = bytemuck::cast_slice_mut(&mut image.pixels.raw_mut()[to..to + count]);
             target.copy_from_slice(&pixels[from..from + target.len()]);

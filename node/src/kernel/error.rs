@@ -2,7 +2,7 @@
 
 use brickcast_volume::brick::OwnedBox;
 use brickcast_volume::regions::RegionTexelsError;
-use brickcast_volume::{PixelRect, StoredBox};
+use brickcast_volume::{PixelKind, PixelRect, StoredBox};
 
 use super::recipe::Recipe;
 use super::watch::Cancelled;
@@ -31,6 +31,8 @@ pub enum RaycastError {
     BrickTooLarge { dims: [u32; 3], max: u32 },
     #[error("a job's rectangle {rect:?} reaches beyond the picture of {width}x{height}")]
     RectOutsidePicture { rect: PixelRect, width: u32, height: u32 },
+    #[error("what lies in front of a job are {got} pixels: {want} of {kind:?} are needed")]
+    Front { got: usize, want: usize, kind: PixelKind },
     #[error("a transfer function table of {entries} entries: between 2 and {max} are needed")]
     TableSize { entries: usize, max: u32 },
     #[error("a brick that another backend uploaded was given to the {backend} raycaster: upload it there first")]

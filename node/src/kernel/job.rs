@@ -17,17 +17,28 @@ pub struct Job {
     /// Of each brick, where it meets other levels; of bricks beyond the last one: nowhere.
     pub sides: Vec<Sides>,
     pub rect: PixelRect,
+    /// What lies in front of them: the pixels of a job that ended there. None: nothing.
+    pub front: Option<Pixels>,
 }
 
 impl Job {
-    /// Of bricks that meet no other level.
+    /// With nothing in front, of bricks that meet no other level.
     #[must_use]
     pub fn new(bricks: Vec<Arc<dyn ResidentBrick>>, rect: PixelRect) -> Self {
-        Self { bricks, sides: Vec::new(), rect }
+        Self { bricks, sides: Vec::new(), rect, front: None }
     }
 
     pub(crate) fn sides_of(&self, position: usize) -> Sides {
         self.sides.get(position).copied().unwrap_or_default()
+    }
+
+    /// The accumulator as it starts, in a scene of this kind of pixels.
+    pub(crate) fn started(&self, kind: PixelKind) -> Result<Pixels, RaycastError> {
+        match &self.front {
+            Some(front) if front.kind() == kind && front.len() == self.rect.pixel_count() => Ok(front.clone()),
+            Some(front) => Err(RaycastError::Front { got: front.len(), want: self.rect.pixel_count(), kind }),
+            None => new_pixels(kind, &self.rect),
+        }
     }
 }
 

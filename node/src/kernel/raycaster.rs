@@ -39,6 +39,12 @@ pub trait Raycaster: Send + Sync + std::fmt::Debug {
     /// region (then next to none); exact but for macrocells of bricks that are no cubes.
     fn brick_bytes(&self, stored_voxels: u64, recipe: Recipe) -> u64;
 
+    /// Bytes that such a brick holds on its way to where it renders, beside what it occupies there; nothing where that
+    /// is the processor.
+    fn upload_bytes(&self, _stored_voxels: u64) -> u64 {
+        0
+    }
+
     /// # Errors
     /// Input that does not fit the recipe or itself, out of memory, device lost.
     fn upload(&self, owned: OwnedBox, input: &BrickInput<'_>) -> Result<Arc<dyn ResidentBrick>, RaycastError>;
@@ -56,8 +62,9 @@ pub trait Raycaster: Send + Sync + std::fmt::Debug {
     /// Device lost.
     fn warm_up(&self, filter: Filter, keys: &[KernelKey]) -> Result<(), RaycastError>;
 
-    /// Renders every job into an accumulator of its own, from zero, with early termination. Pixels do not depend on how
-    /// a picture is cut into jobs' rectangles.
+    /// Renders every job into an accumulator of its own, from where it starts, with early termination. Pixels depend
+    /// neither on how a picture is cut into jobs' rectangles nor on how its bricks are cut into jobs that go on where
+    /// others ended.
     ///
     /// # Errors
     /// Out of memory, device lost; `watch` says that nobody wants it any more.

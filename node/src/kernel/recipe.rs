@@ -59,6 +59,11 @@ impl Recipe {
         }
     }
 
+    /// Are labels and distances needed to make such a brick?
+    pub(crate) fn reads_regions(&self) -> bool {
+        self.guard.is_some() || self.region_flags
+    }
+
     /// Voxels per edge of the macrocells that such a brick has.
     pub(crate) fn cell_edge(&self) -> Option<u8> {
         self.macrocell.or(self.homogeneous.map(|_| 4))

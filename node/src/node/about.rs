@@ -50,7 +50,7 @@ impl Node {
             protocol: PROTOCOL_VERSION,
             backend: info.backend.to_owned(),
             adapter: info.adapter.clone(),
-            memory_budget: self.config.memory_budget,
+            memory_budget: self.residency.budget(),
             memory_used: occupancy.bytes,
             resident_bricks: u32::try_from(occupancy.bricks).unwrap_or(u32::MAX),
             state: if self.accepting().is_ok() { NodeState::Serving } else { NodeState::Draining },

@@ -104,13 +104,15 @@ impl Node {
         store: &OpenStore,
         started: Instant,
         parts: &Sender,
-        (client, turn): (Client, Turn),
+        (caller, turn): (Client, Turn),
     ) -> Result<Receipt, NodeError> {
-        let desk = Desk { node: self, parts, client, turn: RefCell::new(Some(turn)) };
+        let desk = Desk { node: self, parts, client: caller, turn: RefCell::new(Some(turn)) };
         let mut meter = FrameMeter::new(started, order.layers.len());
-        let cancelled = || parts.is_closed() || self.stopped();
+        let client = parts.clone();
+        let cancelled = self.unwanted(move || client.is_closed());
+        let cache = self.cache.share_until(cancelled.clone());
         let mut emit = |part| desk.send(Ok(part_of(order, part)));
-        let workshop = self.workshop(order.session);
+        let workshop = self.workshop(order.session, &cache);
         match render_frame(order, store, workshop, &mut meter, (&cancelled, &desk), &mut emit) {
             Ok(()) => Ok(meter.receipt()),
             Err(NodeError::Cancelled) if self.stopped() => Err(NodeError::Draining),

@@ -7,7 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use brickcast_proto::{LoadReceipt, LoadRequest, StoreQuery};
 
 use super::Node;
-use crate::brick::residency::Wanted;
+use crate::brick::residency::{Ask, Wanted};
+use crate::brick::shares::{BrickShares, Need};
 use crate::clients::Caller;
 use crate::error::NodeError;
 use crate::kernel::{BrickTraits, KernelKey};
@@ -22,6 +23,7 @@ struct Wish {
     /// As many as the budget holds, in the order asked.
     bricks: Vec<Wanted>,
     fits: bool,
+    shares: BrickShares,
     /// The kernels that they may take.
     keys: HashSet<KernelKey>,
 }
@@ -62,7 +64,7 @@ impl Node {
             node.residency.release(session, request.store, &request.release);
             Ok((store, wish))
         };
-        let (store, Wish { bricks, fits, keys }) = self.aside(&caller, wish).await?;
+        let (store, Wish { bricks, fits, shares, keys }) = self.aside(&caller, wish).await?;
         let warm_up = move |node: &Self| {
             let keys: Vec<_> = keys.into_iter().collect();
             Ok(node.raycaster.warm_up(filter, &keys)?)
@@ -74,8 +76,10 @@ impl Node {
             self.accepting()?;
             let (batch, store, gone) = (batch.to_vec(), store.clone(), gone.0.clone());
             let loaded = self.in_turn(&caller, move |node| {
-                let cancelled = || node.stopped() || gone.load(Ordering::Relaxed);
-                let loaded = load_bricks(&batch, &store, node.workshop(session), &cancelled);
+                let cancelled = node.unwanted(move || gone.load(Ordering::Relaxed));
+                let cache = node.cache.share_until(cancelled.clone());
+                let ask = Ask { session, wanted: &batch, shares, place: None };
+                let loaded = load_bricks(ask, &store, node.workshop(session, &cache), &cancelled);
                 loaded.map(|(_, meter)| meter).inspect_err(|error| node.note_broken(error, &store))
             });
             load.add(loaded.await?);
@@ -99,20 +103,23 @@ impl Node {
             return Err(NodeError::NoSuchBrick { brick, last: grid.brick_count().saturating_sub(1) });
         }
         let choice = BrickChoice::new(&*store.store, &request.scene, &self.tables)?;
-        let mut bricks = Vec::with_capacity(request.bricks.len());
+        // What the scene does not show need not be there.
+        let chosen = |&brick: &_| choice.of(grid.index_of(brick), &*self.raycaster).map(|chosen| chosen.wanted);
+        let mut bricks: Vec<Wanted> = request.bricks.iter().filter_map(chosen).collect();
+        let largest = bricks.iter().map(Wanted::need).fold(Need::default(), Need::max);
+        // A frame says which brick is too large.
+        let none = BrickShares { at_once: 1, loading: 0, resident: 0 };
+        let shares = self.residency.shares(largest).unwrap_or(none);
         let mut bytes = 0_u64;
-        for &brick in &request.bricks {
-            // What the scene does not show need not be there.
-            let Some(chosen) = choice.of(grid.index_of(brick), &*self.raycaster) else { continue };
-            bytes = bytes.saturating_add(chosen.wanted.bytes);
-            if bytes <= self.config.memory_budget {
-                bricks.push(chosen.wanted);
-            }
-        }
+        bricks.retain(|wanted| {
+            bytes = bytes.saturating_add(wanted.bytes);
+            bytes <= shares.resident
+        });
+        let fits = bytes <= shares.resident;
         let look = choice.look_traits();
         let may_lack = store.store.manifest().no_data.is_some();
         let traits = bricks.iter().flat_map(|w| w.key.recipe.traits(may_lack)).chain([BrickTraits::default()]);
         let keys = traits.map(|brick| KernelKey::of(look, brick)).collect();
-        Ok(Wish { keys, bricks, fits: bytes <= self.config.memory_budget })
+        Ok(Wish { keys, bricks, fits, shares })
     }
 }

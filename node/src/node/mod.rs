@@ -21,6 +21,7 @@ use tokio::sync::Semaphore;
 use tokio::task::JoinError;
 
 use crate::brick::residency::Residency;
+use crate::brick::shares::MemoryShares;
 use crate::clients::limits::MAX_WAITING;
 use crate::clients::{Caller, Client, TurnQueue};
 use crate::config::NodeConfig;
@@ -32,10 +33,6 @@ use crate::stores::{OpenStore, Stores};
 pub use frames::Parts;
 
 use self::life::Life;
-
-/// Decoded chunks of the store kept for neighbours, bytes, on top of the budget for bricks: a quarter of it within
-/// these. The smaller a budget, the oftener bricks are read again, so the cache does not vanish with it.
-const CACHE_BYTES: std::ops::RangeInclusive<u64> = 32 << 20..=256 << 20;
 
 #[derive(Debug)]
 pub struct Node {
@@ -54,7 +51,7 @@ pub struct Node {
     places: Arc<Semaphore>,
     draining: AtomicBool,
     /// Work stops at its next batch.
-    stopped: AtomicBool,
+    stopped: Arc<AtomicBool>,
     /// A client that takes no part for this long is given up.
     stall_timeout: Duration,
 }
@@ -70,7 +67,7 @@ impl Node {
     /// A cache of decoded inner chunks as a node of this budget has it.
     #[must_use]
     pub fn chunk_cache(memory_budget: u64) -> ChunkCache {
-        ChunkCache::new((memory_budget / 4).clamp(*CACHE_BYTES.start(), *CACHE_BYTES.end()))
+        ChunkCache::new(MemoryShares::of(memory_budget).cache)
     }
 
     /// A node whose `cache` is a handle that it shares with others of this process: none decodes what another has.
@@ -81,7 +78,7 @@ impl Node {
         let stores = Stores::new(&config.data)?;
         let pace = Pace::new(config.throttle, raycaster.info().is_on_processor);
         Ok(Self {
-            residency: Residency::new(config.memory_budget),
+            residency: Residency::new(MemoryShares::of(config.memory_budget).residency),
             config,
             raycaster,
             stores,
@@ -93,7 +90,7 @@ impl Node {
             turns: Arc::default(),
             places: Arc::new(Semaphore::new(MAX_WAITING + 1)),
             draining: AtomicBool::new(false),
-            stopped: AtomicBool::new(false),
+            stopped: Arc::default(),
             stall_timeout: frames::STALL_TIMEOUT,
         })
     }
@@ -121,13 +118,20 @@ impl Node {
         self.stopped.load(Ordering::Relaxed)
     }
 
+    /// Is work for nothing: because `is_gone` for whom it is, or the node has to end?
+    fn unwanted<F: Fn() -> bool + Clone>(&self, is_gone: F) -> impl Fn() -> bool + Clone + use<F> {
+        let stopped = self.stopped.clone();
+        move || is_gone() || stopped.load(Ordering::Relaxed)
+    }
+
     fn accepting(&self) -> Result<(), NodeError> {
         if self.draining.load(Ordering::Relaxed) { Err(NodeError::Draining) } else { Ok(()) }
     }
 
-    fn workshop(&self, session: SessionId) -> Workshop<'_> {
+    /// `cache`: a handle of whoever the work is for.
+    fn workshop<'a>(&'a self, session: SessionId, cache: &'a ChunkCache) -> Workshop<'a> {
         let (raycaster, pace, pulse) = (&*self.raycaster, &self.pace, &self.pulse);
-        let Self { residency, cache, tables, .. } = self;
+        let Self { residency, tables, .. } = self;
         Workshop { raycaster, residency, cache, tables, pace, pulse, session }
     }
 

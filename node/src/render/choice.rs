@@ -10,8 +10,9 @@ use brickcast_volume::regions::Drawn;
 use brickcast_volume::scene::{Extreme, Scene};
 use brickcast_volume::store::BrickSource;
 
+use super::load::region_margin;
 use super::tables::TableCache;
-use crate::brick::bytes::interval_bytes;
+use crate::brick::bytes::{interval_bytes, loading_bytes};
 use crate::brick::residency::{BrickKey, Wanted};
 use crate::error::NodeError;
 use crate::interval::IntervalScene;
@@ -71,11 +72,20 @@ impl<'a> BrickChoice<'a> {
         let (drawn, ghost) = (brick.drawn?, self.scene.ghost());
         let recipe = Recipe::of(self.scene, drawn.flattened, brick.has_regions());
         let key = BrickKey { store: self.store.hash(), brick: id, ghost, recipe };
-        let bytes = match drawn.only_region {
-            Some(_) if knows_only_region(ghost) => 0,
-            _ if recipe.interval => interval_bytes(owned.stored(ghost).voxel_count(), recipe),
-            _ => raycaster.brick_bytes(owned.stored(ghost).voxel_count(), recipe),
+        let stored = owned.stored(ghost);
+        let (bytes, upload) = match drawn.only_region {
+            Some(_) if knows_only_region(ghost) => {
+                return Some(Chosen { wanted: Wanted { key, bytes: 0, loading: 0 }, drawn });
+            }
+            _ if recipe.interval => (interval_bytes(stored.voxel_count(), recipe), 0),
+            _ => {
+                let voxels = stored.voxel_count();
+                (raycaster.brick_bytes(voxels, recipe), raycaster.upload_bytes(voxels))
+            }
         };
-        Some(Chosen { wanted: Wanted { key, bytes }, drawn })
+        let covered = recipe.reads_regions().then(|| owned.stored(region_margin(ghost, recipe)));
+        let array = (manifest.stored_type.bytes() as u64, manifest.halo.is_some());
+        let loading = loading_bytes(&owned, (&stored, covered.as_ref()), array, upload);
+        Some(Chosen { wanted: Wanted { key, bytes, loading }, drawn })
     }
 }

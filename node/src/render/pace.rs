@@ -33,13 +33,15 @@ impl Pace {
     }
 
     /// Does `work`, and then rests until it has taken `throttle` times as long. Also returns the milliseconds of work
-    /// times the throttle: what a receipt tells as `work_ms`.
+    /// times the throttle: what a receipt tells as `work_ms`. `aside`: processor time that this process has meanwhile
+    /// spent on something else.
     ///
     /// # Errors
     /// That of `work`; `cancelled` while resting.
     pub(crate) fn work<T, E>(
         &self,
         cancelled: &(dyn Fn() -> bool + Sync),
+        aside: &dyn Fn() -> Duration,
         work: impl FnOnce() -> Result<T, E>,
     ) -> Result<(T, f64), NodeError>
     where
@@ -49,7 +51,7 @@ impl Pace {
         let done = work()?;
         let wall = wall.elapsed();
         let worked = match (processor, self.processor_time()) {
-            (Some(before), Some(after)) => after.saturating_sub(before),
+            (Some(before), Some(after)) => after.saturating_sub(before).saturating_sub(aside()),
             _ => wall,
         };
         // Of several threads the processor time is longer than what is to be stretched; of one that had to wait for the
@@ -88,6 +90,18 @@ fn processor_time() -> Option<Duration> {
     None
 }
 
+/// Processor time that this thread has used; nothing where the system does not tell.
+pub(super) fn thread_time() -> Duration {
+    #[cfg(unix)]
+    {
+        let time = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+        let (seconds, nanos) = (u64::try_from(time.tv_sec), u32::try_from(time.tv_nsec));
+        seconds.ok().zip(nanos.ok()).map_or(Duration::ZERO, |(seconds, nanos)| Duration::new(seconds, nanos))
+    }
+    #[cfg(not(unix))]
+    Duration::ZERO
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -106,7 +120,7 @@ mod tests {
     fn a_throttled_node_takes_so_many_times_as_long_and_says_so() {
         for (throttle, least) in [(1.0, 50.0), (3.0, 150.0)] {
             let started = Instant::now();
-            let ((), work_ms) = pace(throttle).work(&|| false, work).unwrap();
+            let ((), work_ms) = pace(throttle).work(&|| false, &|| Duration::ZERO, work).unwrap();
             let took = started.elapsed().as_secs_f64() * 1e3;
             assert!(work_ms >= least && took >= work_ms * 0.99, "{throttle}: {work_ms} ms, took {took} ms");
         }
@@ -117,7 +131,7 @@ mod tests {
         // Rests of at least 20 s each; what is asserted leaves room for a busy machine.
         let work = || (0..4).try_for_each(|_| work());
         let started = Instant::now();
-        let cancelled = pace(100.0).work(&|| true, work);
+        let cancelled = pace(100.0).work(&|| true, &|| Duration::ZERO, work);
         assert!(matches!(cancelled, Err(NodeError::Cancelled)), "{cancelled:?}");
         let hurried = pace(100.0);
         std::thread::scope(|scope| {
@@ -125,7 +139,7 @@ mod tests {
                 std::thread::sleep(Duration::from_millis(100));
                 hurried.hurry();
             });
-            assert!(hurried.work(&|| false, work).is_ok());
+            assert!(hurried.work(&|| false, &|| Duration::ZERO, work).is_ok());
         });
         assert!(started.elapsed() < Duration::from_secs(15), "{:?}", started.elapsed());
     }

@@ -1,6 +1,7 @@
 //! Which bricks an order needs, front to back, and how the work is cut.
 
 use std::collections::HashMap;
+use std::ops::Range;
 
 use brickcast_proto::{LayerOrder, RenderOrder, TileRect};
 use brickcast_volume::lod::{Borders, Sides};
@@ -14,6 +15,8 @@ use super::choice::{BrickChoice, Chosen};
 use super::slices::SliceSize;
 use super::workshop::{MAX_BAND_PIXELS, Workshop};
 use crate::brick::residency::Wanted;
+use crate::brick::residency::visits::Visits;
+use crate::brick::shares::{BrickShares, Need};
 use crate::error::NodeError;
 use crate::interval::IntervalScene;
 use crate::kernel::{KernelScene, KernelStyle};
@@ -31,6 +34,19 @@ pub(super) struct FramePlan {
     pub pieces: Vec<Piece>,
     /// Of all pieces, in the order in which they are rendered.
     pub units: Vec<Unit>,
+    /// What its bricks have of the node's memory.
+    pub shares: BrickShares,
+    /// Bytes of the bricks of a pass, unless it is a single one.
+    pub pass_bytes: u64,
+    /// All bricks as the units come to them.
+    pub visits: Visits,
+}
+
+/// The bricks of a layer that may show something: chunks' leaves in front-to-back order, and their bricks in the plan,
+/// front to back within each.
+struct Gathered {
+    leaves: Vec<TreeNode>,
+    by_chunk: HashMap<TreeNode, Vec<usize>>,
 }
 
 /// A brick that may show something.
@@ -76,7 +92,18 @@ pub(super) struct Unit {
     /// Of its bricks in the plan, front to back.
     pub positions: Vec<usize>,
     pub rect: PixelRect,
-    /// Of all bricks, as in [`PlannedBrick`], on average.
+    /// One after the other into the same pixels; one where all bricks fit the memory.
+    pub passes: Vec<Pass>,
+}
+
+/// What of a unit's bricks is rendered at a time. A pass goes on where the one before it ended, in the very
+/// accumulator: the cut changes no bit.
+#[derive(Debug)]
+pub(super) struct Pass {
+    /// Of the unit's positions.
+    pub positions: Range<usize>,
+    pub rect: PixelRect,
+    /// Of all its bricks, as in [`PlannedBrick`], on average.
     pub samples_per_pixel: f64,
 }
 
@@ -111,30 +138,58 @@ impl FramePlan {
             bricks: Vec::new(),
             pieces: Vec::new(),
             units: Vec::new(),
+            shares: BrickShares { at_once: 1, loading: 0, resident: 0 },
+            pass_bytes: 0,
+            visits: Visits::default(),
         };
         // Every layer is checked before any is planned: a bad order costs nothing.
         let layers = order.layers.iter().map(|layer| check(&tree, layer)).collect::<Result<Vec<_>, _>>()?;
-        for (at, (layer, chunks)) in order.layers.iter().zip(layers).enumerate() {
-            plan.add_layer(at, layer, &chunks, order, &choice, workshop)?;
+        let mut gathered = Vec::with_capacity(layers.len());
+        for (layer, chunks) in order.layers.iter().zip(layers) {
+            gathered.push(plan.gather(layer, &chunks, order, &choice, workshop)?);
         }
+        plan.share(workshop)?;
+        for (at, (layer, gathered)) in order.layers.iter().zip(gathered).enumerate() {
+            plan.add_layer(at, layer, &gathered, order, workshop)?;
+        }
+        let visits = plan.units.iter().flat_map(|unit| &unit.positions).map(|&p| plan.bricks[p].wanted);
+        plan.visits = Visits::new(visits);
         Ok(plan)
     }
 
-    fn add_layer(
+    /// Shares the memory among the bricks of all layers.
+    fn share(&mut self, workshop: Workshop<'_>) -> Result<(), NodeError> {
+        let budget = workshop.residency.budget();
+        let mut largest = Need::default();
+        for brick in &self.bricks {
+            let need = brick.wanted.need();
+            if workshop.residency.shares(need).is_none() {
+                return Err(NodeError::BrickTooLarge { brick: brick.index, need, budget });
+            }
+            largest = largest.max(need);
+        }
+        // Bricks of one store, so that the largest is the one that takes most to load.
+        self.shares = workshop
+            .residency
+            .shares(largest)
+            .ok_or(NodeError::BatchTooLarge { bytes: largest.bytes.saturating_add(largest.loading), budget })?;
+        let all: Vec<usize> = (0..self.bricks.len()).collect();
+        self.pass_bytes = self.shares.of_a_pass(self.bytes(&all));
+        Ok(())
+    }
+
+    fn gather(
         &mut self,
-        at: usize,
         layer: &LayerOrder,
         chunks: &[ChunkIndex],
         order: &RenderOrder,
         choice: &BrickChoice<'_>,
         workshop: Workshop<'_>,
-    ) -> Result<(), NodeError> {
-        let budget = workshop.residency.budget();
+    ) -> Result<Gathered, NodeError> {
         let window = layer.tiles.pixels(order.scene.view.size);
-        // Bricks by chunk, front to back within each.
         let mut by_chunk: HashMap<TreeNode, Vec<usize>> = HashMap::new();
         for chunk in chunks {
-            let positions = self.visible(*chunk, &window, (choice, order.borders.as_ref()), workshop)?;
+            let positions = self.visible(*chunk, &window, (choice, order.borders.as_ref()), workshop);
             if !positions.is_empty() {
                 by_chunk.insert(self.tree.leaf(*chunk), positions);
             }
@@ -149,8 +204,23 @@ impl FramePlan {
             },
             &mut |(), ()| (),
         );
-        if order.scene.quality.exact {
-            for leaf in &leaves {
+        Ok(Gathered { leaves, by_chunk })
+    }
+
+    fn add_layer(
+        &mut self,
+        at: usize,
+        layer: &LayerOrder,
+        Gathered { leaves, by_chunk }: &Gathered,
+        order: &RenderOrder,
+        workshop: Workshop<'_>,
+    ) -> Result<(), NodeError> {
+        let budget = self.shares.resident;
+        let window = layer.tiles.pixels(order.scene.view.size);
+        // Intervals are known of a ray as a whole: nothing can go on where it ended.
+        let in_passes = self.interval.is_none();
+        if order.scene.quality.exact && !in_passes {
+            for leaf in leaves {
                 let bytes = self.bytes(&by_chunk[leaf]);
                 if bytes > budget {
                     let chunk = self.tree.chunk_of(self.bricks[by_chunk[leaf][0]].index);
@@ -164,13 +234,17 @@ impl FramePlan {
             let band = tiles.pixels(order.scene.view.size);
             let before = self.units.len();
             let join = if order.scene.quality.exact {
-                for leaf in &leaves {
+                for leaf in leaves {
                     self.add_unit(Some(*leaf), &by_chunk[leaf], &band);
                 }
                 Join::Tree
+            } else if in_passes {
+                self.add_unit(None, &all, &band);
+                Join::InOrder
             } else {
-                for run in self.within_budget(&all, &band, budget) {
-                    self.add_unit(None, &run, &band);
+                let touching: Vec<usize> = self.touching(&all, &band);
+                for run in self.runs(&touching, budget) {
+                    self.add_unit(None, &touching[run], &band);
                 }
                 Join::InOrder
             };
@@ -183,7 +257,7 @@ impl FramePlan {
     /// Pixels of a piece: the sooner it is done, the sooner its tiles are on their way. Bricks that do not fit the
     /// memory at once are loaded once for every piece, so that there are as few as possible.
     fn band_pixels(&self, positions: &[usize], window: &PixelRect, workshop: Workshop<'_>) -> u64 {
-        if self.bytes(positions) > workshop.residency.budget() {
+        if self.bytes(positions) > self.shares.resident {
             return MAX_BAND_PIXELS;
         }
         let per_pixel = self.samples(positions, window) / window.pixel_count().max(1) as f64;
@@ -204,12 +278,11 @@ impl FramePlan {
         window: &PixelRect,
         (choice, borders): (&BrickChoice<'_>, Option<&Borders>),
         workshop: Workshop<'_>,
-    ) -> Result<Vec<usize>, NodeError> {
-        let budget = workshop.residency.budget();
+    ) -> Vec<usize> {
         let grid = self.tree.grid();
         let chunk_box = self.tree.voxel_box(self.tree.leaf(chunk));
         if chunk_box.is_none_or(|voxels| self.scene.view.project(&voxels).intersect(window).is_empty()) {
-            return Ok(Vec::new());
+            return Vec::new();
         }
         let mut indices: Vec<BrickIndex> = self.tree.bricks_of(chunk).collect();
         sort_front_to_back(&mut indices, grid.brick_size(), self.from);
@@ -220,15 +293,12 @@ impl FramePlan {
                 continue;
             }
             let Some(Chosen { wanted, drawn }) = choice.of(index, workshop.raycaster) else { continue };
-            if wanted.bytes > budget {
-                return Err(NodeError::BrickTooLarge { brick: index, bytes: wanted.bytes, budget });
-            }
             let samples_per_pixel = samples_across(&self.scene.view, &grid.owned_box(index));
             let sides = borders.map_or(Sides::default(), |borders| borders.of_brick(&self.tree, index));
             positions.push(self.bricks.len());
             self.bricks.push(PlannedBrick { wanted, drawn, index, sides, rect, samples_per_pixel });
         }
-        Ok(positions)
+        positions
     }
 
     fn front_to_back(&self, positions: Vec<usize>) -> Vec<usize> {
@@ -238,37 +308,44 @@ impl FramePlan {
         indices.iter().map(|index| at[index]).collect()
     }
 
-    /// The bricks at `positions` that touch `band`, cut front to back into runs that fit the budget.
-    fn within_budget(&self, positions: &[usize], band: &PixelRect, budget: u64) -> Vec<Vec<usize>> {
-        let mut runs: Vec<Vec<usize>> = Vec::new();
-        let mut bytes = 0_u64;
-        for &position in positions.iter().filter(|&&p| !self.bricks[p].rect.intersect(band).is_empty()) {
+    /// Those that touch `band`.
+    fn touching(&self, positions: &[usize], band: &PixelRect) -> Vec<usize> {
+        let touches = |p: &usize| !self.bricks[*p].rect.intersect(band).is_empty();
+        positions.iter().copied().filter(touches).collect()
+    }
+
+    /// Cuts positions into runs of at most so many bytes of bricks; a run of a single one may have more.
+    fn runs(&self, positions: &[usize], bytes: u64) -> Vec<Range<usize>> {
+        let (mut runs, mut first, mut sum) = (Vec::new(), 0, 0_u64);
+        for (i, &position) in positions.iter().enumerate() {
             let more = self.bricks[position].wanted.bytes;
-            match runs.last_mut() {
-                Some(run) if bytes.saturating_add(more) <= budget => run.push(position),
-                _ => {
-                    runs.push(vec![position]);
-                    bytes = 0;
-                }
+            if i > first && sum.saturating_add(more) > bytes {
+                runs.push(first..i);
+                (first, sum) = (i, 0);
             }
-            bytes = bytes.saturating_add(more);
+            sum = sum.saturating_add(more);
+        }
+        if first < positions.len() {
+            runs.push(first..positions.len());
         }
         runs
     }
 
     fn add_unit(&mut self, leaf: Option<TreeNode>, positions: &[usize], band: &PixelRect) {
+        let positions = self.touching(positions, band);
+        let bytes = if self.interval.is_some() { u64::MAX } else { self.pass_bytes };
         let mut rect = PixelRect { lo: UVec2::ZERO, hi: UVec2::ZERO };
-        let mut touching = Vec::new();
-        for &position in positions {
-            let part = self.bricks[position].rect.intersect(band);
-            if !part.is_empty() {
-                rect = rect.union(&part);
-                touching.push(position);
-            }
+        let mut passes = Vec::new();
+        for run in self.runs(&positions, bytes) {
+            let of_pass = &positions[run.clone()];
+            let parts = of_pass.iter().map(|&p| self.bricks[p].rect.intersect(band));
+            let covered = parts.fold(PixelRect { lo: UVec2::ZERO, hi: UVec2::ZERO }, |all, part| all.union(&part));
+            let samples_per_pixel = self.samples(of_pass, &covered) / covered.pixel_count().max(1) as f64;
+            rect = rect.union(&covered);
+            passes.push(Pass { positions: run, rect: covered, samples_per_pixel });
         }
-        if !touching.is_empty() {
-            let samples_per_pixel = self.samples(&touching, &rect) / rect.pixel_count().max(1) as f64;
-            self.units.push(Unit { leaf, positions: touching, rect, samples_per_pixel });
+        if !passes.is_empty() {
+            self.units.push(Unit { leaf, positions, rect, passes });
         }
     }
 

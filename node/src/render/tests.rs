@@ -9,6 +9,7 @@ use brickcast_volume::scene::SceneParts;
 use brickcast_volume::store::{ChunkCache, Store};
 use brickcast_volume::{BrickId, ChunkId, MergeTree, Orbit, PixelKind, Premul, SessionId, StoreHash, TreeNode, over};
 
+use self::memory::{BRICK, room_for};
 use super::*;
 use crate::brick::residency::Residency;
 use crate::cpu::CpuRaycaster;
@@ -189,34 +190,6 @@ fn nothing_to_show_answers_every_tile_as_empty() {
     assert_eq!(raycaster.uploads.load(std::sync::atomic::Ordering::SeqCst), 0, "empty bricks are not even loaded");
 }
 
-#[test]
-fn a_budget_smaller_than_the_frame_streams_the_same_picture() {
-    let bench = Bench::new();
-    let brick = 10 * 10 * 10 * 2;
-    for exact in [false, true] {
-        let order = bench.order(120, 80, exact);
-        let (roomy, tight) = (FakeRaycaster::new(), FakeRaycaster::new());
-        let want = bench.render(&order, &roomy, 1 << 30).unwrap();
-        let got = bench.render(&order, &tight, brick * 5).unwrap();
-        let a = want.merged(&bench, &order);
-        assert!(a.iter().any(|p| p.a > 0.3));
-        let bound = if exact { 0.0 } else { 1e-5 };
-        assert!(difference(&a, &got.merged(&bench, &order)) <= bound, "exact {exact}");
-        let most = tight.most_alive.load(std::sync::atomic::Ordering::SeqCst);
-        assert!(most <= brick * 5, "{most} bytes lived at once");
-        assert!(tight.calls.load(std::sync::atomic::Ordering::SeqCst) > 1);
-        assert_eq!(want.receipt.bricks, got.receipt.bricks);
-    }
-}
-
-#[test]
-fn a_budget_smaller_than_a_brick_is_an_error_with_both_numbers() {
-    let bench = Bench::new();
-    let error = bench.render(&bench.order(64, 64, false), &FakeRaycaster::new(), 100).err().unwrap();
-    assert!(matches!(error, NodeError::BrickTooLarge { bytes: 2000, budget: 100, .. }), "{error}");
-    assert!(error.to_string().contains("--memory-budget") && error.to_string().contains("100 B"), "{error}");
-}
-
 /// The CPU kernel, exact mode: the same bits whoever renders what, and however small the budget.
 #[test]
 fn exact_pictures_have_the_same_bits_for_every_assignment_and_budget() {
@@ -225,7 +198,8 @@ fn exact_pictures_have_the_same_bits_for_every_assignment_and_budget() {
     let order = bench.order(97, 61, true);
     let want = bench.render(&order, &raycaster, 1 << 30).unwrap().merged(&bench, &order);
     assert!(want.iter().any(|p| p.a > 0.3));
-    for (nodes, budget) in [(1, 4 * raycaster.brick_bytes(1000, Recipe::default())), (2, 1 << 30), (5, 1 << 30)] {
+    let a_few = room_for(4, raycaster.brick_bytes(1000, Recipe::default()));
+    for (nodes, budget) in [(1, a_few), (2, 1 << 30), (5, 1 << 30)] {
         let mut frame = Frame::default();
         for part in split(&bench, &order, nodes) {
             frame.pictures.extend(bench.render(&part, &raycaster, budget).unwrap().pictures);
@@ -289,7 +263,7 @@ fn orders_that_do_not_fit_the_store_are_refused() {
 #[test]
 fn a_cancelled_frame_stops_at_its_next_batch() {
     let bench = Bench::new();
-    let (raycaster, residency) = (FakeRaycaster::new(), Residency::new(5 * 2000));
+    let (raycaster, residency) = (FakeRaycaster::new(), Residency::new(room_for(5, BRICK)));
     let workshop = bench.workshop(&raycaster, &residency);
     let order = bench.order(120, 80, true);
     let mut meter = FrameMeter::new(std::time::Instant::now(), 1);
@@ -375,3 +349,5 @@ fn slices_of_any_size_have_the_bits_of_the_whole() {
         assert!(whole(samples) == want, "{samples}");
     }
 }
+
+mod memory;

@@ -10,6 +10,8 @@ extern crate brickcast_harness;
 
 mod balance;
 #[cfg(target_os = "linux")]
+mod budget;
+#[cfg(target_os = "linux")]
 mod cancels;
 #[cfg(target_os = "linux")]
 mod deaf;

@@ -107,6 +107,8 @@ pub enum StoreError {
     },
     #[error("brick {brick} is outside the store's {dims:?} bricks")]
     BrickOutside { brick: BrickIndex, dims: [u32; 3] },
+    #[error("nobody wants any more what is read")]
+    Unwanted,
     #[error("{ghost} ghost layers are more than the {max} that a read may ask for")]
     Ghost { ghost: u32, max: u32 },
     #[error("{shards} shards are more than the {MAX_SHARDS} that one store may have; split the volume")]

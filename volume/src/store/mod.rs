@@ -49,12 +49,14 @@ pub use objects::memory::MemoryObjects;
 pub use objects::{Object, Objects};
 pub use prepare::job::{prepare, survey};
 pub use prepare::options::{Levels, PrepareOptions, PrepareSummary, RegionOptions, Segmentation};
-pub use profile::{CHUNK_EDGE, InnerChunk, MANIFEST_FILE, MAX_SHARDS, SHARD_EDGE, ShardIndex, StoreArray};
+pub use profile::{
+    CHUNK_EDGE, CHUNK_VOXELS, InnerChunk, MANIFEST_FILE, MAX_SHARDS, SHARD_EDGE, ShardIndex, StoreArray,
+};
 pub use progress::{Phase, Progress};
 pub use read::cache::ChunkCache;
 pub use read::inspect::{Fault, FaultKind, Inspected, inspect};
 pub use read::source::BrickSource;
-pub use read::store::{MAX_GHOST, Store};
+pub use read::store::{CHUNKS_AT_ONCE, MAX_GHOST, Store};
 pub use regions::error::RegionsError;
 pub use regions::facts_table::BrickFactsTable;
 pub use value_map::ValueMap;

@@ -10,7 +10,7 @@ pub const SHARD_EDGE: u32 = 256;
 /// one voxel costs a layer of whole chunks: docs/figures/benchmarks.md has the figures that chose it.
 pub const CHUNK_EDGE: u32 = 16;
 /// Voxels of an inner chunk; those at the volume's high edges are padded with the fill value 0.
-pub(super) const CHUNK_VOXELS: usize = (CHUNK_EDGE as usize).pow(3);
+pub const CHUNK_VOXELS: usize = (CHUNK_EDGE as usize).pow(3);
 /// The most shards that a store may have: keeps the shard table under 40 MiB.
 pub const MAX_SHARDS: u64 = 1 << 20;
 

@@ -43,7 +43,7 @@ pub struct BenchArgs {
     pub counts: Vec<usize>,
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// Memory for bricks of each node
+    /// Memory of each node: bricks, loading them, decoded chunks
     #[arg(long, value_name = "SIZE", default_value = "4GiB")]
     pub memory_budget: String,
     #[command(flatten)]

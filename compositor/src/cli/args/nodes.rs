@@ -50,7 +50,7 @@ pub struct NodeArgs {
     /// Which kernel the nodes inside this process use
     #[arg(long, value_enum, default_value_t)]
     pub backend: BackendArg,
-    /// Memory for bricks of each node inside this process
+    /// Memory of each node inside this process: bricks, loading them, decoded chunks
     #[arg(long, value_name = "SIZE", default_value = "4GiB")]
     pub memory_budget: String,
     /// A frame not complete by then is written as incomplete (exit code 3)

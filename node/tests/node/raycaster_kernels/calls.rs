@@ -6,7 +6,7 @@ use brickcast_harness::{ignore, leave_out};
 use brickcast_node::backend::{BackendChoice, open};
 use brickcast_node::cpu::CpuRaycaster;
 use brickcast_node::gpu::{GpuError, GpuOptions, GpuRaycaster};
-use brickcast_node::kernel::{BrickInput, Job, KernelKey, RaycastError, Raycaster, Recipe};
+use brickcast_node::kernel::{BrickInput, Job, JobImage, KernelKey, RaycastError, Raycaster, Recipe};
 use brickcast_volume::OwnedBox;
 use brickcast_volume::scene::Filter;
 use glam::UVec3;
@@ -58,6 +58,41 @@ fn rectangles_and_repeats_change_no_bit() {
     same_bits(&cpu(), Filter::Exact);
     let gpu = gpu();
     BOTH_FILTERS.iter().for_each(|&filter| same_bits(gpu, filter));
+}
+
+/// Bricks that are cut front to back into jobs, each of which goes on where the one before it ended.
+fn passes_have_the_bits_of_the_whole(raycaster: &dyn Raycaster, filter: Filter) {
+    let volume = volume();
+    let view = VIEWPOINTS[1].view(&volume.geometry, [83, 59], 0.5);
+    // Rays that end early end in the passes, too.
+    let scene = scene(view, 0.9, filter);
+    let job = volume.job(raycaster, &view, 8);
+    let whole = render_one(raycaster, &scene, job.clone());
+    assert!(most_opaque(&whole.pixels) > 0.3 && job.bricks.len() > 20);
+    for at_once in [1, 7] {
+        let mut image = None::<JobImage>;
+        let mut samples = 0;
+        for bricks in job.bricks.chunks(at_once) {
+            let front = image.map(|image| image.pixels);
+            let pass = Job { bricks: bricks.to_vec(), rect: job.rect, front };
+            let next = render_one(raycaster, &scene, pass);
+            samples += next.total().samples;
+            image = Some(next);
+        }
+        assert!(image.unwrap().pixels == whole.pixels, "{at_once} bricks at once");
+        assert_eq!(samples, whole.total().samples);
+    }
+    let front = Some(render_one(raycaster, &scene, Job { rect: rect([0, 0], [2, 2]), ..job.clone() }).pixels);
+    let error = raycaster.render(&scene, &[Job { front, ..job }]).unwrap_err();
+    assert!(matches!(error, RaycastError::Front { got: 4, want: 4897, .. }), "{error}");
+}
+
+#[test]
+fn a_job_goes_on_where_another_ended() {
+    passes_have_the_bits_of_the_whole(&cpu(), Filter::Exact);
+    passes_have_the_bits_of_the_whole(&CpuRaycaster::twin(), Filter::Exact);
+    let gpu = gpu();
+    BOTH_FILTERS.iter().for_each(|&filter| passes_have_the_bits_of_the_whole(gpu, filter));
 }
 
 #[test]

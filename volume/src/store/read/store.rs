@@ -38,7 +38,7 @@ pub const MAX_GHOST: u32 = 64;
 
 /// Inner chunks that are fetched together, at most: 2 MiB of voxels of 16 bits, which a read then holds beside the
 /// cache.
-const AT_ONCE: usize = 256;
+pub const CHUNKS_AT_ONCE: usize = 256;
 
 /// An open, finished store. Cheap to clone; reads from any number of threads.
 #[derive(Debug, Clone)]
@@ -301,7 +301,7 @@ impl Store {
     ) -> Result<(), StoreError> {
         let row = |y, z| xs.clone().map(move |x| InnerChunk([x, y, z]));
         let chunks: Vec<_> = zs.flat_map(|z| ys.clone().flat_map(move |y| row(y, z))).collect();
-        for chunks in chunks.chunks(AT_ONCE) {
+        for chunks in chunks.chunks(CHUNKS_AT_ONCE) {
             let read = |wanted: &[InnerChunk]| shards.read_chunks(wanted);
             cache.get(self.inner.hash, shards.array.array, chunks, read, |chunk, decoded| {
                 window.fill(chunk, decoded.as_deref(), decoder);

@@ -11,7 +11,7 @@ use crate::cli::failure::Failure;
 use crate::cli::say;
 use crate::cli::source::{Source, tell};
 use crate::cluster::{ClusterError, NodeList};
-use crate::embedded::planned_bytes;
+use crate::embedded::{brick_budget, planned_bytes};
 use crate::plan::{Assignment, Shown, StoreFacts};
 use crate::session::{Session, SessionError};
 use crate::words::bytes;
@@ -35,7 +35,7 @@ pub(super) async fn run(plan: &RenderPlan, source: Source) -> Result<(), Failure
                 false => (0..nodes.count).map(|i| format!("local {i}")).collect(),
                 true => found(&nodes.elsewhere).await?,
             };
-            let budgets = vec![nodes.memory_budget; names.len()];
+            let budgets = vec![brick_budget(nodes.memory_budget); names.len()];
             (StoreFacts::of(&store), names, budgets)
         }
         Source::Name(_) | Source::Hash(_) => {
