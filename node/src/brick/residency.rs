@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use crate::error::NodeError;
 use crate::kernel::{Recipe, ResidentBrick};
+use crate::stores::far::spread;
 
 /// How often a waiting thread looks whether its client is still there.
 const PATIENCE: Duration = Duration::from_millis(100);
@@ -241,7 +242,7 @@ impl Residency {
         match &claim.keys[..] {
             // Alone, it waits for its file and its texture here, not where others compute.
             [key] => load(key),
-            keys => keys.par_iter().try_for_each(load),
+            keys => spread(|| keys.par_iter().try_for_each(load)),
         }
     }
 

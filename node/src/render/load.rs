@@ -13,6 +13,7 @@ use crate::error::NodeError;
 use crate::interval::IntervalBrick;
 use crate::kernel::{BrickInput, Raycaster, ResidentBrick, knows_only_region};
 use crate::stores::OpenStore;
+use crate::stores::far::reading;
 
 /// Holds `wanted`, loading what is missing from the store through the shared cache of decoded chunks.
 pub(crate) fn load_bricks<'a>(
@@ -27,7 +28,8 @@ pub(crate) fn load_bricks<'a>(
         load_brick(key, store, workshop.raycaster, workshop.cache)
     };
     let load: &Load<'_> = &load;
-    let lease = workshop.residency.lease(workshop.session, wanted, load, cancelled)?;
+    let lease = || workshop.residency.lease(workshop.session, wanted, load, cancelled);
+    let lease = reading(store.store.is_far(), lease)?;
     let meter = if lease.loaded().is_empty() {
         LoadMeter::default()
     } else {

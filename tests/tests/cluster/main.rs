@@ -9,11 +9,13 @@
 extern crate brickcast_harness;
 
 mod balance;
+mod buckets;
 #[cfg(target_os = "linux")]
 mod cancels;
 #[cfg(target_os = "linux")]
 mod deaf;
 mod decoding;
+mod far;
 mod faults;
 mod levels;
 mod processes;

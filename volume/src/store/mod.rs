@@ -52,7 +52,7 @@ pub use prepare::options::{Levels, PrepareOptions, PrepareSummary, RegionOptions
 pub use profile::{CHUNK_EDGE, InnerChunk, MANIFEST_FILE, MAX_SHARDS, SHARD_EDGE, ShardIndex, StoreArray};
 pub use progress::{Phase, Progress};
 pub use read::cache::ChunkCache;
-pub use read::inspect::{Fault, FaultKind, Inspected, inspect};
+pub use read::inspect::{Fault, FaultKind, Inspected, inspect, inspect_objects};
 pub use read::source::BrickSource;
 pub use read::store::{MAX_GHOST, Store};
 pub use regions::error::RegionsError;
