@@ -29,9 +29,7 @@ pub(crate) fn outcome_of(failed: &Failed) -> Outcome {
         (_, Some(416)) => Some(RemoteError::BeyondEnd),
         (Failed::NotSupported { .. }, _) => Some(RemoteError::NoRanges),
         _ if last.contains("non-partial response") => Some(RemoteError::NoRanges),
-        _ if last.contains("start of the range") || last.contains("wanted range starting at") => {
-            Some(RemoteError::BeyondEnd)
-        }
+        _ if last.contains("Wanted range starting at") => Some(RemoteError::BeyondEnd),
         _ => None,
     };
     terminal.map_or(Outcome::Again(last), Outcome::Final)
