@@ -10,7 +10,8 @@ use brickcast_volume::memory::Limit;
 /// Where a node finds stores.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum DataRoot {
-    /// Every finished store below this folder; nothing outside it is ever read.
+    /// Every finished store below this folder; nothing outside it is ever read. As all places, an address is one, too
+    /// ([`brickcast_remote::Place`]).
     Folder(PathBuf),
     /// This store and no other.
     Single(PathBuf),

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use brickcast_proto::{Failure, Fault};
+use brickcast_remote::PlaceError;
 use brickcast_volume::pixel::KindError;
 use brickcast_volume::store::StoreError;
 use brickcast_volume::visibility::ViewError;
@@ -16,6 +17,8 @@ use crate::kernel::RaycastError;
 pub enum NodeError {
     #[error("data root {}: {source}; --data names a folder with stores", path.display())]
     DataRoot { path: PathBuf, source: std::io::Error },
+    #[error("--data: {0}")]
+    Place(#[from] PlaceError),
     #[error("no store with hash {hash} here; {there}")]
     UnknownStore { hash: StoreHash, there: String },
     #[error("no store named `{name}` here; {there}")]
@@ -138,7 +141,7 @@ impl NodeError {
             | Self::View(_)
             | Self::TooLong(_)
             | Self::OpacityUnit { .. } => Fault::Invalid,
-            Self::DataRoot { .. } | Self::Store { .. } | Self::Outside { .. } => Fault::BrokenStore,
+            Self::DataRoot { .. } | Self::Place(_) | Self::Store { .. } | Self::Outside { .. } => Fault::BrokenStore,
             Self::BrickTooLarge { .. }
             | Self::ChunkTooLarge { .. }
             | Self::BatchTooLarge { .. }

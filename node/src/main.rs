@@ -12,9 +12,10 @@ use anyhow::Context as _;
 use brickcast_node::config::{self, format_bytes};
 use brickcast_node::serve::admission::{Admission, AdmissionError};
 use brickcast_node::serve::probe::probe;
-use brickcast_node::{DataRoot, Node, NodeConfig, backend, serve_admitted, version};
+use brickcast_node::{DataRoot, Node, NodeConfig, NodeError, backend, serve_admitted, version};
 use brickcast_proto::Throttle;
 use brickcast_proto::credentials::{Badge, tokens};
+use brickcast_remote::PlaceError;
 use brickcast_volume::memory;
 use brickcast_volume::shown::causes;
 use tokio::net::TcpListener;
@@ -46,10 +47,12 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             log::last_words(is_json, &causes(error.as_ref()));
-            match error.downcast_ref::<AdmissionError>() {
-                Some(AdmissionError::Open(_) | AdmissionError::TokenInClear(_)) => ExitCode::from(USAGE),
-                _ => ExitCode::FAILURE,
-            }
+            let is_usage = match (error.downcast_ref::<AdmissionError>(), error.downcast_ref::<NodeError>()) {
+                (Some(AdmissionError::Open(_) | AdmissionError::TokenInClear(_)), _) => true,
+                (_, Some(NodeError::Place(PlaceError::Address(_)))) => true,
+                _ => false,
+            };
+            if is_usage { ExitCode::from(USAGE) } else { ExitCode::FAILURE }
         }
     }
 }

@@ -1,6 +1,8 @@
 //! The stores below the data root, by hash and by name, and their levels, by hash alone. The root is a jail: nothing
 //! outside of it is ever opened.
 
+pub(crate) mod far;
+
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
 use std::path::{Component, Path};
@@ -9,8 +11,9 @@ use std::time::{Duration, Instant};
 
 use brickcast_proto::{StoreName, StoreQuery};
 use brickcast_volume::StoreHash;
-use brickcast_volume::store::{BrickSource, Jail, Store, StoreError, StoreFolder};
+use brickcast_volume::store::{BrickSource, Jail, Objects, Store, StoreError, StoreFolder};
 
+use self::far::FarRoot;
 use crate::config::DataRoot;
 use crate::error::NodeError;
 
@@ -20,6 +23,8 @@ const MAX_DEPTH: u32 = 4;
 const MAX_FOLDERS: usize = 100_000;
 /// A miss scans again, but not more often than this.
 const SCAN_INTERVAL: Duration = Duration::from_secs(1);
+/// The same of a server, where it takes a round trip for each folder and each store.
+const FAR_SCAN_INTERVAL: Duration = Duration::from_secs(10);
 /// A store that nobody has asked for in so long is closed.
 const CLOSED_AFTER: Duration = Duration::from_secs(600);
 /// Names listed in an error, at most.
@@ -49,6 +54,8 @@ enum Place {
         name: String,
         folder: StoreFolder,
     },
+    /// Behind a network.
+    Far(FarRoot),
 }
 
 #[derive(Debug, Default)]
@@ -91,9 +98,16 @@ impl Stores {
     /// A data root that is not a folder.
     pub fn new(data: &DataRoot) -> Result<Self, NodeError> {
         let (DataRoot::Folder(path) | DataRoot::Single(path)) = data;
+        let path = match brickcast_remote::Place::of(path)? {
+            brickcast_remote::Place::Folder(path) => path,
+            brickcast_remote::Place::Far(root) => {
+                let far = FarRoot::new(root, matches!(data, DataRoot::Single(_)));
+                return Ok(Self { place: Place::Far(far), index: Mutex::default(), scanning: Mutex::default() });
+            }
+        };
         let fail = |source| NodeError::DataRoot { path: path.clone(), source };
         let place = match data {
-            DataRoot::Folder(_) => Place::Root(Jail::new(path).map_err(fail)?),
+            DataRoot::Folder(_) => Place::Root(Jail::new(&path).map_err(fail)?),
             DataRoot::Single(_) => {
                 let path = path.canonicalize().map_err(fail)?;
                 std::fs::read_dir(&path).map_err(fail)?;
@@ -124,8 +138,8 @@ impl Stores {
         }) else {
             return self.level(hash);
         };
-        let folder = self.folder(&name.name);
-        let open = self.open(name.name, &folder)?;
+        let folder = self.folder(&name.name)?;
+        let open = self.open(name.name, folder)?;
         if open.store.hash() != hash {
             self.forget(hash);
             return Err(NodeError::OtherContent { name: open.name.clone(), got: open.store.hash(), want: hash });
@@ -136,9 +150,9 @@ impl Stores {
     /// A level of a store by its own hash, which the store's manifest names. They are not listed: whoever wants one
     /// knows its store.
     fn level(&self, hash: StoreHash) -> Result<Arc<OpenStore>, NodeError> {
-        let unknown = || NodeError::UnknownStore { hash, there: listing(&self.lock()) };
+        let unknown = || NodeError::UnknownStore { hash, there: self.listing() };
         let Level { of: StoreName { name, hash: root }, level } = self.find_level(hash).ok_or_else(unknown)?;
-        let store = Store::open_in(&self.folder(&name)).map_err(|error| NodeError::of_store(&name, error))?;
+        let store = Store::open_objects(self.folder(&name)?).map_err(|error| NodeError::of_store(&name, error))?;
         if store.hash() != root {
             self.forget(root);
             return Err(NodeError::OtherContent { name, got: store.hash(), want: root });
@@ -157,10 +171,10 @@ impl Stores {
             index.found.iter().filter(|name| !index.read.contains(&name.hash)).cloned().collect()
         };
         for name in new {
-            let manifest = self.folder(&name.name).manifest();
+            let manifest = self.folder(&name.name).ok().map(|folder| folder.manifest());
             let mut index = self.lock();
             index.read.insert(name.hash);
-            let levels = manifest.map(|manifest| manifest.levels).unwrap_or_default();
+            let levels = manifest.and_then(Result::ok).map(|manifest| manifest.levels).unwrap_or_default();
             for (level, entry) in (1..).zip(levels) {
                 index.levels.insert(entry.hash.into(), Level { of: name.clone(), level });
             }
@@ -179,9 +193,13 @@ impl Stores {
         let hash = match folder.manifest_hash() {
             Ok(hash) => hash,
             Err(error @ StoreError::Outside { .. }) => return Err(NodeError::of_store(name, error)),
+            // A server that is gone, or refuses, says nothing of what it has.
+            Err(error) if matches!(self.place, Place::Far(_)) && !is_missing(&error) => {
+                return Err(NodeError::of_store(name, error));
+            }
             Err(_) => {
                 self.scan();
-                return Err(NodeError::UnknownName { name: name.clone(), there: listing(&self.lock()) });
+                return Err(NodeError::UnknownName { name: name.clone(), there: self.listing() });
             }
         };
         if let Some(want) = *expected
@@ -189,10 +207,19 @@ impl Stores {
         {
             return Err(NodeError::OtherContent { name: name.clone(), got: hash, want });
         }
-        match self.known(hash) {
-            Some(open) => Ok(open),
-            None => self.open(name.clone(), &folder),
+        let open = match self.known(hash) {
+            Some(open) => open,
+            None => self.open(name.clone(), folder)?,
+        };
+        if let Place::Far(far) = &self.place
+            && !far.is_listed()
+        {
+            // The server does not tell what it has: what was asked for is what is known of it.
+            let found = &mut self.lock().found;
+            found.retain(|known| known.name != *name);
+            found.push(StoreName { name: name.clone(), hash });
         }
+        Ok(open)
     }
 
     /// Closes a store that turned out to be broken: the next order looks at the disk again.
@@ -218,8 +245,8 @@ impl Stores {
         Some(kept.store.clone())
     }
 
-    fn open(&self, name: String, folder: &StoreFolder) -> Result<Arc<OpenStore>, NodeError> {
-        let store = Store::open_in(folder).map_err(|error| NodeError::of_store(&name, error))?;
+    fn open(&self, name: String, objects: Arc<dyn Objects>) -> Result<Arc<OpenStore>, NodeError> {
+        let store = Store::open_objects(objects).map_err(|error| NodeError::of_store(&name, error))?;
         Ok(self.keep(name, store))
     }
 
@@ -235,17 +262,18 @@ impl Stores {
         opened
     }
 
-    /// The folder of a store that a scan found.
-    fn folder(&self, name: &str) -> StoreFolder {
-        match &self.place {
-            Place::Root(jail) => jail.folder(Path::new(name)),
-            Place::Single { folder, .. } => folder.clone(),
-        }
+    /// The folder of a store, or what is one behind a network.
+    fn folder(&self, name: &str) -> Result<Arc<dyn Objects>, NodeError> {
+        Ok(match &self.place {
+            Place::Root(jail) => Arc::new(jail.folder(Path::new(name))),
+            Place::Single { folder, .. } => Arc::new(folder.clone()),
+            Place::Far(far) => far.store(name).map_err(|why| bad_name(name, why))?,
+        })
     }
 
     /// The folder that `name` means. Whether there is one is not looked at, only that it is not outside the root.
-    fn resolve(&self, name: &str) -> Result<StoreFolder, NodeError> {
-        let bad = |why| NodeError::BadName { name: brickcast_proto::convert::clip(name, 256), why };
+    fn resolve(&self, name: &str) -> Result<Arc<dyn Objects>, NodeError> {
+        let bad = |why| bad_name(name, why);
         let path = Path::new(name);
         if name.is_empty() || name.contains('\0') {
             return Err(bad("is empty or holds a NUL"));
@@ -263,7 +291,7 @@ impl Stores {
             Place::Root(jail) if matches!(jail.subfolders(path), Err(StoreError::Outside { .. })) => {
                 Err(bad("leads outside the data root"))
             }
-            _ => Ok(self.folder(name)),
+            _ => self.folder(name),
         }
     }
 
@@ -271,7 +299,8 @@ impl Stores {
     /// nothing new does not.
     fn scan(&self) {
         let _scanning = self.scanning.lock().unwrap_or_else(PoisonError::into_inner);
-        if self.lock().scanned.is_some_and(|at| at.elapsed() < SCAN_INTERVAL) {
+        let interval = if matches!(self.place, Place::Far(_)) { FAR_SCAN_INTERVAL } else { SCAN_INTERVAL };
+        if self.lock().scanned.is_some_and(|at| at.elapsed() < interval) {
             return;
         }
         let mut found = Vec::new();
@@ -279,6 +308,10 @@ impl Stores {
             Place::Root(jail) => scan_folder(jail, "", 0, &mut { MAX_FOLDERS }, &mut found),
             Place::Single { name, folder } => {
                 found.extend(folder.manifest_hash().ok().map(|hash| StoreName { name: name.clone(), hash }));
+            }
+            Place::Far(far) => {
+                let known = self.lock().found.clone();
+                found = far.scan(known);
             }
         }
         found.sort_by(|a, b| a.name.cmp(&b.name));
@@ -288,6 +321,17 @@ impl Stores {
         }
         index.found = found;
         index.scanned = Some(Instant::now());
+    }
+
+    /// What is there, for people.
+    fn listing(&self) -> String {
+        match &self.place {
+            Place::Far(far) if !far.is_listed() && self.lock().found.is_empty() => {
+                "the node's --data is a server that does not tell which stores it has: name one by its path below it"
+                    .to_owned()
+            }
+            _ => listing(&self.lock()),
+        }
     }
 
     fn lock(&self) -> MutexGuard<'_, Index> {
@@ -317,6 +361,15 @@ fn scan_folder(jail: &Jail, name: &str, depth: u32, folders: &mut usize, found: 
         let name = if name.is_empty() { text.to_owned() } else { format!("{name}/{text}") };
         scan_folder(jail, &name, depth + 1, folders, found);
     }
+}
+
+/// A name as it came, with why it is none.
+fn bad_name(name: &str, why: &'static str) -> NodeError {
+    NodeError::BadName { name: brickcast_proto::convert::clip(name, 256), why }
+}
+
+fn is_missing(error: &StoreError) -> bool {
+    matches!(error, StoreError::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound)
 }
 
 fn listing(index: &Index) -> String {

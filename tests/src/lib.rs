@@ -15,7 +15,9 @@ pub mod product;
 pub mod proxy;
 pub mod referee;
 pub mod rig;
+pub mod s3;
 pub mod scenes;
 mod turn;
+pub mod web;
 
 pub use turn::{Turn, turn};

@@ -49,6 +49,9 @@ pub fn brickcast_command(folder: &Path) -> Command {
         command.env_remove(name);
     }
     command.env_remove("BRICKCAST_CACHE_SIZE");
+    for (name, _) in std::env::vars_os().filter(|(name, _)| name.to_str().is_some_and(|n| n.starts_with("AWS_"))) {
+        command.env_remove(name);
+    }
     command.env("XDG_CONFIG_HOME", folder.join("no-configuration"));
     command.current_dir(folder).env("BRICKCAST_CACHE_DIR", folder.join("cache"));
     command

@@ -1,9 +1,10 @@
 //! What PATH means: a store, an input that is prepared on the way, or a name that the nodes know.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::anyhow;
+use brickcast_remote::{Address, Place, PlaceError};
 use brickcast_volume::StoreHash;
 use brickcast_volume::brick::BrickGrid;
 use brickcast_volume::format::{self, RawHints};
@@ -40,15 +41,45 @@ pub struct Surveyed {
 /// # Errors
 /// Neither an input nor a store; what the reader finds wrong.
 pub fn surveyed(path: &Path, raw: &RawArgs) -> Result<Surveyed, Failure> {
-    if path.is_dir() {
-        let store = Store::open(path)?;
-        return Ok(Surveyed { manifest: store.manifest().clone(), store: Some(store) });
-    }
+    let place = place(path)?;
+    let path = match &place {
+        Place::Folder(path) if !path.is_dir() => path,
+        place => {
+            let store = Store::open_objects(place.objects())?;
+            return Ok(Surveyed { manifest: store.manifest().clone(), store: Some(store) });
+        }
+    };
     let mut source = format::open(path, &raw.hints()?)?;
     let bar = Bar::new(&format!("reading {}", path.display()));
     let manifest = survey(source.as_mut(), &mut |p| bar.at(p.done, p.total))?;
     bar.finish();
     Ok(Surveyed { manifest, store: None })
+}
+
+/// Where `path` leads; an address that is none is wrong usage.
+///
+/// # Errors
+/// No address of a kind that is read from, one with a secret in it; settings in the environment that cannot be.
+pub fn place(path: &Path) -> Result<Place, Failure> {
+    Place::of(path).map_err(|error| match error {
+        PlaceError::Address(error) => Failure::usage(error),
+        error => error.into(),
+    })
+}
+
+/// A file or folder of this machine: `file:///path`, or as it is.
+///
+/// # Errors
+/// As [`place`]; what lies behind a network, where only files are read or written.
+pub fn local(path: &Path) -> Result<PathBuf, Failure> {
+    match place(path)? {
+        Place::Folder(path) => Ok(path),
+        Place::Far(root) => {
+            let why = "lies behind a network, where stores are read, but neither inputs read nor stores written; name \
+                       a file or folder of this machine";
+            Err(Failure::usage(anyhow!("{} {why}", root.address())))
+        }
+    }
 }
 
 impl OnTheWayArgs {
@@ -82,13 +113,15 @@ impl OnTheWayArgs {
 
     fn opened(&self, path: &Path, nodes_know: bool) -> Result<Source, Failure> {
         BrickGrid::new(glam::UVec3::ONE, self.brick).map_err(Failure::usage)?;
-        if path.is_dir() {
+        let place = place(path)?;
+        let path = if let Place::Folder(path) = &place { path } else { path };
+        if matches!(place, Place::Far(_)) || path.is_dir() {
             if self.regions.segmentation_range.is_some() || self.regions.labels.is_some() {
                 let why = "is a store, with the regions that it was prepared with: leave --segmentation-range and \
                            --labels out, or prepare it anew";
                 return Err(Failure::usage(anyhow!("{} {why}", path.display())));
             }
-            return Ok(Source::Store(Store::open(path)?));
+            return Ok(Source::Store(Store::open_objects(place.objects())?));
         }
         // What is there but no regular file is refused by name, not taken for a name that nodes know.
         if path.exists() {
@@ -185,6 +218,18 @@ fn words(phase: Phase) -> &'static str {
 }
 
 impl Source {
+    /// As [`Source::choice`], for nodes elsewhere: a server that does not list what it has is not searched for a hash.
+    #[must_use]
+    pub fn choice_elsewhere(&self) -> StoreChoice {
+        let address = |store: &Store| Address::new(store.path().to_str()?).ok().filter(|address| !address.is_listed());
+        match self {
+            Self::Store(store) if store.is_far() => {
+                address(store).map_or(self.choice(), |address| StoreChoice::Name(address.to_string()))
+            }
+            _ => self.choice(),
+        }
+    }
+
     /// The store's hash, or the name.
     #[must_use]
     pub fn choice(&self) -> StoreChoice {

@@ -72,10 +72,11 @@ impl Residency {
         self.budget
     }
 
-    /// How the budget is shared among bricks of which each needs at most `largest`. Nothing where not even one fits.
+    /// How the budget is shared among bricks of which each needs at most `largest`; `is_far`: they come from behind a
+    /// network. Nothing where not even one fits.
     #[must_use]
-    pub fn shares(&self, largest: Need) -> Option<BrickShares> {
-        BrickShares::of(self.budget, largest, threads::count())
+    pub fn shares(&self, largest: Need, is_far: bool) -> Option<BrickShares> {
+        BrickShares::of(self.budget, largest, threads::count(is_far))
     }
 
     #[must_use]

@@ -5,6 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
+use brickcast_remote::is_address;
 use brickcast_volume::small_file::{FileError, read_text};
 use clap::{Arg, ArgAction, Command};
 use toml::de::{DeTable, DeValue};
@@ -92,7 +93,7 @@ impl Place<'_> {
             (ArgAction::Set, DeValue::String(_)) => return Err(self.wrong("is empty".to_owned())),
             (_, other) => return Err(self.wrong_type(other.type_str(), want)),
         };
-        let word = match PATHS.contains(&key) {
+        let word = match PATHS.contains(&key) && !is_address(Path::new(&word)) {
             true => self.path.parent().unwrap_or(Path::new("")).join(word).to_string_lossy().into_owned(),
             false => word,
         };
@@ -141,6 +142,8 @@ mod tests {
         let settings = parsed(text).unwrap();
         let of = |key: &str| settings.iter().find(|(known, _)| known == key).map(|(_, word)| word.as_str());
         assert_eq!((of("listen"), of("data")), (Some("0.0.0.0:7001"), Some("/etc/b/stores")));
+        let far = parsed("data = 's3://bucket/scans'").unwrap();
+        assert_eq!(far.iter().map(|(_, word)| word.as_str()).collect::<Vec<_>>(), ["s3://bucket/scans"]);
         assert_eq!((of("tls"), of("insecure"), of("throttle")), (Some("/run/tls"), Some("true"), Some("1.5")));
         assert_eq!((of("memory_budget"), of("verbose"), of("log")), (Some("2GiB"), Some("1"), Some("json")));
         assert_eq!((of("backend"), of("quiet"), of("token_file")), (Some("cpu"), Some("false"), None));

@@ -40,7 +40,8 @@ pub(crate) struct Cli {
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:7000", env = "BRICKCAST_NODE_LISTEN")]
     pub(crate) listen: String,
 
-    /// Folder with stores (made by `brickcast prepare`); nothing outside it is read
+    /// Folder with stores (made by `brickcast prepare`), or where they lie behind a network: s3://bucket/prefix,
+    /// https://host/path; nothing outside it is read
     #[arg(long, value_name = "DIR", env = "BRICKCAST_NODE_DATA")]
     pub(crate) data: Option<PathBuf>,
 

@@ -109,7 +109,7 @@ impl Node {
         let largest = bricks.iter().map(Wanted::need).fold(Need::default(), Need::max);
         // A frame says which brick is too large.
         let none = BrickShares { at_once: 1, loading: 0, resident: 0 };
-        let shares = self.residency.shares(largest).unwrap_or(none);
+        let shares = self.residency.shares(largest, store.store.is_far()).unwrap_or(none);
         let mut bytes = 0_u64;
         bricks.retain(|wanted| {
             bytes = bytes.saturating_add(wanted.bytes);

@@ -15,6 +15,7 @@ use crate::error::NodeError;
 use crate::interval::IntervalBrick;
 use crate::kernel::{BrickInput, Raycaster, Recipe, ResidentBrick, knows_only_region};
 use crate::stores::OpenStore;
+use crate::stores::far::reading;
 
 /// Holds what is asked for, loading what is missing from the store through the shared cache of decoded chunks.
 pub(crate) fn load_bricks<'a>(
@@ -29,7 +30,8 @@ pub(crate) fn load_bricks<'a>(
         load_brick(key, store, workshop.raycaster, workshop.cache)
     };
     let load: &Load<'_> = &load;
-    let lease = workshop.residency.lease(ask, load, cancelled)?;
+    let lease = || workshop.residency.lease(ask, load, cancelled);
+    let lease = reading(store.store.is_far(), lease)?;
     let meter = match lease.loaded() {
         [] => LoadMeter::default(),
         loaded => LoadMeter { time: started.elapsed(), ..metered(loaded, store, workshop, decoded) },
@@ -59,7 +61,7 @@ pub(crate) fn fetch_ahead(
         Ok(brick)
     };
     let load: &Load<'_> = &load;
-    let _ = workshop.residency.fetch_ahead(ask, load, cancelled);
+    let _ = reading(store.store.is_far(), || workshop.residency.fetch_ahead(ask, load, cancelled));
     let loaded = loaded.lock().unwrap_or_else(PoisonError::into_inner);
     metered(&loaded, store, workshop, decoded)
 }

@@ -148,7 +148,7 @@ impl FramePlan {
         for (layer, chunks) in order.layers.iter().zip(layers) {
             gathered.push(plan.gather(layer, &chunks, order, &choice, workshop)?);
         }
-        plan.share(workshop)?;
+        plan.share(workshop, store.is_far())?;
         for (at, (layer, gathered)) in order.layers.iter().zip(gathered).enumerate() {
             plan.add_layer(at, layer, &gathered, order, workshop)?;
         }
@@ -158,12 +158,12 @@ impl FramePlan {
     }
 
     /// Shares the memory among the bricks of all layers.
-    fn share(&mut self, workshop: Workshop<'_>) -> Result<(), NodeError> {
+    fn share(&mut self, workshop: Workshop<'_>, is_far: bool) -> Result<(), NodeError> {
         let budget = workshop.residency.budget();
         let mut largest = Need::default();
         for brick in &self.bricks {
             let need = brick.wanted.need();
-            if workshop.residency.shares(need).is_none() {
+            if workshop.residency.shares(need, is_far).is_none() {
                 return Err(NodeError::BrickTooLarge { brick: brick.index, need, budget });
             }
             largest = largest.max(need);
@@ -171,7 +171,7 @@ impl FramePlan {
         // Bricks of one store, so that the largest is the one that takes most to load.
         self.shares = workshop
             .residency
-            .shares(largest)
+            .shares(largest, is_far)
             .ok_or(NodeError::BatchTooLarge { bytes: largest.bytes.saturating_add(largest.loading), budget })?;
         let all: Vec<usize> = (0..self.bricks.len()).collect();
         self.pass_bytes = self.shares.of_a_pass(self.bytes(&all));

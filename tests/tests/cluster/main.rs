@@ -9,6 +9,7 @@
 extern crate brickcast_harness;
 
 mod balance;
+mod buckets;
 #[cfg(target_os = "linux")]
 mod budget;
 #[cfg(target_os = "linux")]
@@ -16,6 +17,7 @@ mod cancels;
 #[cfg(target_os = "linux")]
 mod deaf;
 mod decoding;
+mod far;
 mod faults;
 mod levels;
 mod processes;

@@ -54,7 +54,7 @@ pub use profile::{
 };
 pub use progress::{Phase, Progress};
 pub use read::cache::ChunkCache;
-pub use read::inspect::{Fault, FaultKind, Inspected, inspect};
+pub use read::inspect::{Fault, FaultKind, Inspected, inspect, inspect_objects};
 pub use read::source::BrickSource;
 pub use read::store::{CHUNKS_AT_ONCE, MAX_GHOST, Store};
 pub use regions::error::RegionsError;

@@ -9,7 +9,7 @@ use brickcast_volume::store::PrepareOptions;
 use crate::cli::args::PrepareArgs;
 use crate::cli::failure::Failure;
 use crate::cli::say::{region_words, say};
-use crate::cli::source::prepare_input;
+use crate::cli::source::{local, prepare_input};
 use crate::words::{bytes, short};
 
 /// # Errors
@@ -27,8 +27,9 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
         levels: args.levels,
         ..PrepareOptions::default()
     };
+    let (input, store) = (local(&args.input)?, local(&args.store)?);
     let started = Instant::now();
-    let summary = prepare_input(&args.input, &hints, &args.store, &options)?;
+    let summary = prepare_input(&input, &hints, &store, &options)?;
     let seconds = started.elapsed().as_secs_f64();
     let m = &summary.manifest;
     let d = m.geometry.dims();
@@ -36,7 +37,7 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
         quiet,
         &format!(
             "{}: {} x {} x {} voxels, {} bricks of {}^3, values {} to {}, {} on disk, {seconds:.1} s, store {}",
-            shown(&args.store.display().to_string()),
+            shown(&store.display().to_string()),
             d.x,
             d.y,
             d.z,

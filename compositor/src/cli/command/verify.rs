@@ -3,13 +3,16 @@
 use std::collections::HashMap;
 
 use anyhow::anyhow;
-use brickcast_volume::store::{Fault, FaultKind, Inspected, inspect};
+use brickcast_remote::Place;
+use brickcast_volume::store::{Fault, FaultKind, Inspected, Progress, inspect, inspect_objects};
 use serde_json::json;
 
 use crate::cli::args::VerifyArgs;
 use crate::cli::failure::Failure;
 use crate::cli::progress::Bar;
+
 use crate::cli::say::{answer, print, tell};
+use crate::cli::source::place;
 use crate::words::{bytes, short};
 
 /// Broken parts of one file that are told one by one, unless `--json` asks for all.
@@ -19,7 +22,11 @@ const TOLD: usize = 8;
 /// Anything of the store is broken or missing, or its folder holds something that is not the store's.
 pub fn run(args: &VerifyArgs, quiet: bool) -> Result<(), Failure> {
     let bar = Bar::new(&format!("reading {}", args.store.display()));
-    let found = inspect(&args.store, &mut |p| bar.at(p.done, p.total))?;
+    let mut at = |p: Progress| bar.at(p.done, p.total);
+    let found = match place(&args.store)? {
+        Place::Folder(folder) => inspect(&folder, &mut at)?,
+        far => inspect_objects(far.objects(), &mut at)?,
+    };
     bar.finish();
     let name = args.store.display().to_string();
     if args.json {

@@ -30,7 +30,7 @@ fn want(bricks: &[u32]) -> Vec<Wanted> {
 /// Of a frame whose bricks need no more than these.
 fn ask<'a>(residency: &Residency, session: SessionId, wanted: &'a [Wanted]) -> Ask<'a> {
     let largest = wanted.iter().map(Wanted::need).fold(Need::default(), Need::max);
-    Ask { session, wanted, shares: residency.shares(largest).unwrap(), place: None }
+    Ask { session, wanted, shares: residency.shares(largest, false).unwrap(), place: None }
 }
 
 fn numbers(keys: &[BrickKey]) -> Vec<u32> {

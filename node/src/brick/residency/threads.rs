@@ -4,15 +4,22 @@
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
+use crate::stores::far::{READERS, readers};
+
+/// More of them where stores are far away.
 fn pool() -> Option<&'static rayon::ThreadPool> {
+    readers().or_else(of_processors)
+}
+
+fn of_processors() -> Option<&'static rayon::ThreadPool> {
     static THREADS: OnceLock<Option<rayon::ThreadPool>> = OnceLock::new();
     let name = |i| format!("loading-{i}");
     THREADS.get_or_init(|| rayon::ThreadPoolBuilder::new().thread_name(name).build().ok()).as_ref()
 }
 
 /// How many there are.
-pub(super) fn count() -> usize {
-    pool().map_or(1, rayon::ThreadPool::current_num_threads)
+pub(super) fn count(is_far: bool) -> usize {
+    if is_far { READERS } else { of_processors().map_or(1, rayon::ThreadPool::current_num_threads) }
 }
 
 /// Does `work` to each, `at_once` at a time, begun in their order; the first error ends it.

@@ -74,7 +74,7 @@ fn passes_have_the_bits_of_the_whole(raycaster: &dyn Raycaster, filter: Filter) 
         let mut samples = 0;
         for bricks in job.bricks.chunks(at_once) {
             let front = image.map(|image| image.pixels);
-            let pass = Job { bricks: bricks.to_vec(), rect: job.rect, front };
+            let pass = Job { front, ..Job::new(bricks.to_vec(), job.rect) };
             let next = render_one(raycaster, &scene, pass);
             samples += next.total().samples;
             image = Some(next);

@@ -45,7 +45,7 @@ pub(crate) struct HaloPart<H> {
 }
 
 impl Halos {
-    /// Checks the index, and that the file is there in its full length.
+    /// Checks the index, and that the file is there in its full length; a far one is not looked at.
     pub(crate) fn open(
         objects: &Arc<dyn Objects>,
         grid: BrickGrid,
@@ -61,9 +61,9 @@ impl Halos {
             voxels => codec::compressed_bound(bound.bytes(voxels) as usize) as u64,
         };
         let index = HaloIndex::from_bytes(&bytes, &grid, reach, longest)?;
-        let got = objects.open(file)?.size()?;
-        let path = objects.path_of(file);
         let want = index.file_bytes();
+        let got = objects.open_promised(file, want)?.size()?;
+        let path = objects.path_of(file);
         match index.first_cut(&grid, got) {
             Some((brick, nth)) => {
                 Err(StoreError::HaloCut { path, brick: grid.index_of(brick), layer: reach.layer(nth), got, want })
@@ -98,7 +98,7 @@ impl Halos {
         let bytes = if range.is_empty() {
             Bytes::new()
         } else {
-            let object = self.objects.open(self.file)?;
+            let object = self.objects.open_promised(self.file, self.index.file_bytes())?;
             match object.read_one(range) {
                 Err(StoreError::Io { source, .. }) if source.kind() == io::ErrorKind::UnexpectedEof => {
                     let size = object.size()?;
@@ -147,7 +147,7 @@ impl Halos {
 
     /// The hash of what was read.
     fn read_through(&self, faults: &mut Vec<StoreError>) -> Result<ContentHash, StoreError> {
-        let object = self.objects.open(self.file)?;
+        let object = self.objects.open_promised(self.file, self.index.file_bytes())?;
         let mut hash = Xxh3Default::new();
         let mut bricks = self.grid.ids().peekable();
         while let Some(first) = bricks.next() {

@@ -11,10 +11,8 @@ use super::jail::{Jail, Refusal, platform};
 use super::nearby::read_nearby;
 use super::{Object, Objects, beyond_end};
 use crate::ids::StoreHash;
-use crate::store::error::{ManifestError, StoreError};
+use crate::store::error::StoreError;
 use crate::store::files::position::read_exact_at;
-use crate::store::manifest::Manifest;
-use crate::store::profile::MANIFEST_FILE;
 
 /// Ranges so near to each other in a file are read at once, bytes: a page more costs less than a call to the system.
 const GAP: u64 = 4096;
@@ -38,28 +36,12 @@ impl StoreFolder {
         Self { path: jail.path(relative), jail: Some((jail.clone(), relative.to_path_buf())) }
     }
 
-    /// Hash of the store's manifest, and so of the store, whether or not the rest is in order.
+    /// As [`Objects`] have it.
     ///
     /// # Errors
     /// No manifest, one that is too long, leads out of the jail, or cannot be read.
     pub fn manifest_hash(&self) -> Result<StoreHash, StoreError> {
-        Ok(StoreHash::of(&self.manifest_bytes()?))
-    }
-
-    /// The store's manifest, whether or not the rest is in order.
-    ///
-    /// # Errors
-    /// As [`StoreFolder::manifest_hash`]; a manifest that is none.
-    pub fn manifest(&self) -> Result<Manifest, StoreError> {
-        Manifest::from_bytes(&self.manifest_bytes()?)
-    }
-
-    fn manifest_bytes(&self) -> Result<Bytes, StoreError> {
-        let bytes = self.open(MANIFEST_FILE)?.read_at_most(Manifest::MAX_BYTES + 1)?;
-        match bytes.len() as u64 {
-            got if got > Manifest::MAX_BYTES => Err(ManifestError::TooLong { got, max: Manifest::MAX_BYTES }.into()),
-            _ => Ok(bytes),
-        }
+        (self as &dyn Objects).manifest_hash()
     }
 }
 

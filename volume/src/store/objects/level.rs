@@ -1,5 +1,6 @@
 //! The objects of a coarser level, which lie among those of its store.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -29,6 +30,19 @@ impl Objects for LevelObjects {
 
     fn open(&self, key: &str) -> Result<Arc<dyn Object>, StoreError> {
         self.store.open(&key_on(self.level, key))
+    }
+
+    fn open_promised(&self, key: &str, bytes: u64) -> Result<Arc<dyn Object>, StoreError> {
+        self.store.open_promised(&key_on(self.level, key), bytes)
+    }
+
+    fn foresee(&self, keys: &[(Cow<'_, str>, u64)]) {
+        let on_level = |(key, most): &(Cow<'_, str>, u64)| (key_on(self.level, key).into_owned().into(), *most);
+        self.store.foresee(&keys.iter().map(on_level).collect::<Vec<_>>());
+    }
+
+    fn is_far(&self) -> bool {
+        self.store.is_far()
     }
 
     fn path_of(&self, key: &str) -> PathBuf {

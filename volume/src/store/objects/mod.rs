@@ -1,5 +1,5 @@
 //! What a store is read from: named objects (files, blobs), read by ranges of bytes. A folder is one such place, memory
-//! another.
+//! another; places behind a network have a crate of their own.
 
 pub(super) mod folder;
 pub(super) mod jail;
@@ -7,6 +7,7 @@ pub(super) mod level;
 pub(super) mod memory;
 mod nearby;
 
+use std::borrow::Cow;
 use std::fmt::Debug;
 use std::io;
 use std::ops::Range;
@@ -15,8 +16,11 @@ use std::sync::Arc;
 
 use bytes::Bytes;
 
-use super::error::StoreError;
+use super::error::{ManifestError, StoreError};
 use super::hash::ContentHash;
+use super::manifest::Manifest;
+use super::profile::MANIFEST_FILE;
+use crate::ids::StoreHash;
 
 /// The objects of one store. A key is an object's path below the store, `/` between names.
 pub trait Objects: Debug + Send + Sync {
@@ -29,6 +33,29 @@ pub trait Objects: Debug + Send + Sync {
     /// [`StoreError::Io`] of the kind `NotFound` where there is none; what is no object that ends; what must not be
     /// read.
     fn open(&self, key: &str) -> Result<Arc<dyn Object>, StoreError>;
+
+    /// As [`Objects::open`], of an object that is `bytes` long by what a manifest promises. A far place believes it
+    /// until something is read: only then it finds that nothing is there, or another length
+    /// ([`StoreError::FileLength`]).
+    ///
+    /// # Errors
+    /// As [`Objects::open`].
+    fn open_promised(&self, key: &str, bytes: u64) -> Result<Arc<dyn Object>, StoreError> {
+        let _ = bytes;
+        self.open(key)
+    }
+
+    /// Tells which objects are opened soon, each once, and the most bytes that each can have: a far place fetches them
+    /// together.
+    fn foresee(&self, keys: &[(Cow<'_, str>, u64)]) {
+        let _ = keys;
+    }
+
+    /// True where each look costs a round trip: what a manifest promises of large objects is then believed until they
+    /// are read, and many are read at a time.
+    fn is_far(&self) -> bool {
+        false
+    }
 
     /// For messages: what is opened by this path need not be the object.
     fn path_of(&self, key: &str) -> PathBuf {
@@ -65,6 +92,30 @@ impl dyn Object + '_ {
 }
 
 impl dyn Objects + '_ {
+    /// Hash of the store's manifest, and so of the store, whether or not the rest is in order.
+    ///
+    /// # Errors
+    /// No manifest, one that is too long, leads out of the jail, or cannot be read.
+    pub fn manifest_hash(&self) -> Result<StoreHash, StoreError> {
+        Ok(StoreHash::of(&self.manifest_bytes()?))
+    }
+
+    /// The store's manifest, whether or not the rest is in order.
+    ///
+    /// # Errors
+    /// As [`Self::manifest_hash`]; a manifest that is none.
+    pub fn manifest(&self) -> Result<Manifest, StoreError> {
+        Manifest::from_bytes(&self.manifest_bytes()?)
+    }
+
+    fn manifest_bytes(&self) -> Result<Bytes, StoreError> {
+        let bytes = self.read_at_most(MANIFEST_FILE, Manifest::MAX_BYTES + 1)?;
+        match bytes.len() as u64 {
+            got if got > Manifest::MAX_BYTES => Err(ManifestError::TooLong { got, max: Manifest::MAX_BYTES }.into()),
+            _ => Ok(bytes),
+        }
+    }
+
     pub(crate) fn read_at_most(&self, key: &str, most: u64) -> Result<Bytes, StoreError> {
         self.open(key)?.read_at_most(most)
     }

@@ -79,16 +79,36 @@ pub struct Inspected {
 /// # Errors
 /// There is no store of ours, or its folder cannot be listed.
 pub fn inspect(path: &Path, progress: &mut dyn FnMut(Progress)) -> Result<Inspected, StoreError> {
-    let objects: Arc<dyn Objects> = Arc::new(StoreFolder::free(path));
+    inspected(Arc::new(StoreFolder::free(path)), Some(path), progress)
+}
+
+/// The same, wherever the store's objects are kept: everything that the manifest names, and nothing else.
+///
+/// # Errors
+/// There is no store of ours.
+pub fn inspect_objects(objects: Arc<dyn Objects>, progress: &mut dyn FnMut(Progress)) -> Result<Inspected, StoreError> {
+    inspected(objects, None, progress)
+}
+
+/// What the manifest does not name is looked for in `folder`.
+fn inspected(
+    objects: Arc<dyn Objects>,
+    folder: Option<&Path>,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Inspected, StoreError> {
     let bytes = match objects.read_at_most(MANIFEST_FILE, Manifest::MAX_BYTES + 1) {
-        Err(error) if is_missing(&error) => return Err(StoreError::NotAStore { path: path.to_path_buf() }),
+        Err(error) if is_missing(&error) => return Err(StoreError::NotAStore { path: objects.place().to_path_buf() }),
         read => read?,
     };
-    let mut inspection = Inspection { objects, level: 0, faults: Vec::new(), progress, done: 0, total: 0 };
+    let mut inspection =
+        Inspection { objects: objects.clone(), level: 0, faults: Vec::new(), progress, done: 0, total: 0 };
     let manifest = Manifest::from_bytes(&bytes);
     let shape = manifest.as_ref().map_or_else(|_| StoreShape::any(), StoreShape::of);
-    let found = Found::below(path, &shape)?;
-    inspection.total = found.bytes;
+    let (foreign, total) = match folder {
+        Some(folder) => Found::below(folder, &shape).map(|found| (found.foreign, found.bytes))?,
+        None => (Vec::new(), Store::open_objects(objects.clone()).map_or(0, |store| store.promised_bytes())),
+    };
+    inspection.total = total;
     match &manifest {
         Ok(manifest) => {
             inspection.all_of(manifest)?;
@@ -96,17 +116,17 @@ pub fn inspect(path: &Path, progress: &mut dyn FnMut(Progress)) -> Result<Inspec
         }
         Err(error) => inspection.push(FaultKind::Broken, MANIFEST_FILE, error),
     }
-    for name in &found.foreign {
+    for name in &foreign {
         inspection.push(FaultKind::Foreign, name, &"the manifest does not name it");
     }
     let version = manifest.as_ref().ok().map(|m| m.version);
     let binds_chunks = version.is_some_and(|v| TailLayout::of_version(v) == TailLayout::SumsAndIndex);
     let Inspection { mut faults, .. } = inspection;
-    if let (true, Err(error)) = (faults.is_empty(), Store::open(path)) {
+    if let (true, Err(error)) = (faults.is_empty(), Store::open_objects(objects)) {
         // All bytes are as promised, and what they say cannot be: a program at fault wrote them.
         faults.push(Fault { kind: FaultKind::Broken, file: MANIFEST_FILE.to_owned(), what: error.to_string() });
     }
-    Ok(Inspected { hash: StoreHash::of(&bytes), version, bytes: found.bytes, binds_chunks, faults })
+    Ok(Inspected { hash: StoreHash::of(&bytes), version, bytes: total, binds_chunks, faults })
 }
 
 struct Inspection<'a> {

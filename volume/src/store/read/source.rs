@@ -36,6 +36,11 @@ pub trait BrickSource: Debug + Send + Sync {
     /// Nothing where there are no regions.
     fn region_table(&self) -> Option<&RegionTable>;
 
+    /// True where each read waits for a network: many are then to be made at a time.
+    fn is_far(&self) -> bool {
+        false
+    }
+
     /// The brick's owned box grown by `ghost` voxels, clamped at the volume's edge. In the calling thread.
     ///
     /// # Errors
@@ -82,6 +87,10 @@ impl BrickSource for Store {
 
     fn region_table(&self) -> Option<&RegionTable> {
         self.region_table()
+    }
+
+    fn is_far(&self) -> bool {
+        self.is_far()
     }
 
     fn read_brick(&self, brick: BrickIndex, ghost: u32, cache: &ChunkCache) -> Result<BrickVoxels, StoreError> {

@@ -1,5 +1,6 @@
 //! An open store and its bricks.
 
+use std::borrow::Cow;
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -14,6 +15,7 @@ use crate::ids::{BrickIndex, StoreHash};
 use crate::store::brick_ranges::BrickRanges;
 use crate::store::cell_ranges::{CellRanges, cells_of};
 use crate::store::error::{HaloFault, StoreError};
+use crate::store::files::shape::small_files;
 use crate::store::halo::bound::RecordBound;
 use crate::store::halo::reach::VOXEL_HALO;
 use crate::store::halo::read::Halos;
@@ -100,16 +102,30 @@ impl Store {
         };
         let manifest = Manifest::from_bytes(&manifest_bytes)?;
         let codes = Arc::new(manifest.value_map().code_of_bits_table());
-        let finest = Self::open_level(objects.clone(), manifest, manifest_bytes, &codes)?;
-        let level = |level: u8| {
+        let levels = || (1..).take(manifest.levels.len());
+        let mut soon = files_of(&manifest);
+        soon.extend(levels().map(|level| (key_on(level, MANIFEST_FILE), Manifest::MAX_BYTES + 1)));
+        objects.foresee(&soon);
+        let described = levels().map(|level: u8| {
             let (objects, key) = (objects_of_level(&objects, level), key_on(level, MANIFEST_FILE));
-            let opened = objects.read_at_most(MANIFEST_FILE, Manifest::MAX_BYTES + 1).and_then(|bytes| {
-                let manifest = finest.manifest.level_from_bytes(level, &bytes);
-                Self::open_level(objects, manifest.map_err(|error| error.in_file(&key))?, bytes, &codes)
+            let read = objects.read_at_most(MANIFEST_FILE, Manifest::MAX_BYTES + 1).and_then(|bytes| {
+                let of_level = manifest.level_from_bytes(level, &bytes).map_err(|error| error.in_file(&key))?;
+                Ok((objects, of_level, bytes))
             });
-            opened.map(|inner| Self { inner: Arc::new(inner) }).map_err(|error| error.on_level(level))
+            read.map_err(|error| error.on_level(level))
+        });
+        let described: Vec<_> = described.collect::<Result<_, _>>()?;
+        let of_level = |(_, manifest, _): &(_, Manifest, _)| {
+            let on_level = |(key, most): (Cow<'_, str>, u64)| (key_on(manifest.level, &key).into_owned().into(), most);
+            files_of(manifest).into_iter().map(on_level).collect::<Vec<_>>()
         };
-        let levels = (1..).take(finest.manifest.levels.len()).map(level).collect::<Result<_, _>>()?;
+        objects.foresee(&described.iter().flat_map(of_level).collect::<Vec<_>>());
+        let finest = Self::open_level(objects.clone(), manifest, manifest_bytes, &codes)?;
+        let levels = (1..).zip(described).map(|(level, (objects, manifest, bytes))| {
+            let opened = Self::open_level(objects, manifest, bytes, &codes);
+            opened.map(|inner| Self { inner: Arc::new(inner) }).map_err(|error| error.on_level(level))
+        });
+        let levels = levels.collect::<Result<_, _>>()?;
         Ok(Self { inner: Arc::new(Inner { levels, ..finest }) })
     }
 
@@ -174,6 +190,12 @@ impl Store {
     #[must_use]
     pub fn level_count(&self) -> u8 {
         1 + self.inner.levels.len() as u8
+    }
+
+    /// True where it lies behind a network: see [`Objects::is_far`].
+    #[must_use]
+    pub fn is_far(&self) -> bool {
+        self.inner.objects.is_far()
     }
 
     /// Where it is kept, for messages.
@@ -309,4 +331,9 @@ impl Store {
         }
         Ok(())
     }
+}
+
+/// The files of a level that opening it reads, and the most bytes of each.
+fn files_of(manifest: &Manifest) -> Vec<(Cow<'static, str>, u64)> {
+    small_files(manifest).into_iter().map(|file| (file.name, file.bytes)).collect()
 }

@@ -5,12 +5,29 @@ use rayon::prelude::*;
 use super::store::Store;
 use crate::store::codec;
 use crate::store::error::{ChunkFault, StoreError};
+use crate::store::files::shape::small_files;
 use crate::store::hash::ContentHash;
+use crate::store::manifest::Manifest;
 use crate::store::profile::{CHUNKS_PER_SHARD, InnerChunk, ShardIndex};
 use crate::store::progress::{Phase, Progress};
 use crate::store::shard::read::Shards;
 
 impl Store {
+    /// Bytes of its files, as the manifests promise them.
+    pub(crate) fn promised_bytes(&self) -> u64 {
+        let of_level = |level: &Self| {
+            let shards = level.arrays().into_iter().flat_map(|shards| &shards.table).map(|record| record.bytes);
+            let halos = level.halos().map(|halos| halos.bytes());
+            let small = small_files(level.manifest()).into_iter().map(|file| match file.bytes {
+                // Known by what it cannot be longer than.
+                Manifest::MAX_BYTES => 0,
+                bytes => bytes,
+            });
+            shards.sum::<u64>() + halos.sum::<u64>() + small.sum::<u64>() + level.manifest_bytes().len() as u64
+        };
+        (0..self.level_count()).filter_map(|level| self.level(level)).map(of_level).sum()
+    }
+
     /// Reads every shard and halo of every level, decodes every inner chunk and record, and compares all bytes with the
     /// manifest's hashes. A chunk (or a halo's brick and layer) is named where one is broken; bytes that belong to no
     /// chunk are found by the shard's hash.
@@ -57,7 +74,7 @@ impl Shards {
         let path = self.objects.path_of(&shard.path(self.array.array));
         let record = self.table[self.grid.linear(shard)];
         // No longer than inner chunks and end of one shard can be: the table was checked.
-        let bytes = self.open_whole(shard)?.read_at_most(record.bytes)?;
+        let bytes = self.open_whole(shard)?.read_at_most(record.bytes).map_err(|error| self.of_shard(shard, error))?;
         let (got, want) = (bytes.len() as u64, record.bytes);
         if got != want {
             return Err(StoreError::ShardLength { array: self.array, shard, path, got, want });

@@ -13,7 +13,8 @@ use crate::store::level::LevelArray;
 use crate::store::objects::Objects;
 use crate::store::profile::CHUNK_VOXELS;
 
-/// The shards of an array, after checking their table and that each is there in its full length.
+/// The shards of an array, after checking their table and that each is there in its full length. Far ones are not
+/// looked at, a round trip each: one that is missing is found when it is read.
 pub(crate) fn open_shards(
     objects: &Arc<dyn Objects>,
     array: LevelArray,
@@ -22,8 +23,10 @@ pub(crate) fn open_shards(
     voxel_bytes: usize,
 ) -> Result<Shards, StoreError> {
     let shards = described_shards(objects, array, grid, table, voxel_bytes)?;
-    for linear in 0..shards.table.len() {
-        shards.open_whole(grid.at(linear))?;
+    if !objects.is_far() {
+        for linear in 0..shards.table.len() {
+            shards.open_whole(grid.at(linear))?;
+        }
     }
     Ok(shards)
 }

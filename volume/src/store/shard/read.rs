@@ -74,20 +74,27 @@ impl Shards {
         CHUNK_VOXELS * self.voxel_bytes
     }
 
-    /// Opens a shard, as long as promised. Its content is not looked at.
+    /// Opens a shard, as long as promised. Its content is not looked at, and of a far one not even whether it is there.
     pub(crate) fn open_whole(&self, shard: ShardIndex) -> Result<Arc<dyn Object>, StoreError> {
         let (array, key) = (self.array, shard.path(self.array.array));
         let want = self.table[self.grid.linear(shard)].bytes;
-        let object = self.objects.open(&key).map_err(|error| match error {
+        let object = self.objects.open_promised(&key, want).map_err(|error| self.of_shard(shard, error))?;
+        match object.size()? {
+            got if got == want => Ok(object),
+            got => Err(StoreError::ShardLength { array, shard, path: self.objects.path_of(&key), got, want }),
+        }
+    }
+
+    /// What went wrong with a shard's file, as it is told of the shard.
+    pub(crate) fn of_shard(&self, shard: ShardIndex, error: StoreError) -> StoreError {
+        let array = self.array;
+        match error {
             StoreError::NotAFile { path } => StoreError::ShardMissing { array, shard, path },
             StoreError::Io { source, path, .. } if source.kind() == io::ErrorKind::NotFound => {
                 StoreError::ShardMissing { array, shard, path }
             }
+            StoreError::FileLength { path, got, want } => StoreError::ShardLength { array, shard, path, got, want },
             error => error,
-        })?;
-        match object.size()? {
-            got if got == want => Ok(object),
-            got => Err(StoreError::ShardLength { array, shard, path: self.objects.path_of(&key), got, want }),
         }
     }
 
@@ -111,7 +118,8 @@ impl Shards {
             let present: Vec<_> = present.collect();
             // The index was checked: no more of each than an inner chunk can have.
             let ranges: Vec<_> = present.iter().map(|(_, (start, length))| *start..start + length).collect();
-            for ((i, (start, _)), bytes) in present.into_iter().zip(open.object.read(&ranges)?) {
+            let read = open.object.read(&ranges).map_err(|error| self.of_shard(open.shard, error))?;
+            for ((i, (start, _)), bytes) in present.into_iter().zip(read) {
                 fetched[i] = Some(Fetched { open: open.clone(), chunk: chunks[i], start, bytes });
             }
         }
@@ -135,7 +143,8 @@ impl Shards {
         let object = self.open_whole(shard)?;
         let path = self.objects.path_of(&shard.path(self.array.array));
         let bytes = self.table[self.grid.linear(shard)].bytes;
-        let tail = self.tail(shard, &object.read_one(bytes - self.tail_bytes() as u64..bytes)?)?;
+        let end = object.read_one(bytes - self.tail_bytes() as u64..bytes);
+        let tail = self.tail(shard, &end.map_err(|error| self.of_shard(shard, error))?)?;
         Ok(OpenShard { array: self.array, shard, path, object, tail })
     }
 

@@ -67,7 +67,7 @@ impl NodePlan {
         quiet: bool,
     ) -> Result<(Session, Option<EmbeddedNodes>), Failure> {
         if self.are_elsewhere() {
-            let session = Session::open_through(self.dial()?, &self.elsewhere, source.choice()).await?;
+            let session = Session::open_through(self.dial()?, &self.elsewhere, source.choice_elsewhere()).await?;
             source::tell(path, &session.store().manifest);
             return Ok((session, None));
         }
