@@ -1,7 +1,7 @@
 // One brick into the accumulator: the only loop of rays. Where next is the *walk* (walk/), what a place holds the
-// *read* (read/), what a run of positions adds the *take* (take/), which part of a ray there is the *scene* (scene/), and
-// where a brick begins and ends the *positions* (positions/): of each the files that a kernel needs are joined to this one (shaders/src/lib.rs). shaders/src/twin/march.rs is the
-// same on the CPU.
+// *read* (read/), what a run of positions adds the *take* (take/), which part of a ray there is the *scene* (scene/),
+// and at which positions a brick begins and ends the *positions* (positions/): of each the files that a kernel needs
+// are joined to this one (shaders/src/lib.rs). shaders/src/twin/march.rs is the same on the CPU.
 //
 // The invariant: a brick visits the positions that it owns and, where what lies between matters, the first one beyond.
 // Every turn takes one run of positions that have one code, or jumps over some that add nothing

@@ -8,6 +8,8 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use brickcast_volume::small_file::open_regular;
+
 /// What happens to requests.
 #[derive(Debug, Clone, Default)]
 pub struct Manners {
@@ -206,7 +208,7 @@ impl Shared {
         if path.split('/').any(|part| part == "..") {
             return None;
         }
-        let file = File::open(self.folder.join(path)).ok()?;
+        let file = open_regular(&self.folder.join(path)).ok()?;
         let metadata = file.metadata().ok()?;
         metadata.is_file().then_some((file, metadata.len()))
     }

@@ -81,8 +81,8 @@ impl<L: Lanes> Rays<L> {
         rays
     }
 
-    /// The samples in the brick's owned box, `step` apart, of the `wanted` rays; `None` where none of them has any, as for most rays
-    /// of a tile in most bricks.
+    /// The samples in the brick's owned box, `step` apart, of the `wanted` rays; `None` where none of them has any, as
+    /// for most rays of a tile in most bricks.
     #[inline(always)]
     pub(crate) fn owned(&self, l: L, step: f32, brick: &BrickUniform, wanted: L::M) -> Option<Segments<L>> {
         let zero = l.splat(0.0);

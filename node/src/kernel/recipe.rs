@@ -70,8 +70,8 @@ impl Recipe {
     }
 
     /// All that bricks of this recipe can be to a kernel: those without leap voxels do not leap, those with little that
-    /// is empty do not skip; where voxels of the store may lack data, some have holes, and these never leap. Next to other
-    /// levels there are few: their kernels are compiled once they are met.
+    /// is empty do not skip; where voxels of the store may lack data, some have holes, and these never leap. Next to
+    /// other levels there are few: their kernels are compiled once they are met.
     #[must_use]
     pub fn traits(&self, may_lack_data: bool) -> Vec<BrickTraits> {
         let cubes = self.homogeneous.is_some();

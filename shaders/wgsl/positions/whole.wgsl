@@ -1,4 +1,5 @@
-// A brick among those of its own level: positions are whole steps. shaders/src/twin/positions.rs is the same on the CPU.
+// A brick among those of its own level: positions are whole steps. shaders/src/twin/positions.rs is the same on the
+// CPU.
 
 const BORDERS: bool = false;
 

@@ -53,7 +53,7 @@ impl Stage {
         (output.status.code(), fs::read(&picture).ok(), said)
     }
 
-    fn from_disk(&self) -> Vec<u8> {
+    fn drawn_from_disk(&self) -> Vec<u8> {
         let (code, picture, said) = self.drawn("data/lab/part", &[], &[]);
         assert_eq!(code, Some(0), "{said}");
         picture.unwrap()
@@ -68,7 +68,7 @@ impl Stage {
 fn a_store_in_a_bucket_is_read_in_place_by_all_and_found_below_its_prefix() {
     let _turn = turn(module_path!());
     let stage = Stage::new();
-    let (want, keys) = (stage.from_disk(), stage.server.variables(&stage.server.address));
+    let (want, keys) = (stage.drawn_from_disk(), stage.server.variables(&stage.server.address));
     let same = |path: &str, flags: &[&str], variables: &[(&str, &str)]| {
         let (code, picture, said) = stage.drawn(path, flags, variables);
         assert_eq!(code, Some(0), "{path} {flags:?}: {said}");
@@ -133,7 +133,7 @@ fn keys_come_from_the_environment_and_what_is_wrong_with_them_is_told() {
 fn a_bucket_behind_a_bad_network_is_named_and_asked_again() {
     let _turn = turn(module_path!());
     let stage = Stage::new();
-    let want = stage.from_disk();
+    let want = stage.drawn_from_disk();
     let proxy = Proxy::start(stage.server.address.trim_start_matches("http://"));
     let address = format!("http://{}", proxy.address);
     for (fault, breaks) in [

@@ -53,7 +53,7 @@ impl Stage {
         (output.status.code(), fs::read(&picture).ok(), said)
     }
 
-    fn from_disk(&self, flags: &[&str]) -> Vec<u8> {
+    fn drawn_from_disk(&self, flags: &[&str]) -> Vec<u8> {
         let (code, picture, said) = self.drawn("data/part", flags);
         assert_eq!(code, Some(0), "{said}");
         picture.unwrap()
@@ -65,7 +65,7 @@ fn a_store_is_read_from_where_it_lies_as_from_the_disk() {
     let _turn = turn(module_path!());
     let stage = Stage::new();
     for flags in [&[][..], &["--accel", "none"], &["--lod", "auto"], &["--lod", "1"], &["--local", "3"]] {
-        let want = stage.from_disk(flags);
+        let want = stage.drawn_from_disk(flags);
         stage.server.set(Manners::default());
         let (code, picture, said) = stage.drawn(&stage.address(), flags);
         assert_eq!(code, Some(0), "{flags:?}: {said}");
@@ -84,7 +84,7 @@ fn a_store_is_read_from_where_it_lies_as_from_the_disk() {
 fn a_slow_server_and_one_that_fails_at_every_tenth_request_give_the_same_bits() {
     let _turn = turn(module_path!());
     let stage = Stage::new();
-    let want = stage.from_disk(&[]);
+    let want = stage.drawn_from_disk(&[]);
     for manners in [
         Manners { delay: SLOW, ..Manners::default() },
         Manners { fails_one_in: 10, ..Manners::default() },
@@ -107,7 +107,7 @@ fn a_slow_server_and_one_that_fails_at_every_tenth_request_give_the_same_bits() 
 fn a_server_that_goes_away_midway_is_named_and_asked_again_when_it_is_back() {
     let _turn = turn(module_path!());
     let stage = Stage::new();
-    let want = stage.from_disk(&[]);
+    let want = stage.drawn_from_disk(&[]);
     let node = NodeProcess::start(Path::new(&stage.server.address), &["--backend", "cpu"]);
     let flags = ["--nodes", &node.address];
     // Once, to know how many requests there are: a node that knows nothing of the store yet.
@@ -145,7 +145,7 @@ fn a_bit_that_flips_on_the_way_is_found_and_its_file_named() {
     let _turn = turn(module_path!());
     let stage = Stage::new();
     let flags = ["--accel", "all"];
-    let want = stage.from_disk(&flags);
+    let want = stage.drawn_from_disk(&flags);
     let mut struck = 0;
     let files = [
         "part/zarr.json",

@@ -39,7 +39,8 @@ fn scene(store: &Store, camera: Camera, integration: Integration) -> Scene {
     Scene::new(look, view, quality).unwrap()
 }
 
-/// By the definition, in f64 and the world: how many finest positions the ray of a pixel takes, and where levels change.
+/// By the definition, in f64 and the world: how many finest positions the ray of a pixel takes, and where levels
+/// change.
 fn positions(store: &Store, scene: &Scene, selection: &Selection, [x, y]: [u32; 2]) -> (f64, String) {
     let manifest = store.manifest();
     let (geometry, camera) = (manifest.geometry, scene.view.camera);

@@ -104,7 +104,8 @@ fn merged(a: &[(u32, u64)], b: &[(u32, u64)]) -> Vec<(u32, u64)> {
         let next = match (a.peek().copied(), b.peek().copied()) {
             (None, None) => return all,
             (Some((x, count)), Some((y, more))) if x == y => {
-                (a.next(), b.next());
+                a.next();
+                b.next();
                 Some((x, count + more))
             }
             (Some((x, _)), Some((y, _))) if y < x => b.next(),
