@@ -47,11 +47,11 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             log::last_words(is_json, &causes(error.as_ref()));
-            let is_usage = match (error.downcast_ref::<AdmissionError>(), error.downcast_ref::<NodeError>()) {
-                (Some(AdmissionError::Open(_) | AdmissionError::TokenInClear(_)), _) => true,
-                (_, Some(NodeError::Place(PlaceError::Address(_)))) => true,
-                _ => false,
-            };
+            let is_usage = matches!(
+                (error.downcast_ref::<AdmissionError>(), error.downcast_ref::<NodeError>()),
+                (Some(AdmissionError::Open(_) | AdmissionError::TokenInClear(_)), _)
+                    | (_, Some(NodeError::Place(PlaceError::Address(_))))
+            );
             if is_usage { ExitCode::from(USAGE) } else { ExitCode::FAILURE }
         }
     }

@@ -1,5 +1,7 @@
 //! Objects of a server in memory.
 
+#![allow(clippy::single_range_in_vec_init)] // a list of one range is meant
+
 use object_store::memory::InMemory;
 use object_store::{ObjectStoreExt as _, PutPayload};
 use tokio::sync::Semaphore;
