@@ -18,7 +18,7 @@ use super::{MAX_DEPTH, is_missing};
 const MAX_FOLDERS: usize = 2000;
 /// Bricks that are read at a time: each waits for the network most of its time.
 pub(crate) const READERS: usize = 32;
-/// What says that a folder is somebody's else array, or a part of one: no store of ours lies below.
+/// What says that a folder is an array of somebody else, or a part of one: no store of ours lies below.
 const FOREIGN: [&str; 4] = ["zarr.json", ".zgroup", ".zarray", ".zattrs"];
 const MANIFEST: &str = brickcast_volume::store::MANIFEST_FILE;
 

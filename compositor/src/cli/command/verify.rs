@@ -10,7 +10,6 @@ use serde_json::json;
 use crate::cli::args::VerifyArgs;
 use crate::cli::failure::Failure;
 use crate::cli::progress::Bar;
-
 use crate::cli::say::{answer, print, tell};
 use crate::cli::source::place;
 use crate::words::{bytes, short};
