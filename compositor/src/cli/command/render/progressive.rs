@@ -5,7 +5,7 @@ use std::time::Instant;
 use super::drawer::Drawer;
 use super::frames::Frames;
 use super::plan::RenderPlan;
-use super::sequence::{Files, Sequence};
+use super::sequence::{Files, Sequence, warn_of_tight_budgets};
 use crate::cli::failure::Failure;
 use crate::cli::say::say;
 use crate::cli::scene::nothing_shows;
@@ -29,7 +29,11 @@ pub(super) async fn draw(
     for (i, lod) in stages.into_iter().enumerate() {
         drawer.draw_by(lod);
         let mut files = Files::open(plan, lod, frames)?;
-        all.load.join(&drawer.load(&scene).await?);
+        let (load, had_room) = (drawer.load(&scene).await?, all.load.fits);
+        if had_room {
+            warn_of_tight_budgets(&load);
+        }
+        all.load.join(&load);
         let frame = drawer.render(&scene, transport, plan.nodes.deadline).await?;
         let since = started.elapsed().as_secs_f64();
         if i == 0 {

@@ -63,6 +63,15 @@ pub(super) struct Files<'a> {
     _farewell: Option<Farewell>,
 }
 
+/// Where nodes cannot hold what they render.
+pub(super) fn warn_of_tight_budgets(load: &LoadStats) {
+    if !load.fits {
+        tracing::warn!(
+            "a node's memory budget holds fewer bricks than it renders: frames load on the way and are slow"
+        );
+    }
+}
+
 /// Renders and writes every frame.
 ///
 /// # Errors
@@ -77,11 +86,7 @@ pub(super) async fn draw(
     let mut files = Files::open(plan, plan.lod, frames)?;
     let started = Instant::now();
     let load = drawer.load(frames.first()).await?;
-    if !load.fits {
-        tracing::warn!(
-            "a node's memory budget holds fewer bricks than it renders: frames load on the way and are slow"
-        );
-    }
+    warn_of_tight_budgets(&load);
     let flag = if plan.audit { "--audit" } else { "--error" };
     let has_regions = drawer.alone().is_some_and(|session| session.store().manifest.regions.is_some());
     if (plan.audit || plan.error.is_some()) && !has_regions {
