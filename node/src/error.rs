@@ -38,6 +38,8 @@ pub enum NodeError {
     #[error("store `{name}`: {source}")]
     Store { name: String, source: StoreError },
 
+    #[error("store `{name}` has no coarser level than this, and the order says that its chunks meet one")]
+    NoCoarserLevel { name: String },
     #[error("layer {} is no node of this store's merge tree, or has no chunks", .0.0)]
     NoSuchLayer(TreeNode),
     #[error("chunk {chunk} is beyond the store's last, {last}")]
@@ -134,6 +136,7 @@ impl NodeError {
             Self::UnknownStore { .. } | Self::UnknownName { .. } => Fault::UnknownStore,
             Self::OtherContent { .. } => Fault::OtherContent,
             Self::BadName { .. }
+            | Self::NoCoarserLevel { .. }
             | Self::NoSuchLayer(_)
             | Self::NoSuchChunk { .. }
             | Self::ChunkElsewhere { .. }

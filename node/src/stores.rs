@@ -2,6 +2,7 @@
 //! outside of it is ever opened.
 
 pub(crate) mod far;
+mod open;
 
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
@@ -11,9 +12,10 @@ use std::time::{Duration, Instant};
 
 use brickcast_proto::{StoreName, StoreQuery};
 use brickcast_volume::StoreHash;
-use brickcast_volume::store::{BrickSource, Jail, Objects, Store, StoreError, StoreFolder};
+use brickcast_volume::store::{Jail, Objects, Store, StoreError, StoreFolder};
 
 use self::far::FarRoot;
+pub use self::open::{OpenStore, Source};
 use crate::config::DataRoot;
 use crate::error::NodeError;
 
@@ -29,13 +31,6 @@ const FAR_SCAN_INTERVAL: Duration = Duration::from_secs(10);
 const CLOSED_AFTER: Duration = Duration::from_secs(600);
 /// Names listed in an error, at most.
 const LISTED: usize = 20;
-
-/// A store that stays open while it is used.
-#[derive(Debug)]
-pub struct OpenStore {
-    pub name: String,
-    pub store: Arc<dyn BrickSource>,
-}
 
 /// All stores of a node.
 #[derive(Debug)]
@@ -158,7 +153,17 @@ impl Stores {
             return Err(NodeError::OtherContent { name, got: store.hash(), want: root });
         }
         let of_level = store.level(level).filter(|of_level| of_level.hash() == hash).cloned().ok_or_else(unknown)?;
-        Ok(self.keep(format!("{name}, level {level}"), of_level))
+        let coarser = store.level(level.saturating_add(1)).map(Store::hash);
+        Ok(self.keep(format!("{name}, level {level}"), of_level, coarser))
+    }
+
+    /// The next coarser level of a store.
+    ///
+    /// # Errors
+    /// As [`Stores::by_hash`]; a store that has none.
+    pub fn coarser(&self, store: &OpenStore) -> Result<Arc<OpenStore>, NodeError> {
+        let none = || NodeError::NoCoarserLevel { name: store.name.clone() };
+        self.by_hash(store.coarser.ok_or_else(none)?)
     }
 
     /// Where a level is: among those that are known, or of stores that were not asked yet.
@@ -247,12 +252,13 @@ impl Stores {
 
     fn open(&self, name: String, objects: Arc<dyn Objects>) -> Result<Arc<OpenStore>, NodeError> {
         let store = Store::open_objects(objects).map_err(|error| NodeError::of_store(&name, error))?;
-        Ok(self.keep(name, store))
+        let coarser = store.level(1).map(Store::hash);
+        Ok(self.keep(name, store, coarser))
     }
 
     /// Keeps a store open; the one that is open already, where somebody was faster.
-    fn keep(&self, name: String, store: Store) -> Arc<OpenStore> {
-        let store = Arc::new(OpenStore { name, store: Arc::new(store) });
+    fn keep(&self, name: String, store: Store, coarser: Option<StoreHash>) -> Arc<OpenStore> {
+        let store = Arc::new(OpenStore { name, store: Arc::new(store), coarser });
         let hash = store.store.hash();
         let opened = match self.lock().open.entry(hash) {
             Entry::Occupied(kept) => return kept.get().store.clone(),

@@ -36,4 +36,4 @@ pub const DESCRIPTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/descrip
 
 /// Version of the protocol that this build speaks; both sides must agree. It rises where two builds could draw another
 /// picture together; a later field that either side may lack (the kind of a tile) does not raise it.
-pub const PROTOCOL_VERSION: u32 = 9;
+pub const PROTOCOL_VERSION: u32 = 10;

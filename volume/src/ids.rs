@@ -9,6 +9,14 @@ use serde::Serialize;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct BrickIndex(pub [u32; 3]);
 
+impl BrickIndex {
+    /// The brick of the next coarser level in which it lies.
+    #[must_use]
+    pub fn coarser(self) -> Self {
+        Self(self.0.map(|v| v / 2))
+    }
+}
+
 /// A chunk's position in the chunk grid, `[x, y, z]`. A chunk is a cube of bricks that moves between nodes as one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct ChunkIndex(pub [u32; 3]);

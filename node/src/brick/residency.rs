@@ -26,7 +26,7 @@ use crate::kernel::ResidentBrick;
 
 pub use self::lease::Lease;
 pub(crate) use self::threads::beside;
-pub use self::wanted::{BrickKey, Wanted};
+pub use self::wanted::{BrickKey, Coarser, Wanted};
 
 /// How often a waiting thread looks whether its client is still there.
 const PATIENCE: Duration = Duration::from_millis(100);

@@ -127,6 +127,26 @@ fn texels_of_regions(
     }
 }
 
+/// A brick's voxels, those of regions with their regions' means: V' as plain codes. `regions` reach one voxel and
+/// `radius` beyond them.
+pub(crate) fn flattened(
+    voxels: BrickVoxels,
+    regions: &BrickRegions,
+    table: &RegionTable,
+    radius: u8,
+) -> Result<BrickVoxels, RaycastError> {
+    // A guard as wide as distances go: no voxel leaps.
+    let mut codes = match texels_of_regions(&voxels, regions, table, u32::from(MAX_DISTANCE), radius)? {
+        RegionTexels::Flat { codes } => codes,
+        RegionTexels::Uniform { mean, .. } => vec![code_of_density(mean); voxels.codes.len()],
+        RegionTexels::Plain | RegionTexels::Coded { .. } => return Ok(voxels),
+    };
+    if voxels.has_holes {
+        keep_holes(&voxels.codes, &mut codes);
+    }
+    Ok(BrickVoxels { codes, ..voxels })
+}
+
 fn code_of_mean(mean: Density) -> f32 {
     f32::from(mean) / f32::from(MAX_DENSITY)
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use brickcast_proto::{FramePart, Part, Receipt, RenderOrder, StoreQuery};
+use brickcast_volume::lod::Borders;
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
 use tokio::sync::mpsc::error::{SendTimeoutError, TrySendError};
@@ -15,7 +16,7 @@ use crate::clients::limits::MAX_WAITING;
 use crate::clients::{Caller, Client, Turn};
 use crate::error::NodeError;
 use crate::render::{FrameMeter, Turns, render_frame};
-use crate::stores::OpenStore;
+use crate::stores::Source;
 
 /// Parts between the renderer and the connection: 4 MiB of tiles at most.
 const PARTS_IN_FLIGHT: usize = 64;
@@ -38,8 +39,14 @@ impl Node {
         let started = Instant::now();
         self.accepting()?;
         let place = self.places.clone().try_acquire_owned().map_err(|_| NodeError::Busy(MAX_WAITING))?;
-        let store = self.open(&caller, StoreQuery::Hash(order.store)).await;
-        let store = store.inspect_err(|error| self.life.failed(error))?;
+        let meets_coarser = order.borders.as_ref().is_some_and(Borders::meet_coarser);
+        let query = StoreQuery::Hash(order.store);
+        let open = move |node: &Self| {
+            let store = node.stores.query(&query)?;
+            let coarser = meets_coarser.then(|| node.stores.coarser(&store)).transpose()?;
+            Ok((store, coarser))
+        };
+        let (store, coarser) = self.aside(&caller, open).await.inspect_err(|error| self.life.failed(error))?;
         let (tx, rx) = mpsc::channel(PARTS_IN_FLIGHT);
         let client = caller.client;
         let turn = self.turns.turn(client);
@@ -55,7 +62,10 @@ impl Node {
             };
             let Some(turn) = self.while_telling(&tx, &order, coming).await else { return };
             let (node, worker, ordered) = (self.clone(), tx.clone(), order.clone());
-            let work = move || node.render_now(&ordered, &store, started, &worker, (client, turn));
+            let work = move || {
+                let source = Source { store: &store, coarser: coarser.as_deref() };
+                node.render_now(&ordered, source, started, &worker, (client, turn))
+            };
             let done = flatten(self.while_telling(&tx, &order, tokio::task::spawn_blocking(work)).await);
             let last = match done {
                 Ok(receipt) => {
@@ -101,7 +111,7 @@ impl Node {
     fn render_now(
         &self,
         order: &RenderOrder,
-        store: &OpenStore,
+        source: Source<'_>,
         started: Instant,
         parts: &Sender,
         (caller, turn): (Client, Turn),
@@ -113,11 +123,11 @@ impl Node {
         let cache = self.cache.share_until(cancelled.clone());
         let mut emit = |part| desk.send(Ok(part_of(order, part)));
         let workshop = self.workshop(order.session, &cache);
-        match render_frame(order, store, workshop, &mut meter, (&cancelled, &desk), &mut emit) {
+        match render_frame(order, source, workshop, &mut meter, (&cancelled, &desk), &mut emit) {
             Ok(()) => Ok(meter.receipt()),
             Err(NodeError::Cancelled) if self.stopped() => Err(NodeError::Draining),
             Err(error) => {
-                self.note_broken(&error, store);
+                self.note_broken(&error, source.store);
                 Err(error)
             }
         }

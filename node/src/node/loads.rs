@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use brickcast_proto::{LoadReceipt, LoadRequest, StoreQuery};
+use brickcast_volume::lod::Sides;
 
 use super::Node;
 use crate::brick::residency::{Ask, Wanted};
@@ -13,7 +14,7 @@ use crate::clients::Caller;
 use crate::error::NodeError;
 use crate::kernel::{BrickTraits, KernelKey};
 use crate::render::{BrickChoice, LoadMeter, load_bricks};
-use crate::stores::OpenStore;
+use crate::stores::{OpenStore, Source};
 
 /// Bricks loaded ahead before a waiting frame gets its turn.
 const LOAD_BATCH: usize = 64;
@@ -79,7 +80,7 @@ impl Node {
                 let cancelled = node.unwanted(move || gone.load(Ordering::Relaxed));
                 let cache = node.cache.share_until(cancelled.clone());
                 let ask = Ask { session, wanted: &batch, shares, place: None };
-                let loaded = load_bricks(ask, &store, node.workshop(session, &cache), &cancelled);
+                let loaded = load_bricks(ask, Source::of(&store), node.workshop(session, &cache), &cancelled);
                 loaded.map(|(_, meter)| meter).inspect_err(|error| node.note_broken(error, &store))
             });
             load.add(loaded.await?);
@@ -104,7 +105,7 @@ impl Node {
         }
         let choice = BrickChoice::new(&*store.store, &request.scene, &self.tables)?;
         // What the scene does not show need not be there.
-        let chosen = |&brick: &_| choice.of(grid.index_of(brick), &*self.raycaster).map(|chosen| chosen.wanted);
+        let chosen = |&brick: &_| choice.of(grid.index_of(brick), Sides::default(), &*self.raycaster).map(|chosen| chosen.wanted);
         let mut bricks: Vec<Wanted> = request.bricks.iter().filter_map(chosen).collect();
         let largest = bricks.iter().map(Wanted::need).fold(Need::default(), Need::max);
         // A frame says which brick is too large.

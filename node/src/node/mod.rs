@@ -14,7 +14,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use brickcast_proto::StoreQuery;
 use brickcast_volume::SessionId;
 use brickcast_volume::store::ChunkCache;
 use tokio::sync::Semaphore;
@@ -140,10 +139,6 @@ impl Node {
         if matches!(error, NodeError::Store { .. } | NodeError::Outside { .. }) {
             self.stores.forget(store.store.hash());
         }
-    }
-
-    async fn open(self: &Arc<Self>, caller: &Caller, query: StoreQuery) -> Result<Arc<OpenStore>, NodeError> {
-        self.aside(caller, move |node| node.stores.query(&query)).await
     }
 
     /// Runs blocking work, whose caller counts as served until it is done.

@@ -17,14 +17,14 @@ use crate::brick::residency::{Ask, BrickKey, Wanted, beside};
 use crate::error::NodeError;
 use crate::interval;
 use crate::kernel::{BackendInfo, Job, JobImage, ResidentBrick, Watch, new_pixels};
-use crate::stores::OpenStore;
+use crate::stores::Source;
 
 /// The plan's units in their order, rendered when they are needed, several at once where they are small. Holds no
 /// bricks between two slices, so that others have the room meanwhile. While a slice is rendered, the bricks that come
 /// next are loaded as far as there is room.
 pub(super) struct Batches<'a> {
     plan: &'a FramePlan,
-    store: &'a OpenStore,
+    source: Source<'a>,
     workshop: Workshop<'a>,
     watch: Watch<'a>,
     turns: &'a dyn Turns,
@@ -86,7 +86,7 @@ struct Slice {
 impl<'a> Batches<'a> {
     pub(super) fn new(
         plan: &'a FramePlan,
-        store: &'a OpenStore,
+        source: Source<'a>,
         workshop: Workshop<'a>,
         watch: Watch<'a>,
         turns: &'a dyn Turns,
@@ -97,7 +97,7 @@ impl<'a> Batches<'a> {
             Some(_) => SliceSize::new(&BackendInfo { is_on_processor: true, ..info.clone() }),
             None => SliceSize::new(info),
         };
-        Self { plan, store, workshop, watch, turns, next: 0, begun: VecDeque::new(), has_worked: false, size }
+        Self { plan, source, workshop, watch, turns, next: 0, begun: VecDeque::new(), has_worked: false, size }
     }
 
     /// All slices of so many samples.
@@ -135,11 +135,11 @@ impl<'a> Batches<'a> {
     /// Renders the next slice.
     fn render(&mut self, meter: &mut FrameMeter) -> Result<(), NodeError> {
         let Slice { parts, wanted, samples } = self.slice();
-        let (plan, store, workshop, watch) = (self.plan, self.store, self.workshop, self.watch);
+        let (plan, source, workshop, watch) = (self.plan, self.source, self.workshop, self.watch);
         let is_cancelled = || watch.is_cancelled();
         let place = Some(plan.visits.at(&wanted));
         let ask = Ask { session: workshop.session, wanted: &wanted, shares: plan.shares, place };
-        let (lease, load) = load_bricks(ask, store, workshop, &is_cancelled)?;
+        let (lease, load) = load_bricks(ask, source, workshop, &is_cancelled)?;
         meter.loaded(load);
         let resident: HashMap<BrickKey, &Arc<dyn ResidentBrick>> =
             wanted.iter().map(|w| w.key).zip(lease.bricks()).collect();
@@ -161,7 +161,7 @@ impl<'a> Batches<'a> {
         let next = Ask { wanted: plan.visits.after(&wanted, plan.pass_bytes), ..ask };
         let fetch = || {
             let is_over = || is_over.load(Ordering::Relaxed) || watch.is_cancelled();
-            let _ = fetched.set(fetch_ahead(next, store, workshop, &is_over, &nanos));
+            let _ = fetched.set(fetch_ahead(next, source, workshop, &is_over, &nanos));
         };
         let work = || {
             let started = Instant::now();

@@ -4,16 +4,17 @@ use std::sync::Arc;
 
 use brickcast_shaders::interval::IntervalTables;
 use brickcast_volume::BrickIndex;
+use brickcast_volume::lod::Sides;
 use brickcast_volume::look_on::{BricksOf, LookOn};
 use brickcast_volume::preintegration::Preintegrated;
 use brickcast_volume::regions::Drawn;
-use brickcast_volume::scene::{Extreme, Scene};
-use brickcast_volume::store::BrickSource;
+use brickcast_volume::scene::{Extreme, Filter, Scene};
+use brickcast_volume::store::{BrickSource, Manifest};
 
 use super::load::region_margin;
 use super::tables::TableCache;
 use crate::brick::bytes::{interval_bytes, loading_bytes};
-use crate::brick::residency::{BrickKey, Wanted};
+use crate::brick::residency::{BrickKey, Coarser, Wanted};
 use crate::error::NodeError;
 use crate::interval::IntervalScene;
 use crate::kernel::{LookTraits, Raycaster, Recipe, TakeKind, knows_only_region};
@@ -26,6 +27,8 @@ pub(crate) struct BrickChoice<'a> {
     pub(crate) look: LookOn<'a>,
     /// Outside and inside regions, where the scene integrates slabs.
     pub(crate) slabs: Option<[Arc<Preintegrated>; 2]>,
+    /// The next coarser level, where bricks meet it.
+    coarser: Option<(&'a dyn BrickSource, LookOn<'a>)>,
 }
 
 /// A brick that shows something, and how.
@@ -44,10 +47,14 @@ impl<'a> BrickChoice<'a> {
         if !(1e-9..=1e6).contains(&ratio) {
             return Err(NodeError::OpacityUnit { delta, unit: scene.look.opacity_unit, ratio });
         }
-        let (ranges, facts) = (&store.brick_ranges().0, store.brick_facts());
-        let look = LookOn::new(scene, BricksOf { manifest, ranges, facts }, tables);
+        let look = look_on(store, scene, tables);
         let slabs = look.slabs(tables);
-        Ok(Self { store, scene, look, slabs })
+        Ok(Self { store, scene, look, slabs, coarser: None })
+    }
+
+    /// Of bricks that meet those of the next coarser level.
+    pub(crate) fn beside(self, coarser: &'a dyn BrickSource, tables: &TableCache) -> Self {
+        Self { coarser: Some((coarser, look_on(coarser, self.scene, tables))), ..self }
     }
 
     /// One end of the scene's intervals.
@@ -64,17 +71,29 @@ impl<'a> BrickChoice<'a> {
         LookTraits { take: TakeKind::of(&look.style), tells_regions_apart: look.tells_regions_apart() }
     }
 
-    /// `None` where the brick shows nothing.
-    pub(crate) fn of(&self, index: BrickIndex, raycaster: &dyn Raycaster) -> Option<Chosen> {
+    /// What a brick takes of the next coarser level, which is at `sides`. Nearest voxels are those of their own level.
+    fn coarser(&self, index: BrickIndex, sides: Sides, drawn: &Drawn) -> Option<(&dyn BrickSource, Coarser)> {
+        let has_any = !sides.is_empty() && self.scene.quality.filter != Filter::Nearest;
+        let (store, look) = self.coarser.as_ref().filter(|_| has_any)?;
+        let over = look.of(index.coarser()).drawn;
+        let flattened = [drawn.flattened, over.is_some_and(|over| over.flattened)];
+        Some((*store, Coarser { sides, flattened }))
+    }
+
+    /// `None` where the brick shows nothing; `coarser` is where it meets the next coarser level.
+    pub(crate) fn of(&self, index: BrickIndex, coarser: Sides, raycaster: &dyn Raycaster) -> Option<Chosen> {
         let manifest = self.store.manifest();
         let (id, owned) = (manifest.grid.id(index), manifest.grid.owned_box(index));
         let brick = self.look.of(index);
         let (drawn, ghost) = (brick.drawn?, self.scene.ghost());
-        let recipe = Recipe::of(self.scene, drawn.flattened, brick.has_regions());
-        let key = BrickKey { store: self.store.hash(), brick: id, ghost, recipe };
+        let coarser = self.coarser(index, coarser, &drawn);
+        // Voxels of another level are in no region of this one: nothing leaps.
+        let recipe = Recipe::of(self.scene, drawn.flattened && coarser.is_none(), brick.has_regions());
+        let taken = coarser.map(|(_, taken)| taken);
+        let key = BrickKey { store: self.store.hash(), brick: id, ghost, recipe, coarser: taken };
         let stored = owned.stored(ghost);
         let (bytes, upload) = match drawn.only_region {
-            Some(_) if knows_only_region(ghost) => {
+            Some(_) if knows_only_region(ghost) && taken.is_none() => {
                 return Some(Chosen { wanted: Wanted { key, bytes: 0, loading: 0 }, drawn });
             }
             _ if recipe.interval => (interval_bytes(stored.voxel_count(), recipe), 0),
@@ -83,9 +102,24 @@ impl<'a> BrickChoice<'a> {
                 (raycaster.brick_bytes(voxels, recipe), raycaster.upload_bytes(voxels))
             }
         };
-        let covered = recipe.reads_regions().then(|| owned.stored(region_margin(ghost, recipe)));
-        let array = (manifest.stored_type.bytes() as u64, manifest.halo.is_some());
-        let loading = loading_bytes(&owned, (&stored, covered.as_ref()), array, upload);
+        let reads_regions = [key.reads_regions(), taken.is_some_and(|taken| taken.flattened[1])];
+        let loading_of = |manifest: &Manifest, index, reads_regions: bool, upload| {
+            let owned = manifest.grid.owned_box(index);
+            let covered = reads_regions.then(|| owned.stored(region_margin(ghost, recipe)));
+            let array = (manifest.stored_type.bytes() as u64, manifest.halo.is_some());
+            loading_bytes(&owned, (&owned.stored(ghost), covered.as_ref()), array, upload)
+        };
+        let mut loading = loading_of(manifest, index, reads_regions[0], upload);
+        if let Some((store, taken)) = coarser {
+            // Both are in memory at once, and once more where they are flattened.
+            let codes = 2 * stored.voxel_count() * (1 + taken.flattened.map(u64::from).iter().sum::<u64>());
+            loading += codes + loading_of(store.manifest(), index.coarser(), reads_regions[1], 0);
+        }
         Some(Chosen { wanted: Wanted { key, bytes, loading }, drawn })
     }
+}
+
+fn look_on<'a>(store: &'a dyn BrickSource, scene: &'a Scene, tables: &TableCache) -> LookOn<'a> {
+    let (manifest, ranges, facts) = (store.manifest(), &store.brick_ranges().0, store.brick_facts());
+    LookOn::new(scene, BricksOf { manifest, ranges, facts }, tables)
 }

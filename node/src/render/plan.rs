@@ -4,10 +4,9 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use brickcast_proto::{LayerOrder, RenderOrder, TileRect};
-use brickcast_volume::lod::{Borders, Sides};
+use brickcast_volume::lod::{Borders, Meets, Sides};
 use brickcast_volume::merge::{Viewpoint, sort_front_to_back};
 use brickcast_volume::regions::Drawn;
-use brickcast_volume::store::BrickSource;
 use brickcast_volume::{BrickIndex, ChunkIndex, MergeTree, OwnedBox, PixelRect, TreeNode, View};
 use glam::UVec2;
 
@@ -20,6 +19,7 @@ use crate::brick::shares::{BrickShares, Need};
 use crate::error::NodeError;
 use crate::interval::IntervalScene;
 use crate::kernel::{KernelScene, KernelStyle};
+use crate::stores::Source;
 
 /// A frame cut into pieces and units.
 #[derive(Debug)]
@@ -55,7 +55,7 @@ pub(super) struct PlannedBrick {
     pub wanted: Wanted,
     pub drawn: Drawn,
     pub index: BrickIndex,
-    /// Where it meets other levels of the volume.
+    /// Where it meets other levels of the volume by runs that are shorter than its own steps.
     pub sides: Sides,
     /// Pixels that it can touch.
     pub rect: PixelRect,
@@ -108,11 +108,16 @@ pub(super) struct Pass {
 }
 
 impl FramePlan {
-    pub(super) fn new(order: &RenderOrder, store: &dyn BrickSource, workshop: Workshop<'_>) -> Result<Self, NodeError> {
+    pub(super) fn new(order: &RenderOrder, source: Source<'_>, workshop: Workshop<'_>) -> Result<Self, NodeError> {
+        let store = &*source.store.store;
         let manifest = store.manifest();
         let scene = &order.scene;
         let view = scene.view_of(&manifest.geometry)?;
         let choice = BrickChoice::new(store, scene, workshop.tables)?;
+        let choice = match source.coarser {
+            Some(coarser) => choice.beside(&*coarser.store, workshop.tables),
+            None => choice,
+        };
         let tree = MergeTree::of(manifest.grid);
         let mut plan = Self {
             tree,
@@ -292,9 +297,11 @@ impl FramePlan {
             if rect.is_empty() {
                 continue;
             }
-            let Some(Chosen { wanted, drawn }) = choice.of(index, workshop.raycaster) else { continue };
+            let meets = borders.map_or(Meets::default(), |borders| borders.of_brick(&self.tree, index));
+            let Some(Chosen { wanted, drawn }) = choice.of(index, meets.coarser, workshop.raycaster) else { continue };
             let samples_per_pixel = samples_across(&self.scene.view, &grid.owned_box(index));
-            let sides = borders.map_or(Sides::default(), |borders| borders.of_brick(&self.tree, index));
+            // No step is shorter than the finest level's.
+            let sides = if borders.is_some_and(|b| b.level() > 0) { meets.others } else { Sides::default() };
             positions.push(self.bricks.len());
             self.bricks.push(PlannedBrick { wanted, drawn, index, sides, rect, samples_per_pixel });
         }

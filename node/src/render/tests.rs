@@ -14,6 +14,7 @@ use super::*;
 use crate::brick::residency::Residency;
 use crate::cpu::CpuRaycaster;
 use crate::kernel::{Pulse, Raycaster, Recipe};
+use crate::stores::OpenStore;
 use crate::testing::{FakeRaycaster, make_store, ramp, scene, whole_order};
 
 struct Bench {
@@ -43,7 +44,7 @@ impl Bench {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("ramp");
         make_store(&path, ramp);
-        let store = OpenStore { name: "ramp".to_owned(), store: Arc::new(Store::open(&path).unwrap()) };
+        let store = OpenStore { name: "ramp".to_owned(), store: Arc::new(Store::open(&path).unwrap()), coarser: None };
         let (cache, tables, pace) = (ChunkCache::new(1 << 24), TableCache::default(), Pace::new(Throttle::NONE, true));
         Self { _folder: folder, store, cache, tables, pace, pulse: Pulse::default() }
     }
@@ -69,7 +70,7 @@ impl Bench {
         let workshop = self.workshop(raycaster, &residency);
         let mut frame = Frame::default();
         let mut meter = FrameMeter::new(std::time::Instant::now(), order.layers.len());
-        render_frame(order, &self.store, workshop, &mut meter, (&|| false, &Alone), &mut |part| {
+        render_frame(order, Source::of(&self.store), workshop, &mut meter, (&|| false, &Alone), &mut |part| {
             frame.add(order, part);
             Ok(())
         })?;
@@ -268,7 +269,7 @@ fn a_cancelled_frame_stops_at_its_next_batch() {
     let order = bench.order(120, 80, true);
     let mut meter = FrameMeter::new(std::time::Instant::now(), 1);
     let calls = || raycaster.calls.load(std::sync::atomic::Ordering::SeqCst);
-    let result = render_frame(&order, &bench.store, workshop, &mut meter, (&|| calls() >= 2, &Alone), &mut |_| Ok(()));
+    let result = render_frame(&order, Source::of(&bench.store), workshop, &mut meter, (&|| calls() >= 2, &Alone), &mut |_| Ok(()));
     assert!(matches!(result, Err(NodeError::Cancelled)));
     assert_eq!(calls(), 2);
 }
@@ -310,7 +311,7 @@ fn a_long_frame_lets_others_have_their_turn_and_is_the_same_picture() {
         let mut frame = Frame::default();
         let mut meter = FrameMeter::new(std::time::Instant::now(), order.layers.len());
         let workshop = bench.workshop(&raycaster, &residency);
-        render_frame(&order, &bench.store, workshop, &mut meter, (&|| false, &turns), &mut |part| {
+        render_frame(&order, Source::of(&bench.store), workshop, &mut meter, (&|| false, &turns), &mut |part| {
             frame.add(&order, part);
             Ok(())
         })
@@ -331,12 +332,12 @@ fn slices_of_any_size_have_the_bits_of_the_whole() {
     order.scene = order.scene.with(|s| s.quality.step = 0.02).unwrap();
     let residency = Residency::new(1 << 30);
     let workshop = bench.workshop(&raycaster, &residency);
-    let plan = plan::FramePlan::new(&order, &*bench.store.store, workshop).unwrap();
+    let plan = plan::FramePlan::new(&order, Source::of(&bench.store), workshop).unwrap();
     assert_eq!(plan.units.len(), 1);
     let pulse = Pulse::default();
     let whole = |samples: f64| {
         let mut batches =
-            Batches::new(&plan, &bench.store, workshop, Watch::new(&pulse, &|| false), &Alone).with_slices_of(samples);
+            Batches::new(&plan, Source::of(&bench.store), workshop, Watch::new(&pulse, &|| false), &Alone).with_slices_of(samples);
         let mut meter = FrameMeter::new(std::time::Instant::now(), 1);
         let layer = batches.take(&mut meter).unwrap().unwrap();
         assert!(batches.take(&mut meter).unwrap().is_none());

@@ -73,11 +73,11 @@ pub enum WireError {
     Beyond { what: &'static str, index: u64, last: u64 },
     #[error("bricks of level {0}: this node knows level 0 only, the finest")]
     Level(u32),
-    #[error("borders: {chunks} chunks and {sides} sides; each has one")]
-    BorderSides { chunks: usize, sides: usize },
-    #[error("borders of level {0}: only levels 1 to 32 have any")]
+    #[error("borders: {chunks} chunks, {sides} sides and {coarser} of coarser levels; each chunk has one of both")]
+    BorderSides { chunks: usize, sides: usize, coarser: usize },
+    #[error("borders of level {0}: there are levels 0 to 32")]
     BorderLevel(u32),
-    #[error("borders: chunk {chunk} has sides {bits:#x}, which are none")]
+    #[error("borders: chunk {chunk} has sides {bits:#x}, which are none, or coarser levels where no other level is")]
     Border { chunk: u32, bits: u32 },
     #[error("{what} must be strictly increasing; {after} follows {before}")]
     Order { what: &'static str, before: u32, after: u32 },

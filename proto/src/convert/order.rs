@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use brickcast_volume::lod::{Borders, Sides};
+use brickcast_volume::lod::{Borders, Meets, Sides};
 use brickcast_volume::scene::Transport;
 use brickcast_volume::{ChunkId, Epoch, FrameId, SessionId, TreeNode};
 use prost::Message as _;
@@ -28,8 +28,9 @@ impl From<&LayerOrder> for wire::Layer {
 
 impl From<&Borders> for wire::Borders {
     fn from(borders: &Borders) -> Self {
-        let (chunks, sides) = borders.iter().map(|(chunk, sides)| (chunk.linear(), sides.bits())).unzip();
-        Self { level: u32::from(borders.level()), chunks, sides }
+        let chunks = borders.iter().map(|(chunk, _)| chunk.linear()).collect();
+        let (sides, coarser) = borders.iter().map(|(_, meets)| (meets.others.bits(), meets.coarser.bits())).unzip();
+        Self { level: u32::from(borders.level()), chunks, sides, coarser }
     }
 }
 
@@ -37,22 +38,25 @@ impl TryFrom<wire::Borders> for Borders {
     type Error = WireError;
 
     fn try_from(borders: wire::Borders) -> Result<Self, WireError> {
-        let wire::Borders { level, chunks, sides } = borders;
+        let wire::Borders { level, chunks, sides, coarser } = borders;
         at_most("chunks at borders", chunks.len(), MAX_CHUNKS)?;
-        if chunks.len() != sides.len() {
-            return Err(WireError::BorderSides { chunks: chunks.len(), sides: sides.len() });
+        if chunks.len() != sides.len() || chunks.len() != coarser.len() {
+            let (chunks, sides, coarser) = (chunks.len(), sides.len(), coarser.len());
+            return Err(WireError::BorderSides { chunks, sides, coarser });
         }
         if let Some(&[before, after]) = chunks.array_windows().find(|[before, after]| before >= after) {
             return Err(WireError::Order { what: "chunks at borders", before, after });
         }
-        let known = u8::try_from(level).ok().filter(|level| (1..=MAX_LEVEL).contains(level));
+        let known = u8::try_from(level).ok().filter(|level| *level <= MAX_LEVEL);
         let level = known.ok_or(WireError::BorderLevel(level))?;
-        let side = |(&chunk, &bits)| match Sides::from_bits(bits) {
-            Some(sides) => Ok((ChunkId::new(chunk), sides)),
-            None => Err(WireError::Border { chunk, bits }),
+        let of = |chunk, bits| Sides::from_bits(bits).ok_or(WireError::Border { chunk, bits });
+        let meets = |((&chunk, &others), &bits)| {
+            let meets = Meets { others: of(chunk, others)?, coarser: of(chunk, bits)? };
+            let are_others = meets.others.contains(meets.coarser);
+            if are_others { Ok((ChunkId::new(chunk), meets)) } else { Err(WireError::Border { chunk, bits }) }
         };
-        let sides = chunks.iter().zip(&sides).map(side).collect::<Result<Vec<_>, _>>()?;
-        Self::new(level, sides).ok_or(WireError::Missing("a side of a border"))
+        let meets = chunks.iter().zip(&sides).zip(&coarser).map(meets).collect::<Result<Vec<_>, _>>()?;
+        Self::new(level, meets).ok_or(WireError::Missing("a side of a border"))
     }
 }
 

@@ -10,7 +10,7 @@ use brickcast_proto::{
     Receipt, RenderOrder, StoreDescription, StoreName, StoreQuery, Throttle, TileError, TilePart, TileRect, WireError,
     decode_tile, encode_tile, wire,
 };
-use brickcast_volume::lod::{Borders, Sides};
+use brickcast_volume::lod::{Borders, Meets, Sides};
 use brickcast_volume::scene::{
     Acceleration, Extreme, Filter, Leap, Look, MacrocellEdge, PixelSamples, Quality, RegionView, Scene, Transport,
     ViewSpec,
@@ -165,8 +165,12 @@ fn order(random: &mut Random) -> RenderOrder {
 
 fn borders(random: &mut Random) -> Option<Borders> {
     let sides = |bit: usize| Sides::from_bits(1 << bit | 1 << 26).unwrap_or_default();
-    let of = |chunk: u32, random: &mut Random| (ChunkId::new(chunk * 3), sides(random.below(13)));
-    Borders::new(1 + random.below(9) as u8, (0..4).map(|chunk| of(chunk, random)))
+    let of = |chunk: u32, random: &mut Random| {
+        let others = sides(random.below(13));
+        let coarser = if random.below(2) == 0 { others } else { Sides::default() };
+        (ChunkId::new(chunk * 3), Meets { others, coarser })
+    };
+    Borders::new(random.below(9) as u8, (0..4).map(|chunk| of(chunk, random)))
 }
 
 fn part(random: &mut Random) -> FramePart {

@@ -249,7 +249,7 @@ fn several_levels_have_the_same_bits_from_any_number_of_nodes() {
             let store = store(folder.path(), brick_size);
             let focus = store.manifest().geometry.world_from_voxel(DVec3::new(20.0, 90.0, 30.0));
             let mut expected: Vec<Vec<[u32; 4]>> = Vec::new();
-            for count in [1, 2, 3] {
+            for count in [1, 2, 3, 8] {
                 let (session, _nodes) = nodes(&store, count).await;
                 let mut levels = LevelSessions::open(session).await.unwrap();
                 let mut seen = 0;

@@ -1,15 +1,16 @@
-//! Where what one level draws of a volume meets what others draw: there its bricks begin and end between whole steps
-//! (docs/definition.md, Levels).
+//! Where what one level draws of a volume meets what others draw: there its bricks begin and end between whole steps, and
+//! take the values of coarser levels (docs/definition.md, Levels).
 
 use std::collections::BTreeMap;
 
 use super::selection::Part;
 use crate::ids::{BrickIndex, ChunkId, ChunkIndex};
 use crate::merge::MergeTree;
+use crate::per_chunk::PerChunk;
 
-/// Of the 27 places around a box and itself, x fastest, from -1 to 1 on every axis, those where another level is drawn;
-/// never the box itself.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+/// Of the 27 places around a box and itself, x fastest, from -1 to 1 on every axis, those where something is; never the
+/// box itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
 pub struct Sides(u32);
 
 /// The bit of the box itself.
@@ -19,14 +20,14 @@ const MIDDLE: u32 = 13;
 const MOST_HALVINGS: u8 = 6;
 
 impl Sides {
-    /// `is` says of each place around whether another level is drawn there.
+    /// `is` says of each place around whether it is one of them.
     #[must_use]
     pub fn around(is: impl Fn([i32; 3]) -> bool) -> Self {
         let at = |bit: u32| [0, 1, 2].map(|axis| (bit / 3_u32.pow(axis) % 3) as i32 - 1);
         Self((0..27).filter(|&bit| bit != MIDDLE && is(at(bit))).map(|bit| 1 << bit).sum())
     }
 
-    /// `None` where another level was drawn in the box itself, or at no place.
+    /// `None` for the box itself, and what is no place.
     #[must_use]
     pub fn from_bits(bits: u32) -> Option<Self> {
         (bits < 1 << 27 && bits >> MIDDLE & 1 == 0).then_some(Self(bits))
@@ -42,6 +43,19 @@ impl Sides {
         self.0 == 0
     }
 
+    /// Is it one of the places, from -1 to 1 on every axis?
+    #[must_use]
+    pub fn is_at(self, place: [i32; 3]) -> bool {
+        let [x, y, z] = place.map(|v| v + 1);
+        self.0 >> (x + 3 * y + 9 * z) & 1 == 1
+    }
+
+    /// Are all of these among them?
+    #[must_use]
+    pub const fn contains(self, others: Self) -> bool {
+        others.0 & !self.0 == 0
+    }
+
     /// Those of a box within, which is the first of its kind on some axes, and the last.
     fn within(self, first: [bool; 3], last: [bool; 3]) -> Self {
         let out = |axis: usize, side: i32| match side {
@@ -49,60 +63,71 @@ impl Sides {
             1 if last[axis] => 1,
             _ => 0,
         };
-        Self::around(|side| {
-            let [x, y, z] = [0, 1, 2].map(|axis| out(axis, side[axis]) + 1);
-            let bit = (x + 3 * y + 9 * z) as u32;
-            bit != MIDDLE && self.0 >> bit & 1 == 1
-        })
+        Self::around(|side| self.is_at([0, 1, 2].map(|axis| out(axis, side[axis]))))
     }
+}
+
+/// Where other levels are drawn around a chunk or a brick.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Meets {
+    pub others: Sides,
+    /// Of these, where it is a coarser one.
+    pub coarser: Sides,
 }
 
 /// Of a level's part of a picture, the chunks that have another level's next to them.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Borders {
     level: u8,
-    sides: BTreeMap<ChunkId, Sides>,
+    meets: BTreeMap<ChunkId, Meets>,
 }
 
 impl Borders {
-    /// `None` where there are none, and of level 0, none of whose steps is longer than the finest.
+    /// `None` where there are none, and where a coarser level is none of the others.
     #[must_use]
-    pub fn new(level: u8, sides: impl IntoIterator<Item = (ChunkId, Sides)>) -> Option<Self> {
-        let sides: BTreeMap<_, _> = sides.into_iter().filter(|(_, sides)| !sides.is_empty()).collect();
-        (level > 0 && !sides.is_empty()).then_some(Self { level, sides })
+    pub fn new(level: u8, meets: impl IntoIterator<Item = (ChunkId, Meets)>) -> Option<Self> {
+        let meets: BTreeMap<_, _> = meets.into_iter().filter(|(_, meets)| !meets.others.is_empty()).collect();
+        let are_others = meets.values().all(|meets| meets.others.contains(meets.coarser));
+        (are_others && !meets.is_empty()).then_some(Self { level, meets })
     }
 
     /// Of what a level, whose chunks are `tree`'s, draws of a selection.
     #[must_use]
     pub fn of(tree: &MergeTree, part: &Part) -> Option<Self> {
         let dims = tree.chunk_dims().as_ivec3().to_array();
-        let is_elsewhere = |chunk: [i32; 3]| {
+        let is_in = |chunks: &PerChunk<bool>, chunk: [i32; 3]| {
             let is_there = (0..3).all(|a| (0..dims[a]).contains(&chunk[a]));
-            is_there && part.elsewhere[tree.chunk_id(ChunkIndex(chunk.map(|v| v as u32)))]
+            is_there && chunks[tree.chunk_id(ChunkIndex(chunk.map(|v| v as u32)))]
         };
         let drawn = part.drawn.iter().filter(|(_, drawn)| **drawn);
         let of_chunk = |(id, _): (ChunkId, &bool)| {
             let chunk = tree.chunk_at(id)?.0.map(|v| v as i32);
-            Some((id, Sides::around(|side| is_elsewhere([0, 1, 2].map(|a| chunk[a] + side[a])))))
+            let sides = |of| Sides::around(|side| is_in(of, [0, 1, 2].map(|a| chunk[a] + side[a])));
+            Some((id, Meets { others: sides(&part.elsewhere), coarser: sides(&part.coarser) }))
         };
         Self::new(part.level, drawn.filter_map(of_chunk))
     }
 
-    /// 1 at least.
     #[must_use]
     pub fn level(&self) -> u8 {
         self.level
     }
 
+    /// Is any of the other levels a coarser one?
+    #[must_use]
+    pub fn meet_coarser(&self) -> bool {
+        self.meets.values().any(|meets| !meets.coarser.is_empty())
+    }
+
     /// By chunk; none without any.
-    pub fn iter(&self) -> impl Iterator<Item = (ChunkId, Sides)> + '_ {
-        self.sides.iter().map(|(chunk, sides)| (*chunk, *sides))
+    pub fn iter(&self) -> impl Iterator<Item = (ChunkId, Meets)> + '_ {
+        self.meets.iter().map(|(chunk, meets)| (*chunk, *meets))
     }
 
     /// Of some chunks alone.
     #[must_use]
     pub fn only(&self, chunks: impl IntoIterator<Item = ChunkId>) -> Option<Self> {
-        Self::new(self.level, chunks.into_iter().filter_map(|c| Some((c, *self.sides.get(&c)?))))
+        Self::new(self.level, chunks.into_iter().filter_map(|c| Some((c, *self.meets.get(&c)?))))
     }
 
     /// The part of a step by which positions are counted where levels meet: a power of two.
@@ -113,10 +138,12 @@ impl Borders {
 
     /// Of a brick of `tree`.
     #[must_use]
-    pub fn of_brick(&self, tree: &MergeTree, brick: BrickIndex) -> Sides {
-        let Some(sides) = self.sides.get(&tree.chunk_id(tree.chunk_of(brick))) else { return Sides::default() };
+    pub fn of_brick(&self, tree: &MergeTree, brick: BrickIndex) -> Meets {
+        let Some(meets) = self.meets.get(&tree.chunk_id(tree.chunk_of(brick))) else { return Meets::default() };
         let edge = tree.chunk_bricks();
-        sides.within(brick.0.map(|v| v % edge == 0), brick.0.map(|v| v % edge == edge - 1))
+        let (first, last) = (brick.0.map(|v| v % edge == 0), brick.0.map(|v| v % edge == edge - 1));
+        let within = |sides: Sides| sides.within(first, last);
+        Meets { others: within(meets.others), coarser: within(meets.coarser) }
     }
 }
 
@@ -129,6 +156,8 @@ mod tests {
         let sides = Sides::around(|side| side == [1, 0, -1] || side == [0, 0, 0]);
         assert_eq!(sides.bits(), 1 << (2 + 3));
         assert_eq!(Sides::from_bits(sides.bits()), Some(sides));
+        assert!(sides.is_at([1, 0, -1]) && !sides.is_at([1, 0, 0]) && !sides.is_at([0; 3]));
+        assert!(sides.contains(Sides::default()) && sides.contains(sides) && !Sides::default().contains(sides));
         assert_eq!((Sides::from_bits(1 << MIDDLE), Sides::from_bits(1 << 27)), (None, None));
     }
 

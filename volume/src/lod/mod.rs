@@ -10,13 +10,15 @@ mod content;
 mod json;
 mod levels;
 mod rule;
+mod seam;
 mod selection;
 mod sight;
 
-pub use self::borders::{Borders, Sides};
+pub use self::borders::{Borders, Meets, Sides};
 pub use self::content::Content;
 pub use self::levels::Levels;
 pub use self::rule::{Criterion, Lod, LodError, Rule};
+pub use self::seam::take_coarser;
 pub use self::selection::{Part, Selection};
 
 #[cfg(test)]

@@ -28,6 +28,8 @@ pub struct Part {
     pub drawn: PerChunk<bool>,
     /// Chunks in which another level draws something.
     pub elsewhere: PerChunk<bool>,
+    /// Of these, chunks in which a coarser level does.
+    pub coarser: PerChunk<bool>,
 }
 
 impl Selection {
@@ -92,6 +94,7 @@ impl Selection {
             level,
             drawn: chunks().map(|c| shown_on(c, &|of| of == level)).collect(),
             elsewhere: chunks().map(|c| shown_on(c, &|of| of != level)).collect(),
+            coarser: chunks().map(|c| shown_on(c, &|of| of > level)).collect(),
         }
     }
 }

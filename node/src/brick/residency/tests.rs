@@ -22,7 +22,7 @@ impl ResidentBrick for Brick {
 fn want(bricks: &[u32]) -> Vec<Wanted> {
     let key = |brick: &u32| {
         let brick = BrickId::finest(*brick);
-        BrickKey { store: StoreHash(1), brick, ghost: 1, recipe: Recipe::default() }
+        BrickKey { store: StoreHash(1), brick, ghost: 1, recipe: Recipe::default(), coarser: None }
     };
     bricks.iter().map(|b| Wanted { key: key(b), bytes: 10, loading: 0 }).collect()
 }

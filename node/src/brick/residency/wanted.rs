@@ -1,5 +1,6 @@
 //! Which brick, drawn how, and what it needs.
 
+use brickcast_volume::lod::Sides;
 use brickcast_volume::{BrickId, StoreHash};
 
 use crate::brick::shares::Need;
@@ -12,6 +13,24 @@ pub struct BrickKey {
     /// Ghost layers on each side.
     pub ghost: u32,
     pub recipe: Recipe,
+    /// Where it has the values of the next coarser level; the recipe is that of such a brick.
+    pub coarser: Option<Coarser>,
+}
+
+impl BrickKey {
+    /// Are labels and distances needed to load it?
+    pub(crate) fn reads_regions(&self) -> bool {
+        self.recipe.reads_regions() || self.coarser.is_some_and(|coarser| coarser.flattened[0])
+    }
+}
+
+/// What a brick takes of the brick of the next coarser level in which it lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Coarser {
+    /// Some.
+    pub sides: Sides,
+    /// Voxels of regions have their regions' means: in the brick itself, and in the coarser one.
+    pub flattened: [bool; 2],
 }
 
 /// A brick that a batch needs.

@@ -1,0 +1,30 @@
+//! Stores that are open, and what bricks are loaded from.
+
+use std::sync::Arc;
+
+use brickcast_volume::StoreHash;
+use brickcast_volume::store::BrickSource;
+
+/// A store that stays open while it is used.
+#[derive(Debug)]
+pub struct OpenStore {
+    pub name: String,
+    pub store: Arc<dyn BrickSource>,
+    /// The next coarser level's.
+    pub coarser: Option<StoreHash>,
+}
+
+/// What bricks are loaded from: a store, and the next coarser level where bricks of the two meet.
+#[derive(Debug, Clone, Copy)]
+pub struct Source<'a> {
+    pub store: &'a OpenStore,
+    pub coarser: Option<&'a OpenStore>,
+}
+
+impl<'a> Source<'a> {
+    /// Of bricks that meet none.
+    #[must_use]
+    pub fn of(store: &'a OpenStore) -> Self {
+        Self { store, coarser: None }
+    }
+}
