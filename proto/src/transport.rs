@@ -57,7 +57,7 @@ pub const RESET_MEMORY: Duration = Duration::from_secs(5);
 pub const MAX_LATE_FRAMES: usize = 1 << 16;
 
 /// What clients call themselves, for the log of a node. The part behind the space is for [`protocol_of`].
-pub const AGENT: &str = concat!("brickcast/", env!("CARGO_PKG_VERSION"), " brickcast.v1/9");
+pub const AGENT: &str = concat!("brickcast/", env!("CARGO_PKG_VERSION"), " brickcast.v1/10");
 /// Before the number of the protocol in what a client calls itself.
 const AGENT_PROTOCOL: &str = "brickcast.v1/";
 

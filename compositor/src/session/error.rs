@@ -1,5 +1,6 @@
 //! Why a session could not begin or go on.
 
+use brickcast_volume::lod::LodError;
 use brickcast_volume::scene::SceneError;
 use brickcast_volume::visibility::ViewError;
 
@@ -22,6 +23,8 @@ pub enum SessionError {
     View(#[from] ViewError),
     #[error(transparent)]
     Blend(#[from] BlendError),
+    #[error(transparent)]
+    Levels(#[from] LodError),
     #[error("{}", no_level(*.level, *.coarsest))]
     NoLevel { level: u8, coarsest: u8 },
     #[error("level {0} of the store is not what its manifest promises; prepare the store anew")]

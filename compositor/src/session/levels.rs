@@ -4,7 +4,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use brickcast_volume::lod::{Content, Levels, Rule, Selection};
+use brickcast_volume::lod::{Content, LevelSet, Levels, Rule, Selection};
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::store::Manifest;
 use brickcast_volume::style::Mode;
@@ -17,6 +17,9 @@ use super::look::ShownLook;
 use super::stats::{LoadStats, LodStats};
 use super::{Session, StoreChoice};
 use crate::plan::{Assignment, Shown};
+
+mod budgeted;
+pub mod pace;
 
 impl Session {
     /// On the same nodes, a session of one of the store's levels; 0 is the store itself.
@@ -92,6 +95,21 @@ impl LevelSessions {
     /// # Errors
     /// A view that is none.
     pub fn select(&mut self, scene: &Scene, rule: Rule) -> Result<Selection, SessionError> {
+        let (levels, content) = self.seen(scene);
+        Ok(Selection::new(levels, content, rule, &scene.view)?)
+    }
+
+    /// As it was chosen before.
+    ///
+    /// # Errors
+    /// A set of another volume.
+    pub fn select_again(&mut self, scene: &Scene, set: &LevelSet) -> Result<Selection, SessionError> {
+        let (levels, content) = self.seen(scene);
+        Ok(Selection::of_set(levels, content, set)?)
+    }
+
+    /// The levels, and what a scene shows of the finest one's chunks.
+    fn seen(&mut self, scene: &Scene) -> (&Levels, &Content) {
         let look = self.sessions[0].whole(scene);
         let known = self.content.take().filter(|(of, _)| Arc::ptr_eq(of, &look));
         let store = self.sessions[0].store();
@@ -99,15 +117,14 @@ impl LevelSessions {
             let shows = look.shown.per_chunk().values().map(|&bricks| bricks > 0).collect();
             (look, Content::new(self.levels.finest(), scene, store.bricks(), shows))
         }));
-        Ok(Selection::new(&self.levels, content, rule, &scene.view)?)
+        (&self.levels, content)
     }
 
     /// Gives each level its part of `scene`; the levels that have one, or the finest where nothing shows at all.
-    fn deal(&mut self, scene: &Scene, rule: Rule) -> Result<Vec<u8>, SessionError> {
+    fn deal(&mut self, scene: &Scene, selection: &Selection) -> Result<Vec<u8>, SessionError> {
         if scene.look.style.mode == Mode::Average {
             return Err(SessionError::MeanOfLevels);
         }
-        let selection = self.select(scene, rule)?;
         for (level, session) in (0..).zip(&mut self.sessions) {
             session.draw_only(Some(selection.part(level)));
         }
@@ -119,38 +136,42 @@ impl LevelSessions {
     ///
     /// # Errors
     /// As [`Session::load`] and [`LevelSessions::render`].
-    pub fn load<'a>(&'a mut self, scene: &'a Scene, rule: Rule) -> BoxFuture<'a, Result<LoadStats, SessionError>> {
+    pub fn load<'a>(
+        &'a mut self,
+        scene: &'a Scene,
+        selection: &'a Selection,
+    ) -> BoxFuture<'a, Result<LoadStats, SessionError>> {
         Box::pin(async move {
             let mut all = LoadStats::default();
-            for level in self.deal(scene, rule)? {
+            for level in self.deal(scene, selection)? {
                 all.join(&self.sessions[usize::from(level)].load(scene).await?);
             }
             Ok(all)
         })
     }
 
-    /// Renders one frame, each chunk on the level that `rule` chooses; every level's part has the deadline.
+    /// Renders one frame, each chunk on the level that is selected; every level's part has the deadline.
     ///
     /// # Errors
     /// As [`Session::render`]; the mean of samples, of which levels take different numbers.
     pub fn render<'a>(
         &'a mut self,
         scene: &'a Scene,
-        rule: Rule,
+        selection: &'a Selection,
         transport: Transport,
         deadline: Duration,
     ) -> BoxFuture<'a, Result<Frame, SessionError>> {
-        Box::pin(self.rendered(scene, rule, transport, deadline))
+        Box::pin(self.rendered(scene, selection, transport, deadline))
     }
 
     async fn rendered(
         &mut self,
         scene: &Scene,
-        rule: Rule,
+        selection: &Selection,
         transport: Transport,
         deadline: Duration,
     ) -> Result<Frame, SessionError> {
-        let used = self.deal(scene, rule)?;
+        let used = self.deal(scene, selection)?;
         let joining = Joining::new(self.finest().store(), scene)?;
         let rays = scene.by_rays();
         let sessions = (0..).zip(&mut self.sessions).filter(|(level, _)| used.contains(level));
@@ -182,6 +203,7 @@ impl LevelSessions {
             in_view: in_view.into_iter().map(|chunks| chunks as u64).collect(),
             share_of_bytes: if full > 0 { drawn as f64 / full as f64 } else { 1.0 },
             share_of_pixels,
+            frame_budget: None,
         }
     }
 

@@ -56,6 +56,17 @@ pub struct LodStats {
     pub share_of_bytes: f64,
     /// The share of the picture's pixels in which nothing is drawn coarser than it is; at least.
     pub share_of_pixels: f64,
+    /// Where frames have a time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frame_budget: Option<FrameBudget>,
+}
+
+/// The time that a frame may take.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct FrameBudget {
+    pub limit_ms: f64,
+    /// What it was expected to take by those before it; nothing of the first.
+    pub expected_ms: Option<f64>,
 }
 
 impl LodStats {
@@ -79,7 +90,8 @@ impl LodStats {
             return "lod auto: nothing shows".to_owned();
         }
         let share = 100.0 * self.share_of_bytes;
-        format!("lod auto: {}; {share:.0} % of the volume's bricks' bytes", of_levels.join(", "))
+        let within = self.frame_budget.map(|budget| format!("; within {:.0} ms", budget.limit_ms)).unwrap_or_default();
+        format!("lod auto: {}; {share:.0} % of the volume's bricks' bytes{within}", of_levels.join(", "))
     }
 }
 

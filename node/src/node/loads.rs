@@ -105,7 +105,9 @@ impl Node {
         }
         let choice = BrickChoice::new(&*store.store, &request.scene, &self.tables)?;
         // What the scene does not show need not be there.
-        let chosen = |&brick: &_| choice.of(grid.index_of(brick), Sides::default(), &*self.raycaster).map(|chosen| chosen.wanted);
+        let chosen = |&brick: &_| {
+            choice.of(grid.index_of(brick), Sides::default(), &*self.raycaster).map(|chosen| chosen.wanted)
+        };
         let mut bricks: Vec<Wanted> = request.bricks.iter().filter_map(chosen).collect();
         let largest = bricks.iter().map(Wanted::need).fold(Need::default(), Need::max);
         // A frame says which brick is too large.

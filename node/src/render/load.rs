@@ -18,8 +18,8 @@ use crate::brick::texels::flattened;
 use crate::error::NodeError;
 use crate::interval::IntervalBrick;
 use crate::kernel::{BrickInput, Raycaster, Recipe, ResidentBrick, knows_only_region};
-use crate::stores::{OpenStore, Source};
 use crate::stores::far::reading;
+use crate::stores::{OpenStore, Source};
 
 /// Holds what is asked for, loading what is missing from the store through the shared cache of decoded chunks.
 pub(crate) fn load_bricks<'a>(

@@ -269,7 +269,10 @@ fn a_cancelled_frame_stops_at_its_next_batch() {
     let order = bench.order(120, 80, true);
     let mut meter = FrameMeter::new(std::time::Instant::now(), 1);
     let calls = || raycaster.calls.load(std::sync::atomic::Ordering::SeqCst);
-    let result = render_frame(&order, Source::of(&bench.store), workshop, &mut meter, (&|| calls() >= 2, &Alone), &mut |_| Ok(()));
+    let result =
+        render_frame(&order, Source::of(&bench.store), workshop, &mut meter, (&|| calls() >= 2, &Alone), &mut |_| {
+            Ok(())
+        });
     assert!(matches!(result, Err(NodeError::Cancelled)));
     assert_eq!(calls(), 2);
 }
@@ -337,7 +340,8 @@ fn slices_of_any_size_have_the_bits_of_the_whole() {
     let pulse = Pulse::default();
     let whole = |samples: f64| {
         let mut batches =
-            Batches::new(&plan, Source::of(&bench.store), workshop, Watch::new(&pulse, &|| false), &Alone).with_slices_of(samples);
+            Batches::new(&plan, Source::of(&bench.store), workshop, Watch::new(&pulse, &|| false), &Alone)
+                .with_slices_of(samples);
         let mut meter = FrameMeter::new(std::time::Instant::now(), 1);
         let layer = batches.take(&mut meter).unwrap().unwrap();
         assert!(batches.take(&mut meter).unwrap().is_none());

@@ -20,7 +20,8 @@ async fn levels(store: &Store, nodes: &[String]) -> LevelSessions {
 async fn drawn(levels: &mut LevelSessions, store: &Store, azimuth: f64) -> Frame {
     let focus = store.manifest().geometry.world_from_voxel(DVec3::new(20.0, 30.0, 70.0));
     let (scene, limit) = (scene(store, azimuth), Duration::from_secs(60));
-    let frame = levels.render(&scene, Rule::Focus(focus), Transport::F32, limit).await.unwrap();
+    let selection = levels.select(&scene, Rule::Focus(focus)).unwrap();
+    let frame = levels.render(&scene, &selection, Transport::F32, limit).await.unwrap();
     assert!(frame.complete && frame.problems.is_empty(), "{:?}", frame.problems);
     let lod = frame.stats.lod.as_ref().unwrap();
     assert!(lod.in_view.iter().filter(|&&chunks| chunks > 0).count() >= 2, "{lod:?}");

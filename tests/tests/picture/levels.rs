@@ -147,7 +147,8 @@ pub(crate) async fn alone(session: &mut Session, scene: &Scene) -> Frame {
 }
 
 pub(crate) async fn mixed(levels: &mut LevelSessions, scene: &Scene, rule: Rule) -> Frame {
-    complete(levels.render(scene, rule, Transport::F32, LIMIT).await.unwrap())
+    let selection = levels.select(scene, rule).unwrap();
+    complete(levels.render(scene, &selection, Transport::F32, LIMIT).await.unwrap())
 }
 
 fn complete(frame: Frame) -> Frame {
@@ -235,7 +236,8 @@ fn where_no_error_is_allowed_the_picture_is_that_of_full_resolution() {
             }
         }
         let mean = scene(&store, Style { mode: Mode::Average, ..Style::default() });
-        let error = levels.render(&mean, Rule::Cone, Transport::F32, LIMIT).await.unwrap_err().to_string();
+        let selection = levels.select(&mean, Rule::Cone).unwrap();
+        let error = levels.render(&mean, &selection, Transport::F32, LIMIT).await.unwrap_err().to_string();
         assert!(error.contains("mean"), "{error}");
     });
 }

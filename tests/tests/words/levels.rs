@@ -120,6 +120,49 @@ fn auto_tells_what_it_chose_and_is_drawn_again() {
     assert!([0, 4].contains(&code) && said.contains("--balance static: frames of several levels"), "{said}");
 }
 
+/// What a frame's time allows is another picture each time; its manifest draws it again.
+#[test]
+fn a_frame_budget_is_kept_and_its_set_is_drawn_again() {
+    let _turn = turn(module_path!());
+    let site = site();
+    let at = site.path();
+    let within = |picture, budget, flags: &[&'static str]| {
+        let auto = ["--lod", "auto", "--pixel-error", "0.01", "--frame-budget", budget, "--stats", "stats.json"];
+        ended(at, &draw("part", picture, &[&auto[..], flags].concat()))
+    };
+    // No time at all: the coarsest level, and complete.
+    let (code, said) = within("little.exr", "1us", &[]);
+    assert!(code == 4 && said.contains("within 0 ms") && said.contains("not at full resolution"), "{code}: {said}");
+    let lod = json(at, "stats.json")["lod"].clone();
+    assert_eq!((&lod["in_view"][0], &lod["frame_budget"]["limit_ms"]), (&json!(0), &json!(0.001)), "{lod}");
+    let manifest = json(at, "little.exr.json");
+    let set = manifest["lod"]["set"].as_array().unwrap();
+    assert!(set.iter().all(|run| run[0] == json!(2) && run[1].as_u64() > Some(0)), "{set:?}");
+    // All the time: what was asked for.
+    let (code, said) = within("much.exr", "1h", &[]);
+    assert!(code == 0 && said.contains("within 3600000 ms"), "{code}: {said}");
+    brickcast_ok(at, &draw("part", "full.exr", &[]));
+    assert!(bits(at, "much.exr") == bits(at, "full.exr") && bits(at, "little.exr") != bits(at, "full.exr"));
+    assert!(json(at, "stats.json")["lod"]["frame_budget"]["expected_ms"].as_f64().unwrap() > 0.0);
+    for picture in ["little", "much"] {
+        let manifest = format!("{picture}.exr.json");
+        let again = ["render", "--scene", &manifest, "--check", "--backend", "cpu"];
+        assert!(brickcast_ok(at, &again).contains("the same bits"), "{picture}");
+    }
+    // Frame by frame, each with its own.
+    let (code, said) = within("turn.apng", "20ms", &["--frames", "4", "--orbit", "90"]);
+    assert!([0, 4].contains(&code), "{said}");
+    let frames = json(at, "turn.apng.json")["frames"].clone();
+    assert!(frames.as_array().unwrap().iter().all(|frame| frame["lod"]["set"].is_array()), "{frames}");
+    brickcast_ok(at, &["render", "--scene", "turn.apng.json", "--check", "--backend", "cpu"]);
+    // A set of another volume.
+    let mut other = json(at, "little.exr.json");
+    other["lod"] = json!({ "set": [[0, 1]] });
+    std::fs::write(at.join("other.json"), other.to_string()).unwrap();
+    let (code, said) = ended(at, &["render", "--scene", "other.json", "-o", "other.exr", "--backend", "cpu"]);
+    assert!(code == 1 && said.contains("set of levels is of 1 chunks"), "{code}: {said}");
+}
+
 #[test]
 fn what_cannot_be_drawn_is_refused_with_the_way_out() {
     let _turn = turn(module_path!());
@@ -137,6 +180,9 @@ fn what_cannot_be_drawn_is_refused_with_the_way_out() {
         ("part", &["--lod", "auto", "--dry-run"], &["--dry-run", "one level"]),
         ("part", &["--lod", "auto", "--audit", "--accel", "all"], &["--audit", "one level"]),
         ("part", &["--lod", "auto", "--error", "e.exr", "--accel", "all"], &["--error", "one level"]),
+        ("part", &["--frame-budget", "1s"], &["--frame-budget", "--lod auto"]),
+        ("part", &["--lod", "auto", "--frame-budget", "1s", "--exact"], &["--frame-budget", "--exact", "--scene"]),
+        ("part", &["--lod", "auto", "--frame-budget", "1s", "--progressive"], &["--progressive", "--frame-budget"]),
     ] {
         let flags: Vec<&str> = if flags.contains(&"--mode") {
             // A projection has a transfer function of its own.

@@ -50,6 +50,23 @@ impl Content {
         chunks.any(|chunk| self.shows[self.tree.chunk_id(chunk)])
     }
 
+    /// How much what samples in these chunks show can differ, from 0 to 1: their opacity, or their colour as far as they
+    /// have any.
+    pub(super) fn deviation(&self, chunks: impl Iterator<Item = ChunkIndex>) -> f64 {
+        let [lo, hi] = chunks.map(|chunk| self.ranges[self.tree.chunk_id(chunk)]).fold([u16::MAX, 0], around);
+        if lo >= hi {
+            return 0.0;
+        }
+        let Some(looks) = &self.looks else { return f64::from(hi - lo) / f64::from(LAST_CODE) };
+        let shown = looks.over([lo, hi].map(|code| f32::from(code) / LAST_CODE));
+        if shown.is_clear() {
+            return 0.0;
+        }
+        let differ = |[least, most]: [f32; 2]| (most - least).max(0.0);
+        let color = shown.color.into_iter().map(differ).fold(0.0, f32::max);
+        f64::from(differ(shown.alpha).max(shown.alpha[1] * color))
+    }
+
     /// True where all samples in these chunks have one colour and one opacity: a coarser level shows the same.
     pub(super) fn is_flat(&self, chunks: impl Iterator<Item = ChunkIndex>) -> bool {
         let [lo, hi] = chunks.map(|chunk| self.ranges[self.tree.chunk_id(chunk)]).fold([u16::MAX, 0], around);

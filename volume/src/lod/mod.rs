@@ -6,20 +6,24 @@
 
 mod balance;
 mod borders;
+mod budget;
 mod content;
 mod json;
 mod levels;
 mod rule;
 mod seam;
 mod selection;
+mod set;
 mod sight;
 
 pub use self::borders::{Borders, Meets, Sides};
+pub use self::budget::Budget;
 pub use self::content::Content;
 pub use self::levels::Levels;
 pub use self::rule::{Criterion, Lod, LodError, Rule};
 pub use self::seam::take_coarser;
 pub use self::selection::{Part, Selection};
+pub use self::set::LevelSet;
 
 #[cfg(test)]
 mod tests;

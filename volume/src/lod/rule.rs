@@ -2,10 +2,12 @@
 
 use glam::DVec3;
 
+use super::set::LevelSet;
+use crate::ids::ChunkId;
 use crate::words::words;
 
 /// Which of a volume's levels a picture is of.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub enum Lod {
     /// Of level 0, the volume itself.
     #[default]
@@ -14,6 +16,8 @@ pub enum Lod {
     Level(u8),
     /// Of several, chosen part by part.
     Auto(Rule),
+    /// Of those that were chosen before.
+    Set(LevelSet),
 }
 
 /// By what a part of the volume is taken for fine enough.
@@ -55,6 +59,17 @@ pub enum LodError {
     PixelError(f64),
     #[error("focus {0:?}: every coordinate must be finite")]
     Focus([f64; 3]),
+    #[error("a set of levels: each run must have a chunk at least, and all of them at most 2^32")]
+    Runs,
+    #[error("the set of levels is of {got} chunks, and the volume has {want}: it was of another one")]
+    SetOfOthers { got: u32, want: u64 },
+    #[error("the set draws chunk {chunk} on level {level}, and the volume has levels 0 to {coarsest}")]
+    SetLevel { chunk: ChunkId, level: u8, coarsest: u8 },
+    #[error(
+        "the set draws chunk {chunk} on level {level}, but not all of that level's chunk, or a face neighbour more than \
+         a level coarser or finer"
+    )]
+    SetChunk { chunk: ChunkId, level: u8 },
 }
 
 impl Rule {

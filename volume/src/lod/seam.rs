@@ -72,7 +72,15 @@ struct Place {
 
 impl Place {
     fn new(at: i32, own: &std::ops::Range<i32>) -> Self {
-        let side = |v: i32| if v < own.start { 1 } else if v < own.end { 2 } else { 4 };
+        let side = |v: i32| {
+            if v < own.start {
+                1
+            } else if v < own.end {
+                2
+            } else {
+                4
+            }
+        };
         let near = at >> 1;
         Self { sides: side(at - 1) | side(at) | side(at + 1), near, far: if at & 1 == 1 { near + 1 } else { near - 1 } }
     }
@@ -96,9 +104,8 @@ impl Touches {
             let sides = sides >> (3 * axis);
             (-1..2).filter(move |side| sides >> (side + 1) & 1 == 1)
         };
-        let any = |sides: u32| {
-            of(sides, 2).any(|z| of(sides, 1).any(|y| of(sides, 0).any(|x| places.is_at([x, y, z]))))
-        };
+        let any =
+            |sides: u32| of(sides, 2).any(|z| of(sides, 1).any(|y| of(sides, 0).any(|x| places.is_at([x, y, z]))));
         Self((0..512).map(any).collect())
     }
 

@@ -54,8 +54,24 @@ impl Selection {
             }
         }
         balance(levels, &mut of);
+        Ok(Self::of_levels(levels, content, of))
+    }
+
+    /// By the level of each finest chunk: coarse chunks whole, and balanced.
+    pub(super) fn of_levels(levels: &Levels, content: &Content, of: PerChunk<u8>) -> Self {
+        let tree = levels.finest();
         let shows = tree.chunk_ids().filter_map(|c| tree.chunk_at(c)).map(|c| content.shows(std::iter::once(c)));
-        Ok(Self { levels: levels.clone(), of, shows: shows.collect() })
+        Self { shows: shows.collect(), levels: levels.clone(), of }
+    }
+
+    /// The chunks of all levels that are drawn, whether they show anything or not.
+    pub(super) fn parts(&self) -> impl Iterator<Item = (u8, ChunkIndex)> + '_ {
+        let tree = self.levels.finest();
+        self.of.iter().filter_map(|(id, &level)| {
+            let finest = tree.chunk_at(id)?;
+            let chunk = self.levels.over(level, finest);
+            (self.levels.under(level, chunk).next() == Some(finest)).then_some((level, chunk))
+        })
     }
 
     #[must_use]

@@ -82,6 +82,33 @@ impl<'a> Sight<'a> {
         }
     }
 
+    /// Samples that a level's chunk takes, where all of it is drawn on that level: its pixels by the steps across it.
+    pub(super) fn cost(&self, level: u8, chunk: ChunkIndex) -> f64 {
+        if !self.content.shows(self.levels.under(level, chunk)) {
+            return 0.0;
+        }
+        let voxels = self.levels.voxels(level, chunk);
+        let step = self.levels.geometry().min_spacing() * f64::from(level).exp2();
+        // Rays cross some 0.4 of a box's diagonal, and each has a little to do at every box.
+        let across = 0.4 * (voxels.dims().as_dvec3() * self.levels.geometry().spacing()).length() / step;
+        self.view.project(&voxels).pixel_count() as f64 * (across + 1.0)
+    }
+
+    /// What refining a level's chunk costs more than it does.
+    pub(super) fn more_cost(&self, level: u8, chunk: ChunkIndex) -> f64 {
+        let finer: f64 = self.levels.refined(level, chunk).map(|finer| self.cost(level - 1, finer)).sum();
+        finer - self.cost(level, chunk)
+    }
+
+    /// The error that refining a level's chunk takes away, over what it costs.
+    pub(super) fn worth(&self, level: u8, chunk: ChunkIndex) -> f64 {
+        let voxels = self.levels.voxels(level, chunk);
+        // A voxel that is nearer than any is seen as large as the picture.
+        let seen = self.voxel_in_pixels(level, &voxels).min(1e6);
+        let error = seen * self.content.deviation(self.levels.under(level, chunk));
+        error * self.view.project(&voxels).pixel_count() as f64 / self.more_cost(level, chunk).max(1.0)
+    }
+
     /// The smallest depth of a box, world.
     fn nearest(&self, voxels: &OwnedBox) -> f64 {
         let (lo, hi) = (voxels.lo.as_dvec3(), voxels.hi.as_dvec3());

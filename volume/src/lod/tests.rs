@@ -14,12 +14,12 @@ use crate::scene::ViewSpec;
 use crate::space::Geometry;
 use crate::visibility::PictureSize;
 
-fn levels(dims: [u32; 3], brick: u32) -> Levels {
+pub(super) fn levels(dims: [u32; 3], brick: u32) -> Levels {
     let geometry = Geometry::new(dims, [1.0, 1.25, 0.8], [3.0, -2.0, 1.0]).unwrap();
     Levels::new(&geometry, BrickGrid::new(dims.into(), brick).unwrap(), u8::MAX)
 }
 
-const DIMS: [([u32; 3], u32); 12] = [
+pub(super) const DIMS: [([u32; 3], u32); 12] = [
     ([256, 256, 256], 64),
     ([256, 256, 256], 16),
     ([257, 255, 129], 16),
@@ -73,7 +73,7 @@ fn trees_of_all_levels_share_their_root_and_their_paths() {
     }
 }
 
-fn seen(levels: &Levels, direction: [f64; 3], distance: f64, parallel: bool) -> ViewSpec {
+pub(super) fn seen(levels: &Levels, direction: [f64; 3], distance: f64, parallel: bool) -> ViewSpec {
     let (center, radius) = (levels.geometry().center_world(), levels.geometry().radius_world());
     let direction = DVec3::from(direction).normalize_or(DVec3::Z);
     let up = if direction.cross(DVec3::Y).length() > 0.1 { DVec3::Y } else { DVec3::X };
@@ -88,7 +88,7 @@ fn seen(levels: &Levels, direction: [f64; 3], distance: f64, parallel: bool) -> 
 }
 
 /// Chunks of which some show nothing, and some hold one value.
-fn content(levels: &Levels, seed: u32) -> Content {
+pub(super) fn content(levels: &Levels, seed: u32) -> Content {
     let random = |c: ChunkId| (c.linear() + 1).wrapping_mul(seed.wrapping_mul(2_654_435_761) | 1) >> 20;
     let ids = || levels.finest().chunk_ids();
     let shows = ids().map(|c| seed == 0 || !random(c).is_multiple_of(3)).collect();
@@ -97,7 +97,7 @@ fn content(levels: &Levels, seed: u32) -> Content {
 }
 
 /// Every finest chunk is drawn once where it shows, by a whole chunk of its level; neighbours are near in level.
-fn check(selection: &Selection) {
+pub(super) fn check(selection: &Selection) {
     let levels = selection.levels();
     let finest = levels.finest();
     let of = selection.per_chunk();

@@ -1,11 +1,13 @@
 //! Levels of detail: which of a volume's levels is drawn.
 
+use std::time::Duration;
+
 use anyhow::anyhow;
 use brickcast_volume::lod::{Criterion, Lod, Rule};
 use clap::Args;
 use glam::DVec3;
 
-use super::values::{triple, word};
+use super::values::{deadline, triple, word};
 use crate::cli::failure::Failure;
 
 /// Pixels that a voxel may be seen at where nothing was said.
@@ -39,6 +41,13 @@ pub struct LodArgs {
     #[arg(long, value_name = "X,Y,Z", value_parser = triple::<f64>, allow_hyphen_values = true)]
     #[arg(conflicts_with_all = ["pixel_error", "lod_criterion"])]
     pub focus: Option<[f64; 3]>,
+    /// With --lod auto: as fine as frames can be drawn in this time, and no finer than is asked for
+    ///
+    /// By what the frames before took; a first one is drawn several times to learn that. Bricks are loaded before the
+    /// time counts. The picture is another one wherever the time is: its manifest keeps the levels, and --scene draws
+    /// it again.
+    #[arg(long, value_name = "TIME", value_parser = deadline)]
+    pub frame_budget: Option<Duration>,
     /// Write a complete coarse picture first, and finer ones in its place, up to what --lod asks for
     ///
     /// A line says of each what it is of. The last one is the picture without this flag, bit for bit.
@@ -65,6 +74,7 @@ impl LodArgs {
             ("--pixel-error", self.pixel_error.is_some()),
             ("--lod-criterion", self.lod_criterion.is_some()),
             ("--focus", self.focus.is_some()),
+            ("--frame-budget", self.frame_budget.is_some()),
         ];
         match self.lod {
             LodArg::Auto => {}
@@ -134,6 +144,9 @@ mod tests {
             ("--pixel-error 2", &["--pixel-error", "--lod auto"]),
             ("--lod 2 --focus 1,2,3", &["--focus", "--lod auto"]),
             ("--lod full --lod-criterion cone", &["--lod-criterion", "--lod auto"]),
+            ("--lod 1 --frame-budget 50ms", &["--frame-budget", "--lod auto"]),
+            ("--lod auto --frame-budget 0s", &["--frame-budget", "above 0"]),
+            ("--lod auto --frame-budget soon", &["--frame-budget", "`soon`"]),
             ("--lod auto --pixel-error 0", &["pixel error 0", "above 0"]),
             ("--lod auto --pixel-error -1", &["pixel error -1"]),
             ("--lod auto --pixel-error nan", &["pixel error NaN"]),

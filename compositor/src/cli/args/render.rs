@@ -13,7 +13,7 @@ use super::on_the_way::OnTheWayArgs;
 use super::scene::SceneArgs;
 
 /// What the manifest of `--scene` says: camera, look, quality and levels.
-const SAID_BY_A_MANIFEST: [&str; 56] = [
+const SAID_BY_A_MANIFEST: [&str; 57] = [
     "size",
     "look",
     "transfer_function",
@@ -67,6 +67,7 @@ const SAID_BY_A_MANIFEST: [&str; 56] = [
     "pixel_error",
     "lod_criterion",
     "focus",
+    "frame_budget",
     "frames",
     "camera_path",
     "orbit",
@@ -199,6 +200,7 @@ mod tests {
             "--scene a.json -o a.png --camera-path dive",
             "--scene a.json -o a.png --lod 2",
             "--scene a.json -o a.png --focus 1,2,3",
+            "--scene a.json -o a.png --frame-budget 50ms",
         ] {
             assert!(Words::try_parse_from(std::iter::once("x").chain(words.split_whitespace())).is_err(), "{words}");
         }

@@ -74,7 +74,8 @@ fn passes_have_the_bits_of_the_whole_however_small_the_budget() {
     let pulse = Pulse::default();
     for samples in [1e4, 1e6] {
         let mut batches =
-            Batches::new(&plan, Source::of(&bench.store), workshop, Watch::new(&pulse, &|| false), &Alone).with_slices_of(samples);
+            Batches::new(&plan, Source::of(&bench.store), workshop, Watch::new(&pulse, &|| false), &Alone)
+                .with_slices_of(samples);
         let mut meter = FrameMeter::new(Instant::now(), 1);
         let layer = batches.take(&mut meter).unwrap().unwrap();
         assert!(batches.take(&mut meter).unwrap().is_none());
@@ -101,7 +102,8 @@ fn a_repeated_frame_finds_bricks_again() {
         let before = uploads();
         let mut meter = FrameMeter::new(Instant::now(), 1);
         let workshop = bench.workshop(&raycaster, &residency);
-        render_frame(&order, Source::of(&bench.store), workshop, &mut meter, (&|| false, &Alone), &mut |_| Ok(())).unwrap();
+        render_frame(&order, Source::of(&bench.store), workshop, &mut meter, (&|| false, &Alone), &mut |_| Ok(()))
+            .unwrap();
         loaded.push(uploads() - before);
     }
     assert_eq!(loaded[0], all);
@@ -127,7 +129,10 @@ fn bricks_are_loaded_while_others_are_rendered() {
     std::thread::scope(|scope| {
         let frame = scope.spawn(|| {
             let mut meter = FrameMeter::new(Instant::now(), 1);
-            let ended = render_frame(&order, Source::of(&bench.store), workshop, &mut meter, (&|| false, &Alone), &mut |_| Ok(()));
+            let ended =
+                render_frame(&order, Source::of(&bench.store), workshop, &mut meter, (&|| false, &Alone), &mut |_| {
+                    Ok(())
+                });
             ended.map(|()| meter.receipt())
         });
         let started = Instant::now();
@@ -155,7 +160,10 @@ fn a_frame_that_nobody_wants_loads_no_more() {
             let workshop = bench.workshop(&raycaster, &residency);
             let mut meter = FrameMeter::new(Instant::now(), 1);
             let is_gone = || uploads() >= wanted;
-            let ended = render_frame(&order, Source::of(&bench.store), workshop, &mut meter, (&is_gone, &Alone), &mut |_| Ok(()));
+            let ended =
+                render_frame(&order, Source::of(&bench.store), workshop, &mut meter, (&is_gone, &Alone), &mut |_| {
+                    Ok(())
+                });
             assert!(matches!(ended, Err(NodeError::Cancelled)), "{ended:?}");
             // Whatever every thread had begun.
             let most = wanted + rayon::current_num_threads();

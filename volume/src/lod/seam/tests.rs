@@ -146,7 +146,8 @@ fn voxels_without_data_stay_and_count_for_nothing() {
     let of_coarse = |at: IVec3| if at.x > 11 { NO_DATA_CODE } else { 9000 };
     let (_, over) = brick(&coarse, BrickIndex([1, 1, 1]), 1, &of_coarse);
     let right = Sides::around(|side| side == [1, 0, 0]);
-    let taken = |may_lack_data, voxels: &mut BrickVoxels| take_coarser(voxels, (&owned, DIMS), right, &over, may_lack_data);
+    let taken =
+        |may_lack_data, voxels: &mut BrickVoxels| take_coarser(voxels, (&owned, DIMS), right, &over, may_lack_data);
     let mut without = voxels.clone();
     taken(true, &mut voxels);
     assert_eq!((at(&voxels, hole), at(&voxels, IVec3::new(23, 18, 18))), (NO_DATA_CODE, 9000));

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use anyhow::anyhow;
-use brickcast_volume::lod::{Lod, Rule};
+use brickcast_volume::lod::{LevelSet, Lod, Rule, Selection};
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::style::Mode;
 
@@ -13,6 +13,7 @@ use crate::cli::args::{BalanceArg, RenderArgs};
 use crate::cli::failure::Failure;
 use crate::plan::StoreFacts;
 use crate::session::levels::LevelSessions;
+use crate::session::levels::pace::FramePace;
 use crate::session::{Frame, LoadStats, Session, SessionError};
 
 /// Which levels are asked for, with what else was asked.
@@ -24,7 +25,9 @@ pub(super) fn asked(args: &RenderArgs, scenes: &ScenesPlan) -> Result<Lod, Failu
         ScenesPlan::Asked { .. } => args.lod.lod()?,
         ScenesPlan::Drawn(redraw) => redraw.lod()?,
     };
-    let Lod::Auto(_) = lod else { return Ok(lod) };
+    if let Lod::Full | Lod::Level(_) = lod {
+        return Ok(lod);
+    }
     let of_one = "is told of one level only: leave --lod auto out, or name a level";
     let flags = [("--audit", args.audit), ("--error", args.error.is_some()), ("--dry-run", args.dry_run)];
     if let Some((flag, _)) = flags.into_iter().find(|(_, is_asked)| *is_asked) {
@@ -36,6 +39,12 @@ pub(super) fn asked(args: &RenderArgs, scenes: &ScenesPlan) -> Result<Lod, Failu
              name a level"
         )));
     }
+    if args.lod.frame_budget.is_some() && args.scene.exact {
+        return Err(Failure::usage(anyhow!(
+            "--frame-budget goes by the time that frames take, so that no two pictures need be the same: leave out \
+             --exact, or draw a picture's set of levels again by --scene"
+        )));
+    }
     Ok(lod)
 }
 
@@ -43,7 +52,7 @@ pub(super) fn asked(args: &RenderArgs, scenes: &ScenesPlan) -> Result<Lod, Failu
 ///
 /// # Errors
 /// Usage: with what is no single picture of the volume.
-pub(super) fn is_progressive(args: &RenderArgs, scenes: &ScenesPlan, lod: Lod) -> Result<bool, Failure> {
+pub(super) fn is_progressive(args: &RenderArgs, scenes: &ScenesPlan, lod: &Lod) -> Result<bool, Failure> {
     if !args.lod.progressive {
         return Ok(false);
     }
@@ -51,6 +60,7 @@ pub(super) fn is_progressive(args: &RenderArgs, scenes: &ScenesPlan, lod: Lod) -
     let others = [
         ("--scene draws again what was drawn", is_drawn),
         ("a sequence of frames has each once", scenes.count() > 1),
+        ("--frame-budget draws as fine as it can at once", args.lod.frame_budget.is_some()),
         ("--audit compares the last picture", args.audit),
         ("--error is of the last picture", args.error.is_some()),
         ("--dry-run draws nothing", args.dry_run),
@@ -64,10 +74,10 @@ pub(super) fn is_progressive(args: &RenderArgs, scenes: &ScenesPlan, lod: Lod) -
 }
 
 /// What to say where frames of several levels were to be balanced.
-pub(super) fn unbalanced(args: &RenderArgs, lod: Lod) -> Option<String> {
+pub(super) fn unbalanced(args: &RenderArgs, lod: &Lod) -> Option<String> {
     let asked = args.balance.balance.filter(|asked| *asked != BalanceArg::Off)?;
     let word = if asked == BalanceArg::Static { "static" } else { "dynamic" };
-    matches!(lod, Lod::Auto(_)).then(|| {
+    matches!(lod, Lod::Auto(_) | Lod::Set(_)).then(|| {
         format!(
             "--balance {word}: frames of several levels are not balanced yet; each level's chunks are shared out evenly"
         )
@@ -84,9 +94,20 @@ pub(super) struct Drawer {
 
 #[derive(Debug)]
 enum Sessions {
-    One(Session),
-    /// By the rule, or the volume itself.
-    Levels(Box<LevelSessions>, Option<Rule>),
+    /// And what it draws.
+    One(Session, Lod),
+    Levels(Box<LevelSessions>, By),
+}
+
+/// By what several levels are drawn.
+#[derive(Debug)]
+enum By {
+    /// The volume itself.
+    Full,
+    Rule(Rule),
+    Set(LevelSet),
+    /// No finer than the rule asks for, and frames' times allow.
+    Time(Rule, FramePace),
 }
 
 impl Drawer {
@@ -94,15 +115,25 @@ impl Drawer {
     ///
     /// # Errors
     /// Usage: a level that is not there. Nodes that cannot be reached again, or lack a level.
-    pub(super) async fn open(session: Session, lod: Lod, progressive: bool) -> Result<Self, Failure> {
+    pub(super) async fn open(
+        session: Session,
+        lod: &Lod,
+        progressive: bool,
+        frame_budget: Option<Duration>,
+    ) -> Result<Self, Failure> {
         let store = session.store().clone();
-        let sessions = match lod {
-            Lod::Full if progressive => Sessions::Levels(Box::new(LevelSessions::open(session).await?), None),
-            Lod::Full => Sessions::One(session),
-            Lod::Level(level) => Sessions::One(at_level(&session, level).await?),
-            Lod::Auto(rule) => Sessions::Levels(Box::new(LevelSessions::open(session).await?), Some(rule)),
+        let by = match (lod, frame_budget) {
+            (Lod::Full, _) if progressive => By::Full,
+            (Lod::Full, _) => return Ok(Self { store, sessions: Sessions::One(session, Lod::Full) }),
+            (Lod::Level(level), _) => {
+                let session = at_level(&session, *level).await?;
+                return Ok(Self { store, sessions: Sessions::One(session, lod.clone()) });
+            }
+            (Lod::Auto(rule), Some(limit)) => By::Time(*rule, FramePace::new(limit)),
+            (Lod::Auto(rule), None) => By::Rule(*rule),
+            (Lod::Set(set), _) => By::Set(set.clone()),
         };
-        Ok(Self { store, sessions })
+        Ok(Self { store, sessions: Sessions::Levels(Box::new(LevelSessions::open(session).await?), by) })
     }
 
     pub(super) fn store(&self) -> &StoreFacts {
@@ -112,7 +143,7 @@ impl Drawer {
     /// The session where all is drawn on one level.
     pub(super) fn alone(&mut self) -> Option<&mut Session> {
         match &mut self.sessions {
-            Sessions::One(session) => Some(session),
+            Sessions::One(session, _) => Some(session),
             Sessions::Levels(..) => None,
         }
     }
@@ -125,9 +156,13 @@ impl Drawer {
 
     pub(super) async fn load(&mut self, scene: &Scene) -> Result<LoadStats, SessionError> {
         match &mut self.sessions {
-            Sessions::One(session) => session.load(scene).await,
-            Sessions::Levels(levels, None) => levels.load_full(scene).await,
-            Sessions::Levels(levels, Some(rule)) => levels.load(scene, *rule).await,
+            Sessions::One(session, _) => session.load(scene).await,
+            Sessions::Levels(levels, by) => match by.selected(levels, scene)? {
+                Some(selection) => levels.load(scene, &selection).await,
+                None if matches!(by, By::Full) => levels.load_full(scene).await,
+                // What is loaded follows from what frames take.
+                None => Ok(LoadStats::default()),
+            },
         }
     }
 
@@ -138,9 +173,27 @@ impl Drawer {
         deadline: Duration,
     ) -> Result<Frame, SessionError> {
         match &mut self.sessions {
-            Sessions::One(session) => session.render(scene, transport, deadline).await,
-            Sessions::Levels(levels, None) => levels.render_full(scene, transport, deadline).await,
-            Sessions::Levels(levels, Some(rule)) => levels.render(scene, *rule, transport, deadline).await,
+            Sessions::One(session, _) => session.render(scene, transport, deadline).await,
+            Sessions::Levels(levels, By::Time(rule, pace)) => {
+                levels.render_within(scene, (*rule, pace), transport, deadline).await
+            }
+            Sessions::Levels(levels, by) => match by.selected(levels, scene)? {
+                Some(selection) => levels.render(scene, &selection, transport, deadline).await,
+                None => levels.render_full(scene, transport, deadline).await,
+            },
+        }
+    }
+
+    /// What the last frame was drawn of, for whoever draws it again.
+    pub(super) fn lod(&self) -> Lod {
+        match &self.sessions {
+            Sessions::One(_, lod) => lod.clone(),
+            Sessions::Levels(_, By::Full) => Lod::Full,
+            Sessions::Levels(_, By::Rule(rule)) => Lod::Auto(*rule),
+            Sessions::Levels(_, By::Set(set)) => Lod::Set(set.clone()),
+            Sessions::Levels(_, By::Time(rule, pace)) => {
+                pace.before().map_or(Lod::Auto(*rule), |selection| Lod::Set(selection.set()))
+            }
         }
     }
 
@@ -148,11 +201,11 @@ impl Drawer {
     ///
     /// # Errors
     /// A view that is none.
-    pub(super) fn stages(&mut self, scene: &Scene, last: Lod) -> Result<Vec<Lod>, SessionError> {
+    pub(super) fn stages(&mut self, scene: &Scene, last: &Lod) -> Result<Vec<Lod>, SessionError> {
         let mut stages = Vec::new();
-        if let Sessions::Levels(levels, rule) = &mut self.sessions {
-            let mut chosen = rule.map(|rule| levels.select(scene, rule)).transpose()?;
-            let least = if let Some(Rule::Error { pixels }) = rule { *pixels } else { 0.0 };
+        if let Sessions::Levels(levels, by) = &mut self.sessions {
+            let mut chosen = by.selected(levels, scene)?;
+            let least = if let By::Rule(Rule::Error { pixels }) = by { *pixels } else { 0.0 };
             // From the last one back, so that what is left out is what a finer one repeats.
             for pixels in ERRORS.into_iter().filter(|&pixels| pixels > least) {
                 let rule = Rule::Error { pixels };
@@ -164,15 +217,30 @@ impl Drawer {
             }
         }
         stages.reverse();
-        stages.push(last);
+        stages.push(last.clone());
         Ok(stages)
     }
 
-    /// Draws by `lod` from now on, one of [`Drawer::stages`].
-    pub(super) fn draw_by(&mut self, lod: Lod) {
-        if let Sessions::Levels(_, rule) = &mut self.sessions {
-            *rule = if let Lod::Auto(by) = lod { Some(by) } else { None };
+    /// Draws by `lod` from now on, where several levels are drawn: one of [`Drawer::stages`], or a set.
+    pub(super) fn draw_by(&mut self, lod: &Lod) {
+        if let Sessions::Levels(_, by) = &mut self.sessions {
+            *by = match lod {
+                Lod::Auto(rule) => By::Rule(*rule),
+                Lod::Set(set) => By::Set(set.clone()),
+                Lod::Full | Lod::Level(_) => By::Full,
+            };
         }
+    }
+}
+
+impl By {
+    /// Nothing where it is the volume itself, and where it follows from what frames take.
+    fn selected(&self, levels: &mut LevelSessions, scene: &Scene) -> Result<Option<Selection>, SessionError> {
+        Ok(match self {
+            Self::Full | Self::Time(..) => None,
+            Self::Rule(rule) => Some(levels.select(scene, *rule)?),
+            Self::Set(set) => Some(levels.select_again(scene, set)?),
+        })
     }
 }
 

@@ -10,7 +10,7 @@ use crate::session::Frame;
 use crate::words::short;
 
 /// Of what the picture is, beside its scene.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub(crate) struct Origin<'a> {
     /// PATH as it was given.
     pub(crate) path: Option<&'a str>,

@@ -42,7 +42,7 @@ pub async fn run(args: RenderArgs, quiet: bool) -> Result<(), Failure> {
 
 async fn render(plan: &RenderPlan, session: Session, quiet: bool) -> Result<(), Failure> {
     plan.source.agree(&plan.scenes, session.store().hash)?;
-    let mut drawer = Drawer::open(session, plan.lod, plan.progressive).await?;
+    let mut drawer = Drawer::open(session, &plan.lod, plan.progressive, plan.frame_budget).await?;
     let store = drawer.store().clone();
     let frames = Frames::on(&plan.scenes, &store)?;
     frames.tell(&store.manifest, quiet)?;

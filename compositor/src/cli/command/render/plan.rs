@@ -1,6 +1,7 @@
 //! Flags, configuration and a manifest become one plan before anything opens. Nobody sees a flag after that.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::anyhow;
 use brickcast_volume::StoreHash;
@@ -35,6 +36,8 @@ pub(super) struct RenderPlan {
     pub(super) error: Option<PathBuf>,
     pub(super) dry_run: bool,
     pub(super) lod: Lod,
+    /// With several levels.
+    pub(super) frame_budget: Option<Duration>,
     /// Coarser pictures are written first.
     pub(super) progressive: bool,
     /// What to say of balancing that was asked for in vain.
@@ -83,7 +86,7 @@ impl RenderPlan {
             return Err(Failure::usage(anyhow!("--frames {}: must lie between 1 and {MAX_FRAMES}", args.frames)));
         }
         let lod = drawer::asked(&args, &scenes)?;
-        let progressive = drawer::is_progressive(&args, &scenes, lod)?;
+        let progressive = drawer::is_progressive(&args, &scenes, &lod)?;
         if args.audit {
             scenes.check_intervals("--audit")?;
         }
@@ -121,9 +124,10 @@ impl RenderPlan {
         // another kind.
         let several = scenes.count() > 1 && nodes.are_elsewhere() && !args.audit && args.error.is_none();
         Ok(Self {
+            unbalanced: drawer::unbalanced(&args, &lod),
             lod,
             progressive,
-            unbalanced: drawer::unbalanced(&args, lod),
+            frame_budget: args.lod.frame_budget,
             source: SourcePlan::of(args.path, args.prepare, &scenes, nodes.are_elsewhere())?,
             balance: args.balance.settings(if several { BalanceArg::Dynamic } else { BalanceArg::Off }),
             background,

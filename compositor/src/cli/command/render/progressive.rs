@@ -24,11 +24,11 @@ pub(super) async fn draw(
 ) -> Result<Sequence, Failure> {
     let (started, mut all) = (Instant::now(), Sequence::new(LoadStats::default()));
     let Some((scene, transport)) = frames.each().next() else { return Ok(all) };
-    let stages = drawer.stages(&scene, plan.lod)?;
+    let stages = drawer.stages(&scene, &plan.lod)?;
     let count = stages.len();
     for (i, lod) in stages.into_iter().enumerate() {
-        drawer.draw_by(lod);
-        let mut files = Files::open(plan, lod, frames)?;
+        drawer.draw_by(&lod);
+        let mut files = Files::open(plan, frames)?;
         let (load, had_room) = (drawer.load(&scene).await?, all.load.fits);
         if had_room {
             warn_of_tight_budgets(&load);
@@ -43,7 +43,7 @@ pub(super) async fn draw(
         let is_empty = frame.complete && nothing_shows::is_empty(&frame.picture);
         // Of the last picture, not of all that came before it.
         all.empty = usize::from(is_empty);
-        files.push(drawer.store(), (&scene, transport), &frame, is_empty.then_some(frames.outlook.as_ref()))?;
+        files.push(drawer, (&scene, transport), &frame, is_empty.then_some(frames.outlook.as_ref()))?;
         all.written = files.finish()?;
         say(quiet, &in_words((i + 1, count), &frame, since))?;
         all.frames.push(frame.stats);

@@ -40,14 +40,18 @@ impl Redraw {
         Ok(redraw)
     }
 
-    /// The levels that all frames are drawn of.
+    /// The levels that all frames are drawn of; of sets, the first frame's.
     ///
     /// # Errors
-    /// Frames of different ones.
+    /// Frames of different ones, unless each has a set.
     pub(super) fn lod(&self) -> Result<Lod, Failure> {
-        let first = self.manifests.first().map_or(Lod::Full, |manifest| manifest.lod);
-        match self.manifests.iter().position(|manifest| manifest.lod != first) {
-            None => Ok(first),
+        let first = self.manifests.first().map_or(&Lod::Full, |manifest| &manifest.lod);
+        let is_same = |lod: &Lod| match (lod, first) {
+            (Lod::Set(_), Lod::Set(_)) => true,
+            (lod, first) => lod == first,
+        };
+        match self.manifests.iter().position(|manifest| !is_same(&manifest.lod)) {
+            None => Ok(first.clone()),
             Some(i) => {
                 let file = self.path.display();
                 Err(anyhow!("{file}: frame {i} has another lod than frame 0: draw them apart").into())

@@ -17,7 +17,6 @@ use crate::cli::progress::Bar;
 use crate::cli::say::{answer, say};
 use crate::cli::scene::nothing_shows::{self, Outlook};
 use crate::output::{Difference, FrameOptions, FrameWriter, animation_manifest, hatched, write_manifest};
-use crate::plan::StoreFacts;
 use crate::session::audit::Audit;
 use crate::session::{Frame, FrameStats, LoadStats};
 
@@ -56,8 +55,6 @@ impl Sequence {
 /// The files of a sequence in the making.
 pub(super) struct Files<'a> {
     plan: &'a RenderPlan,
-    /// By what its frames are drawn.
-    lod: Lod,
     written: Option<(FrameWriter, Unended)>,
     /// While there is a writer.
     _farewell: Option<Farewell>,
@@ -83,7 +80,7 @@ pub(super) async fn draw(
     quiet: bool,
 ) -> Result<Sequence, Failure> {
     drawer.balance(plan.balance.clone());
-    let mut files = Files::open(plan, plan.lod, frames)?;
+    let mut files = Files::open(plan, frames)?;
     let started = Instant::now();
     let load = drawer.load(frames.first()).await?;
     warn_of_tight_budgets(&load);
@@ -117,6 +114,11 @@ async fn each(
     let far = |done: usize| bar.iter().for_each(|bar| bar.at(done as u64, count.into()));
     far(0);
     for (i, (scene, transport)) in frames.each().enumerate() {
+        if let ScenesPlan::Drawn(redraw) = &plan.scenes
+            && let Some(Lod::Set(_)) = redraw.manifests.get(i).map(|manifest| &manifest.lod)
+        {
+            drawer.draw_by(&redraw.manifests[i].lod);
+        }
         let frame = drawer.render(&scene, transport, plan.nodes.deadline).await?;
         if i == 0 {
             all.first_frame_ms = started.elapsed().as_secs_f64() * 1e3;
@@ -126,7 +128,7 @@ async fn each(
         let is_empty = frame.complete && nothing_shows::is_empty(&frame.picture);
         all.empty += usize::from(is_empty);
         let empty_because = is_empty.then_some(frames.outlook.as_ref());
-        files.push(drawer.store(), (&scene, transport), &frame, empty_because)?;
+        files.push(drawer, (&scene, transport), &frame, empty_because)?;
         if let (ScenesPlan::Drawn(redraw), true) = (&plan.scenes, frame.complete) {
             all.differences.extend(redraw.compare(i, &frame.picture, plan.background));
         }
@@ -146,7 +148,7 @@ async fn each(
 }
 
 impl<'a> Files<'a> {
-    pub(super) fn open(plan: &'a RenderPlan, lod: Lod, frames: &Frames<'_>) -> Result<Self, Failure> {
+    pub(super) fn open(plan: &'a RenderPlan, frames: &Frames<'_>) -> Result<Self, Failure> {
         let written = match &plan.output {
             Some(output) => {
                 let background = output.format.background(plan.background);
@@ -158,13 +160,13 @@ impl<'a> Files<'a> {
             None => None,
         };
         let farewell = written.as_ref().map(|(_, unended)| unended.farewell());
-        Ok(Self { plan, lod, written, _farewell: farewell })
+        Ok(Self { plan, written, _farewell: farewell })
     }
 
     /// `empty_because` is there where nothing shows.
     pub(super) fn push(
         &mut self,
-        store: &StoreFacts,
+        drawer: &Drawer,
         shown: (&Scene, Transport),
         frame: &Frame,
         empty_because: Option<Option<&Outlook>>,
@@ -175,8 +177,8 @@ impl<'a> Files<'a> {
             return Ok(writer.push(&picture)?);
         }
         let background = output.format.background(self.plan.background);
-        let origin = Origin { path: self.plan.source.given.as_deref(), background, lod: self.lod };
-        let mut manifest = manifest(store, shown, frame, origin);
+        let origin = Origin { path: self.plan.source.given.as_deref(), background, lod: drawer.lod() };
+        let mut manifest = manifest(drawer.store(), shown, frame, origin);
         manifest.about.empty = empty_because.is_some();
         manifest.about.empty_because = empty_because.flatten().map(|outlook| outlook.why().to_owned());
         if output.format.is_animation() {
