@@ -7,7 +7,7 @@ use brickcast_remote::PlaceError;
 use brickcast_volume::pixel::KindError;
 use brickcast_volume::store::StoreError;
 use brickcast_volume::visibility::ViewError;
-use brickcast_volume::{BrickId, BrickIndex, ChunkId, ChunkIndex, StoreHash, TreeNode};
+use brickcast_volume::{BrickId, BrickIndex, ChunkId, StoreHash, TreeNode};
 
 use crate::brick::shares::{MemoryShares, Need};
 use crate::config::format_bytes;
@@ -40,6 +40,10 @@ pub enum NodeError {
 
     #[error("store `{name}` has no coarser level than this, and the order says that its chunks meet one")]
     NoCoarserLevel { name: String },
+    #[error("level {level} of store `{name}` is not what the store says of it, or the store has no such level")]
+    OtherLevel { name: String, level: u8 },
+    #[error("chunk {0} is in none of the order's parts")]
+    NoPart(ChunkId),
     #[error("layer {} is no node of this store's merge tree, or has no chunks", .0.0)]
     NoSuchLayer(TreeNode),
     #[error("chunk {chunk} is beyond the store's last, {last}")]
@@ -68,7 +72,7 @@ pub enum NodeError {
         format_bytes(*bytes),
         format_bytes(*budget)
     )]
-    ChunkTooLarge { chunk: ChunkIndex, bytes: u64, budget: u64 },
+    ChunkTooLarge { chunk: ChunkId, bytes: u64, budget: u64 },
     #[error("bricks of {} are wanted at once, the memory budget has {}", format_bytes(*bytes), format_bytes(*budget))]
     BatchTooLarge { bytes: u64, budget: u64 },
     #[error(transparent)]
@@ -137,6 +141,8 @@ impl NodeError {
             Self::OtherContent { .. } => Fault::OtherContent,
             Self::BadName { .. }
             | Self::NoCoarserLevel { .. }
+            | Self::OtherLevel { .. }
+            | Self::NoPart(_)
             | Self::NoSuchLayer(_)
             | Self::NoSuchChunk { .. }
             | Self::ChunkElsewhere { .. }

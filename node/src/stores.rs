@@ -15,7 +15,7 @@ use brickcast_volume::StoreHash;
 use brickcast_volume::store::{Jail, Objects, Store, StoreError, StoreFolder};
 
 use self::far::FarRoot;
-pub use self::open::{OpenStore, Source};
+pub use self::open::{OpenStore, Source, Sources};
 use crate::config::DataRoot;
 use crate::error::NodeError;
 

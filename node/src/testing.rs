@@ -86,7 +86,7 @@ pub(crate) fn whole_order(tree: &MergeTree, store: StoreHash, scene: Scene) -> R
     let chunks = tree.chunk_ids().collect();
     let layers = vec![LayerOrder { node: TreeNode(1), chunks, tiles }];
     let (session, frame, epoch) = (SessionId(1), FrameId(7), Epoch(3));
-    RenderOrder { session, frame, epoch, store, scene, transport: Transport::F32, layers, borders: None }
+    RenderOrder { session, frame, epoch, store, scene, transport: Transport::F32, layers, parts: Vec::new() }
 }
 
 #[derive(Debug)]

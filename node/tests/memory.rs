@@ -55,7 +55,7 @@ fn order(store: &Store) -> RenderOrder {
     let chunks = MergeTree::of(manifest.grid).chunk_ids().collect();
     let layers = vec![LayerOrder { node: TreeNode(1), chunks, tiles: TileRect::of_picture(scene.view.size) }];
     let (session, frame, epoch, transport) = (SessionId(1), FrameId(1), Epoch(1), Transport::F32);
-    RenderOrder { session, frame, epoch, store: store.hash(), scene, transport, layers, borders: None }
+    RenderOrder { session, frame, epoch, store: store.hash(), scene, transport, layers, parts: Vec::new() }
 }
 
 /// One test: peaks only rise, so the order counts.

@@ -19,7 +19,7 @@ pub use cluster::{
     Throttle,
 };
 pub use convert::WireError;
-pub use order::{LayerOrder, RenderOrder};
+pub use order::{LayerOrder, LevelPart, RenderOrder};
 pub use part::{ChunkCost, FramePart, Part, Receipt, TilePart};
 pub use status::{Failure, Fault, Retry};
 pub use tile::{EncodedTile, TileError, decode_tile, encode_tile};

@@ -29,7 +29,20 @@ pub struct RenderOrder {
     pub scene: Scene,
     pub transport: Transport,
     pub layers: Vec<LayerOrder>,
-    /// Where they meet those of other levels of the volume.
+    /// Of which levels of the volume the chunks are drawn, the finest first; none where all are of `store` itself, which
+    /// is the finest.
+    pub parts: Vec<LevelPart>,
+}
+
+/// What of an order is drawn on one level.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LevelPart {
+    pub level: u8,
+    /// That level's.
+    pub store: StoreHash,
+    /// Of the order's store; each stands for the level's chunk in which it lies.
+    pub chunks: Vec<ChunkId>,
+    /// Where the level's chunks meet those of other levels.
     pub borders: Option<Borders>,
 }
 

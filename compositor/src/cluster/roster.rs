@@ -35,7 +35,7 @@ pub(crate) struct Slot {
 /// the nodes.
 #[derive(Debug, Clone)]
 pub(crate) struct Roster {
-    store: StoreHash,
+    pub(crate) store: StoreHash,
     pub(crate) epoch: Epoch,
     slots: Arc<Vec<Slot>>,
 }
@@ -77,7 +77,12 @@ impl Roster {
     }
 
     /// What a node is asked to load for a session.
-    pub(crate) fn loading(&self, session: SessionId, bricks: Vec<BrickId>, scene: Scene) -> LoadRequest {
-        LoadRequest { session, store: self.store, bricks, scene, background: false, release: Vec::new() }
+    pub(crate) fn loading(
+        &self,
+        session: SessionId,
+        (store, bricks): (StoreHash, Vec<BrickId>),
+        scene: Scene,
+    ) -> LoadRequest {
+        LoadRequest { session, store, bricks, scene, background: false, release: Vec::new() }
     }
 }

@@ -1,7 +1,7 @@
 //! Layers become a picture: tile by tile, joined at the merge tree's nodes as their kind of pixels is, in f32; then
 //! coloured.
 
-use std::collections::HashMap;
+use std::collections::HashSet;
 
 use brickcast_proto::{TILE, TileRect};
 use brickcast_volume::merge::{MergeTree, Viewpoint};
@@ -22,39 +22,22 @@ pub enum BlendError {
     Kind(#[from] KindError),
 }
 
-/// What one level of a volume brought to a frame, and from where it is seen in that level's own index space.
+/// What a frame's nodes answered, and from where it is seen.
 #[derive(Debug, Clone, Copy)]
-pub struct LevelLayers<'a> {
+pub struct Layers<'a> {
     pub ledger: &'a Ledger,
     pub tree: &'a MergeTree,
     pub from: Viewpoint,
 }
 
-impl LevelLayers<'_> {
-    /// As all of a frame: one of this level alone.
-    #[must_use]
-    pub fn alone(&self) -> Levels<'_> {
-        Levels { finest: (self.tree, self.from), levels: std::slice::from_ref(self) }
-    }
-}
-
-/// The levels of a frame; several where parts of the volume are drawn coarser. Their layers are nodes of one tree, the
-/// finest's, none within another.
-#[derive(Debug, Clone, Copy)]
-pub struct Levels<'a> {
-    /// The tree of level 0, at whose nodes all are joined, and its viewpoint.
-    pub finest: (&'a MergeTree, Viewpoint),
-    pub levels: &'a [LevelLayers<'a>],
-}
-
-/// Joins everything that the ledgers hold, in visibility order, and colours it.
+/// Joins everything that the ledger holds, in visibility order, and colours it.
 ///
 /// # Errors
 /// Layers of two kinds, which no ledger has whose tiles were decoded for one scene.
-pub fn blend(levels: Levels<'_>, size: PictureSize, coloring: &Coloring) -> Result<Picture, BlendError> {
-    let ways = Ways::to(levels.levels.iter().map(|level| level.ledger.layers()));
+pub fn blend(layers: Layers<'_>, size: PictureSize, coloring: &Coloring) -> Result<Picture, BlendError> {
+    let ways = Ways::to(layers.ledger.layers());
     let finished = |tile| {
-        let joined = joined(levels, &ways, tile).transpose()?;
+        let joined = joined(layers, &ways, tile).transpose()?;
         Some(joined.map(|pixels| FinishedTile { tile, pixels: Some(coloring.colors(&pixels)) }))
     };
     let mut picture = Picture::new(size, vec![Premul::CLEAR; size.pixel_count()])?;
@@ -70,62 +53,38 @@ pub fn blend(levels: Levels<'_>, size: PictureSize, coloring: &Coloring) -> Resu
     Ok(picture)
 }
 
-/// As [`blend`], of one tile of a frame of one level; nothing where it is clear.
-pub(super) fn blend_tile(
-    level: LevelLayers<'_>,
-    coloring: &Coloring,
-    tile: [u32; 2],
-) -> Result<FinishedTile, KindError> {
-    let here = level.ledger.layers().filter(|layer| level.ledger.pixels(*layer, tile).is_some());
-    let joined = joined(level.alone(), &Ways::to(std::iter::once(here)), tile)?;
+/// As [`blend`], of one tile; nothing where it is clear.
+pub(super) fn blend_tile(layers: Layers<'_>, coloring: &Coloring, tile: [u32; 2]) -> Result<FinishedTile, KindError> {
+    let here = layers.ledger.layers().filter(|layer| layers.ledger.pixels(*layer, tile).is_some());
+    let joined = joined(layers, &Ways::to(here), tile)?;
     Ok(FinishedTile { tile, pixels: joined.map(|pixels| coloring.colors(&pixels)) })
 }
 
-/// The tree's nodes from the root down to the layers, each with the levels that have layers at or below it, a bit each:
-/// only subtrees that hold a layer are worth a visit.
-struct Ways(HashMap<TreeNode, u64>);
+/// The tree's nodes from the root down to the layers: only subtrees that hold a layer are worth a visit.
+struct Ways(HashSet<TreeNode>);
 
 impl Ways {
-    fn to(levels: impl Iterator<Item = impl Iterator<Item = TreeNode>>) -> Self {
-        let mut ways: HashMap<TreeNode, u64> = HashMap::new();
-        for (place, layers) in levels.enumerate() {
-            let bit = 1 << (place as u32).min(u64::BITS - 1);
-            for layer in layers {
-                let mut node = layer.0;
-                while node > 0 {
-                    let levels = ways.entry(TreeNode(node)).or_default();
-                    if *levels & bit != 0 {
-                        break;
-                    }
-                    *levels |= bit;
-                    node /= 2;
-                }
+    fn to(layers: impl Iterator<Item = TreeNode>) -> Self {
+        let mut ways = HashSet::new();
+        for layer in layers {
+            let mut node = layer.0;
+            while node > 0 && ways.insert(TreeNode(node)) {
+                node /= 2;
             }
         }
         Self(ways)
-    }
-
-    /// The only level at or below a node, where there is one.
-    fn only_level(&self, node: TreeNode) -> Option<usize> {
-        self.0.get(&node).filter(|levels| levels.count_ones() == 1).map(|levels| levels.trailing_zeros() as usize)
     }
 }
 
 /// The pixels of a tile, where anything shows in it.
 type Joined = Result<Option<TilePixels>, KindError>;
 
-fn joined(levels: Levels<'_>, ways: &Ways, tile: [u32; 2]) -> Joined {
-    let (finest, from) = levels.finest;
+fn joined(layers: Layers<'_>, ways: &Ways, tile: [u32; 2]) -> Joined {
     let mut layer = |node: TreeNode| -> Option<Joined> {
-        if let Some(pixels) = levels.levels.iter().find_map(|level| level.ledger.pixels(node, tile)) {
+        if let Some(pixels) = layers.ledger.pixels(node, tile) {
             return Some(Ok(Some(pixels.clone())));
         }
-        (!ways.0.contains_key(&node)).then_some(Ok(None))
-    };
-    // Where all is of one level, as a node would have joined it: an eye on a plane must not depend on who does.
-    let order = |node: TreeNode| match ways.only_level(node).and_then(|place| levels.levels.get(place)) {
-        Some(level) => level.tree.front_and_back(node, level.from),
-        None => finest.front_and_back(node, from),
+        (!ways.0.contains(&node)).then_some(Ok(None))
     };
     let mut join = |front: Joined, back: Joined| -> Joined {
         match (front?, back?) {
@@ -136,5 +95,5 @@ fn joined(levels: Levels<'_>, ways: &Ways, tile: [u32; 2]) -> Joined {
             (one, other) => Ok(one.or(other)),
         }
     };
-    finest.fold_by(MergeTree::ROOT, &order, &mut layer, &mut join).unwrap_or(Ok(None))
+    layers.tree.fold(MergeTree::ROOT, layers.from, &mut layer, &mut join).unwrap_or(Ok(None))
 }

@@ -199,9 +199,9 @@ impl Run<'_, '_> {
         }
         let FrameOrder { session, frame, epoch, store, scene, transport, .. } = *self.order;
         let chunks = layers.iter().flat_map(|layer| layer.chunks.iter().copied());
-        let borders = self.shown.borders().and_then(|borders| borders.only(chunks));
+        let parts = self.shown.parts_of(chunks);
         let scene = scene.clone();
-        let order = RenderOrder { session, frame, epoch, store, scene, transport, layers, borders };
+        let order = RenderOrder { session, frame, epoch, store, scene, transport, layers, parts };
         let task = self.tasks.spawn(collect(client, ticket, order, self.events.clone()));
         self.sent.push(Sent { worker, task, progress: now, work: None, ended: false });
         Ok(())

@@ -51,24 +51,6 @@ impl NodeFrame {
         }
     }
 
-    /// Adds what the same node did for another level of the same picture.
-    pub fn join(&mut self, other: &Self) {
-        self.render_ms += other.render_ms;
-        self.bricks += other.bricks;
-        self.samples += other.samples;
-        self.positions += other.positions;
-        self.leapt_positions += other.leapt_positions;
-        self.cost += other.cost;
-        self.work_ms += other.work_ms;
-        self.flattened_bricks += other.flattened_bricks;
-        self.uniform_bricks += other.uniform_bricks;
-        self.over_tolerance_bricks += other.over_tolerance_bricks;
-        self.layers += other.layers;
-        self.load_ms += other.load_ms;
-        self.decoded_bytes += other.decoded_bytes;
-        self.owned_bytes += other.owned_bytes;
-    }
-
     /// Adds what the node's receipt says; a node that takes over for another gives several in a frame.
     pub fn take(&mut self, receipt: &Receipt) {
         self.render_ms += receipt.render_ms;

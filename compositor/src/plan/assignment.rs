@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use brickcast_volume::{BrickId, ChunkId, PerChunk};
+use brickcast_volume::{BrickId, ChunkId, PerChunk, StoreHash};
 
 use super::shown::Shown;
 
@@ -90,9 +90,21 @@ impl Assignment {
         self.owner.ids().filter(|&chunk| holds(chunk)).collect()
     }
 
-    /// The bricks that `node` must hold.
+    /// The bricks that `node` must hold; of several levels those of the finest.
     #[must_use]
     pub fn bricks_of(&self, shown: &Shown, node: usize) -> Vec<BrickId> {
         shown.bricks_in(&self.chunks_of(node))
+    }
+
+    /// The bricks that `node` must hold, by their stores: `store` is that of the finest level.
+    #[must_use]
+    pub fn bricks_by_store(&self, shown: &Shown, store: StoreHash, node: usize) -> Vec<(StoreHash, Vec<BrickId>)> {
+        let Some(parts) = shown.parts() else { return vec![(store, self.bricks_of(shown, node))] };
+        let chunks = self.chunks_of(node);
+        parts
+            .iter()
+            .map(|part| (part.store, part.bricks_in(&chunks)))
+            .filter(|(_, bricks)| !bricks.is_empty())
+            .collect()
     }
 }

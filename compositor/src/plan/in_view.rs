@@ -1,7 +1,6 @@
 //! One view of what is shown: which chunks it touches and where, and what is ordered from whom.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::sync::Arc;
 
 use brickcast_proto::{LayerOrder, TileRect};
 use brickcast_volume::chord::expected_samples;
@@ -23,8 +22,6 @@ pub struct InView {
     tree: MergeTree,
     /// The pixels that each may touch; empty where it shows nothing.
     rects: PerChunk<PixelRect>,
-    /// As of what is shown: chunks in which another level of the volume is drawn.
-    elsewhere: Option<Arc<PerChunk<bool>>>,
 }
 
 /// Rays through a chunk, and at least through a strip of it, by which its cost in a view is told beforehand.
@@ -45,7 +42,21 @@ impl InView {
             _ => NOTHING,
         };
         let rects = shown.per_chunk.iter().map(rect).collect();
-        Self { tree, rects, elsewhere: shown.elsewhere.clone() }
+        Self { tree, rects }
+    }
+
+    /// Of several levels, each seen in its own voxels: `views` are those of [`Shown::parts`].
+    #[must_use]
+    pub fn of_levels(shown: &Shown, views: &[View]) -> Self {
+        let tree = shown.tree;
+        let mut rects = PerChunk::filled(NOTHING, shown.per_chunk.count());
+        for (part, view) in shown.parts().unwrap_or_default().iter().zip(views) {
+            let rect = |brick| view.project(&part.tree.grid().owned_box(brick));
+            for &chunk in part.chunks.keys() {
+                rects[chunk] = part.bricks_of(chunk).map(rect).fold(NOTHING, |all, one| all.union(&one));
+            }
+        }
+        Self { tree, rects }
     }
 
     /// The chunks in view and the tiles that they touch.
@@ -55,9 +66,9 @@ impl InView {
         seen.map(|(c, r)| (c, TileRect::around(r))).collect()
     }
 
-    /// The pixels that chunks in view may touch, a rectangle each.
-    pub fn rects(&self) -> impl Iterator<Item = PixelRect> + '_ {
-        self.rects.values().copied().filter(|rect| !rect.is_empty())
+    /// The chunks in view and the pixels that they may touch.
+    pub fn rects(&self) -> impl Iterator<Item = (ChunkId, PixelRect)> + '_ {
+        self.rects.iter().filter(|(_, rect)| !rect.is_empty()).map(|(chunk, rect)| (chunk, *rect))
     }
 
     /// Per chunk, and per strip of its tiles: about how many sample positions lie inside the box of its shown bricks.
@@ -80,13 +91,12 @@ impl InView {
     }
 
     /// The layers that render the chunks that are `mine`, and no others: maximal subtrees all of whose chunks in view
-    /// are, and in which no other level of the volume is drawn.
+    /// are.
     #[must_use]
     pub fn layers(&self, mine: impl Fn(ChunkId) -> bool) -> Vec<LayerOrder> {
         let tree = &self.tree;
         let rect = |c: ChunkIndex| self.rects[tree.chunk_id(c)];
-        let elsewhere = |c| self.elsewhere.as_ref().is_some_and(|there| there.get(tree.chunk_id(c)) == Some(&true));
-        tree.layers(&|c| !rect(c).is_empty() || elsewhere(c), &|c| mine(tree.chunk_id(c)) && !elsewhere(c))
+        tree.layers(&|c| !rect(c).is_empty(), &|c| mine(tree.chunk_id(c)))
             .into_iter()
             .map(|(node, chunks)| LayerOrder {
                 node,

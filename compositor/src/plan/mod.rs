@@ -4,11 +4,13 @@
 
 mod assignment;
 mod in_view;
+mod level_shown;
 mod shown;
 mod unordered;
 
 pub use assignment::{Assignment, Share};
 pub use in_view::{InView, Orders};
+pub use level_shown::LevelShown;
 pub(crate) use shown::drawn_in_scene;
 pub use shown::{Shown, StoreFacts};
 pub use unordered::Unordered;

@@ -1,14 +1,18 @@
 //! Which bricks have something to show, whatever the view.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use brickcast_volume::lod::{Borders, Part};
+use brickcast_proto::LevelPart;
+use brickcast_volume::lod::Selection;
 use brickcast_volume::look_on::{BricksOf, LookOn, NewTables};
 use brickcast_volume::merge::MergeTree;
 use brickcast_volume::regions::{BrickFacts, Drawn};
 use brickcast_volume::scene::Scene;
 use brickcast_volume::store::{BrickRanges, CellRanges, Manifest, Store};
 use brickcast_volume::{BrickId, BrickIndex, ChunkId, ChunkIndex, OwnedBox, PerChunk};
+
+use super::level_shown::{LevelShown, voxels_of};
 
 /// A store as the compositor knows it: no voxels, only what planning needs.
 #[derive(Debug, Clone)]
@@ -60,15 +64,13 @@ impl StoreFacts {
 pub struct Shown {
     pub(super) tree: MergeTree,
     /// Per brick, x fastest: true where its stored box has opacity somewhere.
-    bricks: Vec<bool>,
+    pub(super) bricks: Vec<bool>,
     /// How many of its bricks are shown.
     pub(super) per_chunk: PerChunk<u32>,
     /// The smallest box of voxels around them.
     pub(super) boxes: PerChunk<Option<OwnedBox>>,
-    /// Chunks in which another level of the volume is drawn; nothing where this is all of it.
-    pub(super) elsewhere: Option<Arc<PerChunk<bool>>>,
-    /// Where it meets them.
-    borders: Option<Arc<Borders>>,
+    /// What of it is shown on which level of the volume; nothing where all is on this one.
+    parts: Option<Arc<[LevelShown]>>,
 }
 
 /// Of every brick, x fastest: how it is drawn, and whether it has regions; nothing where it shows nothing.
@@ -99,36 +101,59 @@ impl Shown {
             boxes[chunk] =
                 Some(boxes[chunk].map_or(owned, |b| OwnedBox { lo: b.lo.min(owned.lo), hi: b.hi.max(owned.hi) }));
         }
-        Self { tree, bricks, per_chunk, boxes, elsewhere: None, borders: None }
+        Self { tree, bricks, per_chunk, boxes, parts: None }
     }
 
-    /// What is shown where only a part of the volume is drawn on this level.
+    /// What is shown of several levels, each chunk on the one that is selected; `levels` has each level's store and what
+    /// is shown of it, the finest first. A chunk of a coarser level is shown in the first of this level's chunks in it.
     #[must_use]
-    pub fn only(&self, part: &Part) -> Self {
-        let grid = self.tree.grid();
-        let is_drawn = |brick| part.drawn.get(self.tree.chunk_id(self.tree.chunk_of(brick))) == Some(&true);
-        let bricks = grid.bricks().zip(&self.bricks).map(|(brick, &shown)| shown && is_drawn(brick)).collect();
-        let borders = Borders::of(&self.tree, part).map(Arc::new);
-        Self { elsewhere: Some(Arc::new(part.elsewhere.clone())), borders, ..Self::of(self.tree, bricks) }
+    pub fn of_levels(selection: &Selection, levels: &[(StoreFacts, Self)]) -> Self {
+        let tree = *selection.levels().finest();
+        let mut all = Self::of(tree, vec![false; tree.grid().brick_count() as usize]);
+        let part = |level: u8| {
+            let (store, shown) = levels.get(usize::from(level))?;
+            LevelShown::new(selection, level, (store, shown))
+        };
+        let parts: Vec<LevelShown> = selection.used().filter_map(part).collect();
+        for (part, (chunk, of_level)) in parts.iter().flat_map(|part| part.chunks.iter().map(move |c| (part, c))) {
+            let Some((_, shown)) = levels.get(usize::from(part.level)) else { continue };
+            let of_level = shown.tree.chunk_id(*of_level);
+            all.per_chunk[*chunk] = shown.per_chunk[of_level];
+            let scale = 1 << part.level;
+            let last = tree.grid().volume_dims();
+            let finest = |voxels: OwnedBox| OwnedBox { lo: voxels.lo * scale, hi: (voxels.hi * scale).min(last) };
+            all.boxes[*chunk] = shown.boxes[of_level].map(finest);
+        }
+        if let Some(finest) = parts.iter().find(|part| part.level == 0) {
+            all.bricks.clone_from(&finest.bricks);
+        }
+        Self { parts: Some(parts.into()), ..all }
     }
 
-    /// Where it meets other levels of the volume; nothing where all of it is drawn.
+    /// What is shown on which level, where there are several.
     #[must_use]
-    pub fn borders(&self) -> Option<&Borders> {
-        self.borders.as_deref()
+    pub fn parts(&self) -> Option<&[LevelShown]> {
+        self.parts.as_deref()
     }
 
+    /// What an order of some chunks says of levels.
+    #[must_use]
+    pub fn parts_of(&self, chunks: impl Iterator<Item = ChunkId>) -> Vec<LevelPart> {
+        let Some(parts) = self.parts() else { return Vec::new() };
+        let wanted: BTreeSet<ChunkId> = chunks.collect();
+        parts.iter().filter_map(|part| part.order(&wanted)).collect()
+    }
+
+    /// Of all levels.
     #[must_use]
     pub fn brick_count(&self) -> usize {
-        self.bricks.iter().filter(|&&shown| shown).count()
+        self.per_chunk.values().map(|&bricks| bricks as usize).sum()
     }
 
-    /// Voxels that its shown bricks own.
+    /// Voxels that its shown bricks own, all of this level.
     #[must_use]
     pub fn voxel_count(&self) -> u64 {
-        let grid = self.tree.grid();
-        let shown = grid.bricks().zip(&self.bricks).filter(|(_, shown)| **shown);
-        shown.map(|(brick, _)| grid.owned_box(brick).voxel_count()).sum()
+        voxels_of(&self.tree, &self.bricks)
     }
 
     /// Cuts `chunks` into `runs` contiguous runs with nearly equal numbers of shown bricks: each chunk and its run.
@@ -157,7 +182,7 @@ impl Shown {
         self.tree
     }
 
-    /// The shown bricks of `chunks`, in the grid's order.
+    /// The shown bricks of `chunks`, in the grid's order; of several levels those of this one.
     #[must_use]
     pub fn bricks_in(&self, chunks: &[ChunkId]) -> Vec<BrickId> {
         let of = |&chunk: &ChunkId| self.tree.chunk_at(chunk).map(|c| self.bricks_of(c).collect::<Vec<_>>());

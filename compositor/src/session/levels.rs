@@ -1,5 +1,5 @@
-//! Pictures of several levels of one volume (docs/adr/0018-level-of-detail.md): what each level draws is an ordinary
-//! frame of that level's store, all are ordered at once, and their layers are joined at the finest tree's nodes.
+//! Pictures of several levels of one volume (docs/adr/0018-level-of-detail.md): one frame, whose orders say of which level
+//! each chunk is drawn.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -8,7 +8,7 @@ use brickcast_volume::lod::{Content, LevelSet, Levels, Rule, Selection};
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::store::Manifest;
 use brickcast_volume::style::Mode;
-use brickcast_volume::{PictureSize, PixelRect};
+use brickcast_volume::{ChunkId, PictureSize, PixelRect};
 use futures_util::future::{BoxFuture, try_join_all};
 
 use super::error::SessionError;
@@ -16,7 +16,8 @@ use super::layered::{Frame, Joining};
 use super::look::ShownLook;
 use super::stats::{LoadStats, LodStats};
 use super::{Session, StoreChoice};
-use crate::plan::{Assignment, Shown};
+use crate::frame::FrameSink;
+use crate::plan::{Assignment, LevelShown, Shown, StoreFacts};
 
 mod budgeted;
 pub mod pace;
@@ -51,14 +52,27 @@ fn is_level(store: &Manifest, level: u8, of_level: &Manifest) -> Result<(), Sess
     }
 }
 
-/// A session of every level of a volume, each with a cluster of its own on the same nodes.
+/// A session of a volume, and what is known of its levels. A picture of several is one frame: every node has one order,
+/// of chunks of different levels.
 #[derive(Debug)]
 pub struct LevelSessions {
-    /// The finest first.
-    sessions: Vec<Session>,
+    session: Session,
+    /// The stores of all levels, the finest first.
+    stores: Vec<StoreFacts>,
     levels: Levels,
-    /// What the last look shows of the finest chunks.
-    content: Option<(Arc<ShownLook>, Content)>,
+    /// What the last look shows.
+    seen: Option<Seen>,
+    /// What was selected last, and what is shown of it.
+    dealt: Option<(Selection, Arc<Shown>)>,
+}
+
+/// What a look shows of a volume, whatever the view.
+#[derive(Debug)]
+struct Seen {
+    look: Arc<ShownLook>,
+    content: Content,
+    /// Of each level.
+    levels: Vec<(StoreFacts, Shown)>,
 }
 
 impl LevelSessions {
@@ -70,24 +84,27 @@ impl LevelSessions {
         Box::pin(async move {
             let manifest = &finest.store().manifest;
             let levels = Levels::new(&manifest.geometry, manifest.grid, 1 + manifest.levels.len() as u8);
-            let coarser = try_join_all(levels.all().skip(1).map(|level| finest.at_level(level))).await?;
-            let sessions = std::iter::once(finest).chain(coarser).collect();
-            Ok(Self { sessions, levels, content: None })
+            // Only what is known of them: frames go through the one cluster.
+            let facts = |level| {
+                let finest = &finest;
+                async move { Ok::<_, SessionError>(finest.at_level(level).await?.store().clone()) }
+            };
+            let coarser = try_join_all(levels.all().skip(1).map(facts)).await?;
+            let stores = std::iter::once(finest.store().clone()).chain(coarser).collect();
+            Ok(Self { session: finest, stores, levels, seen: None, dealt: None })
         })
     }
 
     /// The session of level 0.
     #[must_use]
     pub fn finest(&self) -> &Session {
-        &self.sessions[0]
+        &self.session
     }
 
-    /// Renders each level by a table of its own from now on, instead of contiguous runs: `table` makes it for so many
-    /// chunks.
+    /// Renders by a table of its own from now on, instead of contiguous runs: `table` makes it for so many chunks of the
+    /// finest level. A chunk of a coarser level goes where the first of these in it goes.
     pub fn assign(&mut self, table: impl Fn(usize) -> Assignment) {
-        for (level, session) in self.levels.all().zip(&mut self.sessions) {
-            session.assign(table(self.levels.tree(level).chunk_count() as usize));
-        }
+        self.session.assign(table(self.levels.finest().chunk_count() as usize));
     }
 
     /// Which chunk of `scene` is drawn on which level: by store, look and view alone.
@@ -110,26 +127,34 @@ impl LevelSessions {
 
     /// The levels, and what a scene shows of the finest one's chunks.
     fn seen(&mut self, scene: &Scene) -> (&Levels, &Content) {
-        let look = self.sessions[0].whole(scene);
-        let known = self.content.take().filter(|(of, _)| Arc::ptr_eq(of, &look));
-        let store = self.sessions[0].store();
-        let (_, content) = self.content.insert(known.unwrap_or_else(|| {
+        let look = self.session.whole(scene);
+        let known = self.seen.take().filter(|seen| Arc::ptr_eq(&seen.look, &look));
+        let seen = known.unwrap_or_else(|| {
+            self.dealt = None;
             let shows = look.shown.per_chunk().values().map(|&bricks| bricks > 0).collect();
-            (look, Content::new(self.levels.finest(), scene, store.bricks(), shows))
-        }));
-        (&self.levels, content)
+            let content = Content::new(self.levels.finest(), scene, self.stores[0].bricks(), shows);
+            let shown = |store: &StoreFacts| (store.clone(), Shown::in_scene(store, scene));
+            Seen { look, content, levels: self.stores.iter().map(shown).collect() }
+        });
+        (&self.levels, &self.seen.insert(seen).content)
     }
 
-    /// Gives each level its part of `scene`; the levels that have one, or the finest where nothing shows at all.
-    fn deal(&mut self, scene: &Scene, selection: &Selection) -> Result<Vec<u8>, SessionError> {
+    /// Has the session draw what is selected; what is shown of it.
+    fn deal(&mut self, scene: &Scene, selection: &Selection) -> Result<Arc<Shown>, SessionError> {
         if scene.look.style.mode == Mode::Average {
             return Err(SessionError::MeanOfLevels);
         }
-        for (level, session) in (0..).zip(&mut self.sessions) {
-            session.draw_only(Some(selection.part(level)));
-        }
-        let used: Vec<u8> = selection.used().collect();
-        Ok(if used.is_empty() { vec![0] } else { used })
+        self.seen(scene);
+        let known = self.dealt.take().filter(|(known, _)| known == selection);
+        let (_, shown) = self.dealt.insert(known.unwrap_or_else(|| {
+            let levels = self.seen.as_ref().map_or(&[][..], |seen| &seen.levels);
+            (selection.clone(), Arc::new(Shown::of_levels(selection, levels)))
+        }));
+        let shown = shown.clone();
+        // All of level 0 is an ordinary frame.
+        let is_full = shown.parts().is_some_and(|parts| parts.iter().all(|part| part.level == 0));
+        self.session.draw_levels((!is_full).then(|| shown.clone()));
+        Ok(shown)
     }
 
     /// As [`Session::load`], of what each level draws of `scene`.
@@ -142,15 +167,12 @@ impl LevelSessions {
         selection: &'a Selection,
     ) -> BoxFuture<'a, Result<LoadStats, SessionError>> {
         Box::pin(async move {
-            let mut all = LoadStats::default();
-            for level in self.deal(scene, selection)? {
-                all.join(&self.sessions[usize::from(level)].load(scene).await?);
-            }
-            Ok(all)
+            self.deal(scene, selection)?;
+            self.session.load(scene).await
         })
     }
 
-    /// Renders one frame, each chunk on the level that is selected; every level's part has the deadline.
+    /// Renders one frame, each chunk on the level that is selected.
     ///
     /// # Errors
     /// As [`Session::render`]; the mean of samples, of which levels take different numbers.
@@ -161,48 +183,55 @@ impl LevelSessions {
         transport: Transport,
         deadline: Duration,
     ) -> BoxFuture<'a, Result<Frame, SessionError>> {
-        Box::pin(self.rendered(scene, selection, transport, deadline))
+        Box::pin(async move { self.render_into(scene, selection, (transport, deadline), &mut ()).await })
     }
 
-    async fn rendered(
-        &mut self,
-        scene: &Scene,
+    /// As [`LevelSessions::render`]; `sink` hears of the tiles as they are finished.
+    ///
+    /// # Errors
+    /// As [`LevelSessions::render`].
+    pub fn render_into<'a, 's: 'a>(
+        &'a mut self,
+        scene: &'a Scene,
+        selection: &'a Selection,
+        (transport, deadline): (Transport, Duration),
+        sink: &'s mut dyn FrameSink,
+    ) -> BoxFuture<'a, Result<Frame, SessionError>> {
+        Box::pin(async move {
+            let shown = self.deal(scene, selection)?;
+            let joining = Joining::new(self.session.store(), scene)?;
+            let rays = scene.by_rays();
+            let layered = self.session.layered((scene, &rays), transport, deadline, sink).await?;
+            let told = self.told(selection, &shown, (rays.view.size, &layered.in_view));
+            let mut frame = joining.join(layered).await?;
+            frame.stats.lod = Some(told);
+            Ok(frame)
+        })
+    }
+
+    /// What was drawn on which level, and what of it is in view.
+    fn told(
+        &self,
         selection: &Selection,
-        transport: Transport,
-        deadline: Duration,
-    ) -> Result<Frame, SessionError> {
-        let used = self.deal(scene, selection)?;
-        let joining = Joining::new(self.finest().store(), scene)?;
-        let rays = scene.by_rays();
-        let sessions = (0..).zip(&mut self.sessions).filter(|(level, _)| used.contains(level));
-        let parts = sessions.map(|(_, session)| {
-            let seen = (scene, &rays);
-            async move { session.layered(seen, transport, deadline, &mut ()).await }
-        });
-        let parts = try_join_all(parts).await?;
-        let mut in_view = vec![0; self.sessions.len()];
-        for (level, part) in used.iter().zip(&parts) {
-            in_view[usize::from(*level)] = part.in_view.len();
-        }
-        let coarse = used.iter().zip(&parts).filter(|(level, _)| **level > 0).flat_map(|(_, part)| &part.in_view);
-        let share_of_pixels = share_outside(rays.view.size, coarse.copied());
-        let mut frame = joining.join(parts).await?;
-        frame.stats.lod = Some(self.told(in_view, share_of_pixels));
-        Ok(frame)
-    }
-
-    /// What was drawn on which level; `in_view` says how many of its chunks.
-    fn told(&self, in_view: Vec<usize>, share_of_pixels: f64) -> LodStats {
-        let shown = || self.sessions.iter().map(Session::drawn);
-        let count = |of: fn(&Shown) -> u64| -> Vec<u64> { shown().map(|shown| shown.map_or(0, of)).collect() };
-        let full = self.content.as_ref().map_or(0, |(look, _)| look.shown.voxel_count());
-        let drawn: u64 = count(Shown::voxel_count).into_iter().sum();
+        shown: &Shown,
+        (size, in_view): (PictureSize, &[(ChunkId, PixelRect)]),
+    ) -> LodStats {
+        let parts = shown.parts().unwrap_or_default();
+        let count = |of: fn(&LevelShown) -> u64| -> Vec<u64> {
+            let of_level = |level| parts.iter().find(|part| part.level == level).map_or(0, of);
+            self.levels.all().map(of_level).collect()
+        };
+        let level = |chunk: ChunkId| selection.per_chunk()[chunk];
+        let seen = |of: u8| in_view.iter().filter(|(chunk, _)| level(*chunk) == of).count() as u64;
+        let coarse = in_view.iter().filter(|(chunk, _)| level(*chunk) > 0).map(|(_, rect)| *rect);
+        let full = self.seen.as_ref().map_or(0, |seen| seen.look.shown.voxel_count());
+        let drawn: u64 = count(LevelShown::voxel_count).into_iter().sum();
         LodStats {
-            drawn: count(|shown| shown.per_chunk().values().filter(|&&bricks| bricks > 0).count() as u64),
-            loaded: count(|shown| shown.brick_count() as u64),
-            in_view: in_view.into_iter().map(|chunks| chunks as u64).collect(),
+            drawn: count(|part| part.chunk_count() as u64),
+            loaded: count(|part| part.brick_count() as u64),
+            in_view: self.levels.all().map(seen).collect(),
             share_of_bytes: if full > 0 { drawn as f64 / full as f64 } else { 1.0 },
-            share_of_pixels,
+            share_of_pixels: share_outside(size, coarse),
             frame_budget: None,
         }
     }
@@ -229,8 +258,8 @@ impl LevelSessions {
     }
 
     fn whole(&mut self) -> &mut Session {
-        self.sessions[0].draw_only(None);
-        &mut self.sessions[0]
+        self.session.draw_levels(None);
+        &mut self.session
     }
 }
 

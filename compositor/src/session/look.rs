@@ -3,7 +3,6 @@
 use std::sync::{Arc, Weak};
 
 use brickcast_volume::PerChunk;
-use brickcast_volume::lod::Part;
 use brickcast_volume::scene::Scene;
 
 use crate::balance::LookId;
@@ -34,10 +33,9 @@ impl ShownLook {
         Self { id, scene: scene.clone(), shown: Arc::new(shown), bytes }
     }
 
-    /// The same where only a part of the volume is drawn on this level.
-    pub(crate) fn only(&self, part: &Part) -> Self {
-        let (scene, bytes) = (self.scene.clone(), self.bytes.clone());
-        Self { id: self.id, scene, shown: Arc::new(self.shown.only(part)), bytes }
+    /// The same where several levels of the volume are drawn.
+    pub(crate) fn showing(&self, shown: Arc<Shown>) -> Self {
+        Self { id: self.id, scene: self.scene.clone(), shown, bytes: self.bytes.clone() }
     }
 
     /// True where `scene` has this look.

@@ -16,8 +16,7 @@ use std::hash::{BuildHasher as _, RandomState};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use brickcast_proto::NodeDescription;
-use brickcast_volume::lod::Part;
+use brickcast_proto::{LoadReceipt, LoadRequest, NodeDescription};
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::{Epoch, FrameId, SessionId};
 use futures_util::future::{BoxFuture, join_all};
@@ -32,7 +31,7 @@ pub use crate::cluster::StoreChoice;
 use self::layered::{Joining, Layered};
 use self::look::ShownLook;
 use crate::balance::{Demand, Settings};
-use crate::cluster::{Dial, Outlook, Roster};
+use crate::cluster::{CallError, Dial, NodeClient, Outlook, Roster};
 use crate::frame::{self, Finished, FrameError, FrameOrder, FrameSink};
 use crate::plan::{Assignment, InView, Shown, StoreFacts};
 
@@ -49,8 +48,8 @@ pub struct Session {
     next_frame: u64,
     fixed: Option<Assignment>,
     planned: Option<Planned>,
-    /// What of the volume is drawn on this level; nothing: all of it.
-    only: Option<Arc<Part>>,
+    /// What is drawn of several levels of the volume; nothing: all of it on this one.
+    mixed: Option<Arc<Shown>>,
     /// All that the last scene shows, of which `planned` may be a part.
     whole: Option<Arc<ShownLook>>,
 }
@@ -87,7 +86,7 @@ impl Session {
     /// On a cluster that others use, too.
     #[must_use]
     pub fn on(cluster: Arc<Cluster>) -> Self {
-        Self { cluster, id: new_id(), next_frame: 1, fixed: None, planned: None, only: None, whole: None }
+        Self { cluster, id: new_id(), next_frame: 1, fixed: None, planned: None, mixed: None, whole: None }
     }
 
     #[must_use]
@@ -116,23 +115,22 @@ impl Session {
         self.cluster.balance(settings);
     }
 
-    /// Draws this part of the volume alone from now on, or all of it. Its frames are not balanced: costs of some chunks
-    /// would be taken for those of all.
-    fn draw_only(&mut self, part: Option<Part>) {
-        if self.only.as_deref() != part.as_ref() {
-            (self.only, self.planned) = (part.map(Arc::new), None);
+    /// Draws this of several levels from now on, or all of the volume on this one. Frames of several are not balanced:
+    /// what chunks cost on one level would be taken for what they cost on another.
+    fn draw_levels(&mut self, shown: Option<Arc<Shown>>) {
+        let is_same = match (&self.mixed, &shown) {
+            (Some(known), Some(shown)) => Arc::ptr_eq(known, shown),
+            (known, shown) => known.is_none() && shown.is_none(),
+        };
+        if !is_same {
+            (self.mixed, self.planned) = (shown, None);
         }
-    }
-
-    /// What it shows of what was drawn last.
-    fn drawn(&self) -> Option<&Shown> {
-        self.planned.as_ref().map(|planned| &*planned.look.shown)
     }
 
     /// What `scene` shows of what this session draws.
     fn look(&mut self, scene: &Scene) -> Arc<ShownLook> {
         let whole = self.whole(scene);
-        self.only.as_ref().map_or_else(|| whole.clone(), |part| Arc::new(whole.only(part)))
+        self.mixed.as_ref().map_or_else(|| whole.clone(), |shown| Arc::new(whole.showing(shown.clone())))
     }
 
     /// What `scene` shows, whether this session draws it or not.
@@ -179,10 +177,11 @@ impl Session {
             let table = homes.as_ref().unwrap_or(&first);
             stats.shown_bricks = look.shown.brick_count();
             let answers = join_all(roster.members().map(|(position, member)| {
-                let bricks = table.bricks_of(&look.shown, position);
-                let request = roster.loading(self.id, bricks, scene.clone());
-                let (serial, mut client) = (member.serial, member.client.clone());
-                async move { (serial, client.patience(), client.load(request).await) }
+                let bricks = table.bricks_by_store(&look.shown, self.cluster.store().hash, position);
+                let request = |(store, bricks)| roster.loading(self.id, (store, bricks), scene.clone());
+                let requests: Vec<_> = bricks.into_iter().map(request).collect();
+                let (serial, client) = (member.serial, member.client.clone());
+                async move { (serial, client.patience(), load_all(client, requests).await) }
             }));
             let (mut again, mut pause, mut fits) = (false, Duration::ZERO, true);
             let answers = answers.await;
@@ -257,7 +256,7 @@ impl Session {
         let cluster = self.cluster.clone();
         let joining = Joining::new(cluster.store(), scene)?;
         let part = self.layered((scene, &scene.by_rays()), transport, deadline, sink).await?;
-        joining.join(vec![part]).await
+        joining.join(part).await
     }
 
     /// A frame as the nodes leave it. `seen` is what the user sees; nodes, tables and tiles are of its rays, which
@@ -278,8 +277,14 @@ impl Session {
         self.next_frame += 1;
 
         let started = Instant::now();
-        let in_view = InView::new(&look.shown, &view);
-        let divided = if self.fixed.is_none() && self.only.is_none() && cluster.balances() {
+        let in_view = match look.shown.parts() {
+            Some(parts) => {
+                let views = parts.iter().map(|part| scene.view_of(&part.geometry)).collect::<Result<Vec<_>, _>>()?;
+                InView::of_levels(&look.shown, &views)
+            }
+            None => InView::new(&look.shown, &view),
+        };
+        let divided = if self.fixed.is_none() && self.mixed.is_none() && cluster.balances() {
             let demand = Demand { look: look.id, strips: in_view.sample_positions(&look.shown, &view) };
             cluster.divide(&look, demand, |roster| self.plan(scene, roster).1)
         } else {
@@ -300,7 +305,7 @@ impl Session {
         let epoch = roster.epoch;
         let balance = divided.and_then(|d| cluster.learn(d, self.id, scene, &end.costs, clean));
         let in_view = in_view.rects().collect();
-        Ok(Layered { tree: store.tree(), from: view.viewpoint(), end, epoch, balance, in_view, started })
+        Ok(Layered { end, epoch, balance, in_view, started })
     }
 }
 
@@ -308,6 +313,21 @@ impl Drop for Session {
     fn drop(&mut self) {
         self.cluster.forget(self.id);
     }
+}
+
+/// Has a node load what it is asked for, one request after the other.
+async fn load_all(mut client: NodeClient, requests: Vec<LoadRequest>) -> Result<LoadReceipt, CallError> {
+    let mut all = LoadReceipt { fits: true, ..LoadReceipt::default() };
+    for request in requests {
+        let receipt = client.load(request).await?;
+        all.load_ms += receipt.load_ms;
+        all.bricks += receipt.bricks;
+        all.decoded_bytes += receipt.decoded_bytes;
+        all.owned_bytes += receipt.owned_bytes;
+        all.bytes += receipt.bytes;
+        (all.resident_bytes, all.fits) = (receipt.resident_bytes, all.fits && receipt.fits);
+    }
+    Ok(all)
 }
 
 /// For how long a busy node is asked again. Giving up the last ones would end the render, and only the user's

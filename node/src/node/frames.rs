@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use brickcast_proto::{FramePart, Part, Receipt, RenderOrder, StoreQuery};
+use brickcast_proto::{FramePart, LevelPart, Part, Receipt, RenderOrder, StoreQuery};
 use brickcast_volume::lod::Borders;
 use tokio::runtime::Handle;
 use tokio::sync::mpsc;
@@ -16,7 +16,7 @@ use crate::clients::limits::MAX_WAITING;
 use crate::clients::{Caller, Client, Turn};
 use crate::error::NodeError;
 use crate::render::{FrameMeter, Turns, render_frame};
-use crate::stores::Source;
+use crate::stores::{OpenStore, Source, Sources};
 
 /// Parts between the renderer and the connection: 4 MiB of tiles at most.
 const PARTS_IN_FLIGHT: usize = 64;
@@ -28,6 +28,8 @@ const PROGRESS_INTERVAL: Duration = Duration::from_millis(200);
 
 /// The parts of a frame as they are made; ends after the receipt or an error.
 pub type Parts = mpsc::Receiver<Result<FramePart, NodeError>>;
+/// A level's store, and the next coarser one where it meets that.
+type OpenPart = (Arc<OpenStore>, Option<Arc<OpenStore>>);
 type Sender = mpsc::Sender<Result<FramePart, NodeError>>;
 
 impl Node {
@@ -39,14 +41,9 @@ impl Node {
         let started = Instant::now();
         self.accepting()?;
         let place = self.places.clone().try_acquire_owned().map_err(|_| NodeError::Busy(MAX_WAITING))?;
-        let meets_coarser = order.borders.as_ref().is_some_and(Borders::meet_coarser);
-        let query = StoreQuery::Hash(order.store);
-        let open = move |node: &Self| {
-            let store = node.stores.query(&query)?;
-            let coarser = meets_coarser.then(|| node.stores.coarser(&store)).transpose()?;
-            Ok((store, coarser))
-        };
-        let (store, coarser) = self.aside(&caller, open).await.inspect_err(|error| self.life.failed(error))?;
+        let opened = order.clone();
+        let open = move |node: &Self| node.open_all(&opened);
+        let (root, parts) = self.aside(&caller, open).await.inspect_err(|error| self.life.failed(error))?;
         let (tx, rx) = mpsc::channel(PARTS_IN_FLIGHT);
         let client = caller.client;
         let turn = self.turns.turn(client);
@@ -63,8 +60,14 @@ impl Node {
             let Some(turn) = self.while_telling(&tx, &order, coming).await else { return };
             let (node, worker, ordered) = (self.clone(), tx.clone(), order.clone());
             let work = move || {
-                let source = Source { store: &store, coarser: coarser.as_deref() };
-                node.render_now(&ordered, source, started, &worker, (client, turn))
+                let sources = match &parts[..] {
+                    [] => Sources::of(&root),
+                    parts => {
+                        let parts = parts.iter().map(|(store, coarser)| Source { store, coarser: coarser.as_deref() });
+                        Sources { root: &root, parts: parts.collect() }
+                    }
+                };
+                node.render_now(&ordered, &sources, started, &worker, (client, turn))
             };
             let done = flatten(self.while_telling(&tx, &order, tokio::task::spawn_blocking(work)).await);
             let last = match done {
@@ -106,12 +109,25 @@ impl Node {
         }
     }
 
+    /// The order's store, and of each of its parts that level's and, where bricks meet it, the next coarser one's.
+    fn open_all(&self, order: &RenderOrder) -> Result<(Arc<OpenStore>, Vec<OpenPart>), NodeError> {
+        let root = self.stores.query(&StoreQuery::Hash(order.store))?;
+        let part = |part: &LevelPart| {
+            let store = self.stores.by_hash(part.store)?;
+            let meets = part.borders.as_ref().is_some_and(Borders::meet_coarser);
+            let coarser = meets.then(|| self.stores.coarser(&store)).transpose()?;
+            Ok((store, coarser))
+        };
+        let parts = order.parts.iter().map(part).collect::<Result<_, NodeError>>()?;
+        Ok((root, parts))
+    }
+
     /// Renders on this (blocking) thread. The turn is given to others between slices, and while the client takes no
     /// parts.
     fn render_now(
         &self,
         order: &RenderOrder,
-        source: Source<'_>,
+        sources: &Sources<'_>,
         started: Instant,
         parts: &Sender,
         (caller, turn): (Client, Turn),
@@ -123,11 +139,11 @@ impl Node {
         let cache = self.cache.share_until(cancelled.clone());
         let mut emit = |part| desk.send(Ok(part_of(order, part)));
         let workshop = self.workshop(order.session, &cache);
-        match render_frame(order, source, workshop, &mut meter, (&cancelled, &desk), &mut emit) {
+        match render_frame(order, sources, workshop, &mut meter, (&cancelled, &desk), &mut emit) {
             Ok(()) => Ok(meter.receipt()),
             Err(NodeError::Cancelled) if self.stopped() => Err(NodeError::Draining),
             Err(error) => {
-                self.note_broken(&error, source.store);
+                self.note_broken(&error, sources.root);
                 Err(error)
             }
         }

@@ -80,7 +80,7 @@ impl Node {
                 let cancelled = node.unwanted(move || gone.load(Ordering::Relaxed));
                 let cache = node.cache.share_until(cancelled.clone());
                 let ask = Ask { session, wanted: &batch, shares, place: None };
-                let loaded = load_bricks(ask, Source::of(&store), node.workshop(session, &cache), &cancelled);
+                let loaded = load_bricks(ask, &[Source::of(&store)], node.workshop(session, &cache), &cancelled);
                 loaded.map(|(_, meter)| meter).inspect_err(|error| node.note_broken(error, &store))
             });
             load.add(loaded.await?);

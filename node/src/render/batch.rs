@@ -17,14 +17,14 @@ use crate::brick::residency::{Ask, BrickKey, Wanted, beside};
 use crate::error::NodeError;
 use crate::interval;
 use crate::kernel::{BackendInfo, Job, JobImage, ResidentBrick, Watch, new_pixels};
-use crate::stores::Source;
+use crate::stores::Sources;
 
 /// The plan's units in their order, rendered when they are needed, several at once where they are small. Holds no
 /// bricks between two slices, so that others have the room meanwhile. While a slice is rendered, the bricks that come
 /// next are loaded as far as there is room.
 pub(super) struct Batches<'a> {
     plan: &'a FramePlan,
-    source: Source<'a>,
+    sources: &'a Sources<'a>,
     workshop: Workshop<'a>,
     watch: Watch<'a>,
     turns: &'a dyn Turns,
@@ -76,6 +76,8 @@ struct Part {
 
 /// A slice that fits the memory.
 struct Slice {
+    /// Of the plan's, which all of its bricks are of.
+    level: usize,
     parts: Vec<Part>,
     /// None twice.
     wanted: Vec<Wanted>,
@@ -86,7 +88,7 @@ struct Slice {
 impl<'a> Batches<'a> {
     pub(super) fn new(
         plan: &'a FramePlan,
-        source: Source<'a>,
+        sources: &'a Sources<'a>,
         workshop: Workshop<'a>,
         watch: Watch<'a>,
         turns: &'a dyn Turns,
@@ -97,7 +99,7 @@ impl<'a> Batches<'a> {
             Some(_) => SliceSize::new(&BackendInfo { is_on_processor: true, ..info.clone() }),
             None => SliceSize::new(info),
         };
-        Self { plan, source, workshop, watch, turns, next: 0, begun: VecDeque::new(), has_worked: false, size }
+        Self { plan, sources, workshop, watch, turns, next: 0, begun: VecDeque::new(), has_worked: false, size }
     }
 
     /// All slices of so many samples.
@@ -134,12 +136,12 @@ impl<'a> Batches<'a> {
 
     /// Renders the next slice.
     fn render(&mut self, meter: &mut FrameMeter) -> Result<(), NodeError> {
-        let Slice { parts, wanted, samples } = self.slice();
-        let (plan, source, workshop, watch) = (self.plan, self.source, self.workshop, self.watch);
+        let Slice { level, parts, wanted, samples } = self.slice();
+        let (plan, sources, workshop, watch) = (self.plan, &self.sources.parts[..], self.workshop, self.watch);
         let is_cancelled = || watch.is_cancelled();
         let place = Some(plan.visits.at(&wanted));
         let ask = Ask { session: workshop.session, wanted: &wanted, shares: plan.shares, place };
-        let (lease, load) = load_bricks(ask, source, workshop, &is_cancelled)?;
+        let (lease, load) = load_bricks(ask, sources, workshop, &is_cancelled)?;
         meter.loaded(load);
         let resident: HashMap<BrickKey, &Arc<dyn ResidentBrick>> =
             wanted.iter().map(|w| w.key).zip(lease.bricks()).collect();
@@ -152,7 +154,7 @@ impl<'a> Batches<'a> {
             Job { bricks, sides: sides(part), rect: part.rect, front }
         };
         let jobs: Vec<Job> = parts.iter().map(job).collect();
-        let (scene, raycaster) = (&self.plan.scene, workshop.raycaster);
+        let (scene, raycaster) = (&self.plan.levels[level].scene, workshop.raycaster);
         let render = || match &self.plan.interval {
             Some(interval) => interval::render(scene, interval, raycaster.info(), &jobs, watch),
             None => raycaster.render_watched(scene, &jobs, watch),
@@ -161,7 +163,7 @@ impl<'a> Batches<'a> {
         let next = Ask { wanted: plan.visits.after(&wanted, plan.pass_bytes), ..ask };
         let fetch = || {
             let is_over = || is_over.load(Ordering::Relaxed) || watch.is_cancelled();
-            let _ = fetched.set(fetch_ahead(next, source, workshop, &is_over, &nanos));
+            let _ = fetched.set(fetch_ahead(next, sources, workshop, &is_over, &nanos));
         };
         let work = || {
             let started = Instant::now();
@@ -178,9 +180,8 @@ impl<'a> Batches<'a> {
         meter.loaded(fetched.into_inner().unwrap_or_default());
         for (part, image) in parts.iter().zip(images) {
             for (position, counts) in part.positions.iter().zip(&image.counts) {
-                let PlannedBrick { wanted, drawn, index, .. } = &self.plan.bricks[*position];
-                let tree = &self.plan.tree;
-                meter.rendered(wanted.key.brick, tree.chunk_id(tree.chunk_of(*index)), drawn, counts);
+                let PlannedBrick { wanted, drawn, chunk, .. } = &self.plan.bricks[*position];
+                meter.rendered((level, wanted.key.brick), *chunk, drawn, counts);
             }
             self.begun[part.unit - self.next].layer.put(image)?;
         }
@@ -195,11 +196,16 @@ impl<'a> Batches<'a> {
         let (mut brick_bytes, mut samples) = (0_u64, 0.0);
         let mut picture_bytes: u64 = self.begun.iter().map(|begun| begun.layer.bytes()).sum();
         let units = &plan.units[self.next..];
+        let mut level = None;
         let finished = self.begun.iter().zip(units).take_while(|(begun, unit)| begun.pass(unit).is_none()).count();
         for (at, unit) in plan.units.iter().enumerate().skip(self.next + finished) {
             let begun = self.begun.get(at - self.next);
             let Some(pass) = begun.map_or(unit.passes.first(), |begun| begun.pass(unit)) else { break };
             let bricks = &unit.positions[pass.positions.clone()];
+            let of_pass = bricks.first().map_or(0, |&p| plan.bricks[p].level);
+            if *level.get_or_insert(of_pass) != of_pass {
+                break;
+            }
             let left = self.size.samples() - samples;
             if !parts.is_empty() && left < self.size.samples() * 0.1 {
                 break;
@@ -213,7 +219,7 @@ impl<'a> Batches<'a> {
                 break;
             }
             if begun.is_none() {
-                self.begun.push_back(Begun::new(unit, pass, plan.scene.pixel_kind()));
+                self.begun.push_back(Begun::new(unit, pass, plan.pixel_kind()));
             }
             let begun = &mut self.begun[at - self.next];
             let rect = begun.rest.cut(pass.samples_per_pixel, left);
@@ -239,7 +245,7 @@ impl<'a> Batches<'a> {
         // In the grid's order, so that neighbours share decoded chunks.
         let mut wanted: Vec<Wanted> = wanted.into_values().collect();
         wanted.sort_unstable_by_key(|w| w.key);
-        Slice { parts, wanted, samples }
+        Slice { level: level.unwrap_or(0), parts, wanted, samples }
     }
 }
 

@@ -24,21 +24,21 @@ use crate::stores::{OpenStore, Source};
 /// Holds what is asked for, loading what is missing from the store through the shared cache of decoded chunks.
 pub(crate) fn load_bricks<'a>(
     ask: Ask<'_>,
-    source: Source<'_>,
+    sources: &[Source<'_>],
     workshop: Workshop<'a>,
     cancelled: &(dyn Fn() -> bool + Sync),
 ) -> Result<(Lease<'a>, LoadMeter), NodeError> {
     let (started, decoded) = (Instant::now(), workshop.cache.decoded_bytes());
     let load = |key: BrickKey| {
         workshop.pulse.beat();
-        load_brick(key, source, workshop.raycaster, workshop.cache)
+        load_brick(key, of_brick(&key, sources)?, workshop.raycaster, workshop.cache)
     };
     let load: &Load<'_> = &load;
     let lease = || workshop.residency.lease(ask, load, cancelled);
-    let lease = reading(source.store.store.is_far(), lease)?;
+    let lease = reading(are_far(sources), lease)?;
     let meter = match lease.loaded() {
         [] => LoadMeter::default(),
-        loaded => LoadMeter { time: started.elapsed(), ..metered(loaded, source.store, workshop, decoded) },
+        loaded => LoadMeter { time: started.elapsed(), ..metered(loaded, sources, workshop, decoded) },
     };
     Ok((lease, meter))
 }
@@ -47,7 +47,7 @@ pub(crate) fn load_bricks<'a>(
 /// takes of the processor is added to `nanos`. What fails is left to whoever needs the brick.
 pub(crate) fn fetch_ahead(
     ask: Ask<'_>,
-    source: Source<'_>,
+    sources: &[Source<'_>],
     workshop: Workshop<'_>,
     cancelled: &(dyn Fn() -> bool + Sync),
     nanos: &AtomicU64,
@@ -58,22 +58,23 @@ pub(crate) fn fetch_ahead(
     let load = |key: BrickKey| {
         workshop.pulse.beat();
         let before = thread_time();
-        let brick = load_brick(key, source, workshop.raycaster, workshop.cache)?;
+        let brick = load_brick(key, of_brick(&key, sources)?, workshop.raycaster, workshop.cache)?;
         let took = thread_time().saturating_sub(before);
         nanos.fetch_add(u64::try_from(took.as_nanos()).unwrap_or(u64::MAX), Ordering::Relaxed);
         loaded.lock().unwrap_or_else(PoisonError::into_inner).push(key);
         Ok(brick)
     };
     let load: &Load<'_> = &load;
-    let _ = reading(source.store.store.is_far(), || workshop.residency.fetch_ahead(ask, load, cancelled));
+    let _ = reading(are_far(sources), || workshop.residency.fetch_ahead(ask, load, cancelled));
     let loaded = loaded.lock().unwrap_or_else(PoisonError::into_inner);
-    metered(&loaded, source.store, workshop, decoded)
+    metered(&loaded, sources, workshop, decoded)
 }
 
 /// What was loaded since so much was `decoded`; no time.
-fn metered(loaded: &[BrickKey], store: &OpenStore, workshop: Workshop<'_>, decoded: u64) -> LoadMeter {
-    let grid = store.store.manifest().grid;
+fn metered(loaded: &[BrickKey], sources: &[Source<'_>], workshop: Workshop<'_>, decoded: u64) -> LoadMeter {
     let owned = |key: &BrickKey| {
+        let Ok(Source { store, .. }) = of_brick(key, sources) else { return 0 };
+        let grid = store.store.manifest().grid;
         let voxels = grid.owned_box(grid.index_of(key.brick)).voxel_count();
         voxels * bytes_read(key, &*store.store)
     };
@@ -103,6 +104,17 @@ fn bytes_read(key: &BrickKey, store: &dyn BrickSource) -> u64 {
 /// Voxels beyond the owned box whose regions are read: inner guards look one further.
 pub(super) fn region_margin(ghost: u32, recipe: Recipe) -> u32 {
     ghost + 1 + u32::from(recipe.radius)
+}
+
+/// Where a brick is loaded from.
+fn of_brick<'a>(key: &BrickKey, sources: &[Source<'a>]) -> Result<Source<'a>, NodeError> {
+    let of_store = |source: &&Source<'_>| source.store.store.hash() == key.store;
+    let unknown = || NodeError::UnknownStore { hash: key.store, there: "it is none of the frame's".to_owned() };
+    sources.iter().find(of_store).copied().ok_or_else(unknown)
+}
+
+fn are_far(sources: &[Source<'_>]) -> bool {
+    sources.iter().any(|source| source.store.store.is_far())
 }
 
 /// Voxels of a brick, and its regions where they are read.

@@ -9,6 +9,9 @@ use brickcast_volume::{BrickId, ChunkId};
 
 use crate::kernel::BrickCounts;
 
+/// A brick of one of the frame's levels.
+type LevelBrick = (usize, BrickId);
+
 /// Counts of one frame on this node.
 #[derive(Debug)]
 pub struct FrameMeter {
@@ -16,10 +19,10 @@ pub struct FrameMeter {
     counts: BrickCounts,
     costs: BTreeMap<ChunkId, ChunkCost>,
     work_ms: f64,
-    bricks: HashSet<BrickId>,
-    flattened: HashSet<BrickId>,
-    uniform: HashSet<BrickId>,
-    over_tolerance: HashSet<BrickId>,
+    bricks: HashSet<LevelBrick>,
+    flattened: HashSet<LevelBrick>,
+    uniform: HashSet<LevelBrick>,
+    over_tolerance: HashSet<LevelBrick>,
     layers: u32,
     tiles: u32,
     empty_tiles: u32,
@@ -70,7 +73,7 @@ impl FrameMeter {
     }
 
     /// A brick of a chunk was rendered into one accumulator.
-    pub fn rendered(&mut self, brick: BrickId, chunk: ChunkId, drawn: &Drawn, counts: &BrickCounts) {
+    pub fn rendered(&mut self, brick: LevelBrick, chunk: ChunkId, drawn: &Drawn, counts: &BrickCounts) {
         self.bricks.insert(brick);
         for (bricks, is) in [
             (&mut self.flattened, drawn.flattened),
@@ -125,7 +128,7 @@ impl FrameMeter {
     }
 }
 
-fn count(bricks: &HashSet<BrickId>) -> u32 {
+fn count(bricks: &HashSet<LevelBrick>) -> u32 {
     u32::try_from(bricks.len()).unwrap_or(u32::MAX)
 }
 
@@ -138,7 +141,7 @@ mod tests {
         let mut meter = FrameMeter::new(Instant::now(), 2);
         let plain = Drawn { flattened: false, over_tolerance: false, only_region: None };
         let flat = Drawn { flattened: true, ..plain };
-        let (seven, eight) = (BrickId::finest(7), BrickId::finest(8));
+        let (seven, eight) = ((0, BrickId::finest(7)), (0, BrickId::finest(8)));
         let (first, third) = (ChunkId::new(0), ChunkId::new(2));
         meter.rendered(seven, third, &plain, &BrickCounts { samples: 10, positions: 9, leapt: 0, skips: 1 });
         meter.rendered(seven, third, &flat, &BrickCounts { samples: 5, positions: 20, leapt: 15, skips: 2 });

@@ -8,8 +8,10 @@ mod answer;
 mod batch;
 mod choice;
 mod join;
+mod levels;
 mod load;
 mod meter;
+mod order;
 mod pace;
 mod plan;
 mod slices;
@@ -22,7 +24,7 @@ use brickcast_proto::{Part, RenderOrder};
 
 use crate::error::NodeError;
 use crate::kernel::Watch;
-use crate::stores::Source;
+use crate::stores::Sources;
 use batch::Batches;
 use plan::FramePlan;
 
@@ -41,15 +43,15 @@ pub(crate) use load::load_bricks;
 /// An order that does not fit the store, bricks over budget, a broken store, a failing adapter; what `emit` answers.
 pub fn render_frame(
     order: &RenderOrder,
-    source: Source<'_>,
+    sources: &Sources<'_>,
     workshop: Workshop<'_>,
     meter: &mut FrameMeter,
     (cancelled, turns): (&(dyn Fn() -> bool + Sync), &dyn Turns),
     emit: &mut dyn FnMut(Part) -> Result<(), NodeError>,
 ) -> Result<(), NodeError> {
-    let plan = FramePlan::new(order, source, workshop)?;
+    let plan = FramePlan::new(order, sources, workshop)?;
     let watch = Watch::new(workshop.pulse, cancelled);
-    let mut batches = Batches::new(&plan, source, workshop, watch, turns);
+    let mut batches = Batches::new(&plan, sources, workshop, watch, turns);
     for piece in &plan.pieces {
         if cancelled() {
             return Err(NodeError::Cancelled);

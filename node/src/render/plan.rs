@@ -4,13 +4,15 @@ use std::collections::HashMap;
 use std::ops::Range;
 
 use brickcast_proto::{LayerOrder, RenderOrder, TileRect};
-use brickcast_volume::lod::{Borders, Meets, Sides};
+use brickcast_volume::lod::{Meets, Sides};
 use brickcast_volume::merge::{Viewpoint, sort_front_to_back};
 use brickcast_volume::regions::Drawn;
-use brickcast_volume::{BrickIndex, ChunkIndex, MergeTree, OwnedBox, PixelRect, TreeNode, View};
+use brickcast_volume::{BrickIndex, ChunkId, ChunkIndex, MergeTree, PixelKind, PixelRect, TreeNode};
 use glam::UVec2;
 
-use super::choice::{BrickChoice, Chosen};
+use super::choice::Chosen;
+use super::levels::{Choices, PlanLevel};
+use super::order::{Seen, by_levels};
 use super::slices::SliceSize;
 use super::workshop::{MAX_BAND_PIXELS, Workshop};
 use crate::brick::residency::Wanted;
@@ -18,15 +20,15 @@ use crate::brick::residency::visits::Visits;
 use crate::brick::shares::{BrickShares, Need};
 use crate::error::NodeError;
 use crate::interval::IntervalScene;
-use crate::kernel::{KernelScene, KernelStyle};
-use crate::stores::Source;
+use crate::stores::Sources;
 
 /// A frame cut into pieces and units.
 #[derive(Debug)]
 pub(super) struct FramePlan {
     pub tree: MergeTree,
     pub from: Viewpoint,
-    pub scene: KernelScene,
+    /// Of the order's parts; one where it has none.
+    pub levels: Vec<PlanLevel>,
     /// Where one end of intervals is asked for, and not the picture itself.
     pub interval: Option<IntervalScene>,
     pub bricks: Vec<PlannedBrick>,
@@ -54,7 +56,11 @@ struct Gathered {
 pub(super) struct PlannedBrick {
     pub wanted: Wanted,
     pub drawn: Drawn,
+    /// Of the plan's.
+    pub level: usize,
     pub index: BrickIndex,
+    /// In which it is drawn, of the order's store.
+    pub chunk: ChunkId,
     /// Where it meets other levels of the volume by runs that are shorter than its own steps.
     pub sides: Sides,
     /// Pixels that it can touch.
@@ -108,38 +114,17 @@ pub(super) struct Pass {
 }
 
 impl FramePlan {
-    pub(super) fn new(order: &RenderOrder, source: Source<'_>, workshop: Workshop<'_>) -> Result<Self, NodeError> {
-        let store = &*source.store.store;
-        let manifest = store.manifest();
-        let scene = &order.scene;
-        let view = scene.view_of(&manifest.geometry)?;
-        let choice = BrickChoice::new(store, scene, workshop.tables)?;
-        let choice = match source.coarser {
-            Some(coarser) => choice.beside(&*coarser.store, workshop.tables),
-            None => choice,
-        };
+    pub(super) fn new(order: &RenderOrder, sources: &Sources<'_>, workshop: Workshop<'_>) -> Result<Self, NodeError> {
+        let manifest = sources.root.store.manifest();
+        let choices = Choices::new(order, sources, workshop.tables)?;
+        let levels = choices.levels(&order.scene)?;
         let tree = MergeTree::of(manifest.grid);
+        let extreme = order.scene.quality.extreme;
         let mut plan = Self {
             tree,
-            from: view.viewpoint(),
-            scene: KernelScene {
-                view,
-                table: choice.look.main().clone(),
-                region_table: choice.look.region().cloned(),
-                region_view: scene.look.region_view,
-                skip_empty: scene.quality.acceleration.skip_empty,
-                early_termination: scene.quality.early_termination,
-                filter: scene.quality.filter,
-                style: KernelStyle::new(
-                    &scene.look.style.clone().above_noise(manifest.noise),
-                    scene.quality.step,
-                    &manifest.geometry,
-                    manifest.range,
-                    choice.slabs.clone(),
-                ),
-                finest: order.borders.as_ref().map_or(1.0, Borders::finest),
-            },
-            interval: scene.quality.extreme.map(|extreme| choice.interval(extreme)),
+            from: order.scene.view_of(&manifest.geometry)?.viewpoint(),
+            levels,
+            interval: extreme.map(|extreme| choices.of(0).interval(extreme)),
             bricks: Vec::new(),
             pieces: Vec::new(),
             units: Vec::new(),
@@ -151,9 +136,9 @@ impl FramePlan {
         let layers = order.layers.iter().map(|layer| check(&tree, layer)).collect::<Result<Vec<_>, _>>()?;
         let mut gathered = Vec::with_capacity(layers.len());
         for (layer, chunks) in order.layers.iter().zip(layers) {
-            gathered.push(plan.gather(layer, &chunks, order, &choice, workshop)?);
+            gathered.push(plan.gather(layer, &chunks, order, &choices, workshop)?);
         }
-        plan.share(workshop, store.is_far())?;
+        plan.share(workshop, sources.parts.iter().any(|source| source.store.store.is_far()))?;
         for (at, (layer, gathered)) in order.layers.iter().zip(gathered).enumerate() {
             plan.add_layer(at, layer, &gathered, order, workshop)?;
         }
@@ -173,7 +158,7 @@ impl FramePlan {
             }
             largest = largest.max(need);
         }
-        // Bricks of one store, so that the largest is the one that takes most to load.
+        // The largest brick is the one that takes most to load.
         self.shares = workshop
             .residency
             .shares(largest, is_far)
@@ -188,13 +173,13 @@ impl FramePlan {
         layer: &LayerOrder,
         chunks: &[ChunkIndex],
         order: &RenderOrder,
-        choice: &BrickChoice<'_>,
+        choices: &Choices<'_>,
         workshop: Workshop<'_>,
     ) -> Result<Gathered, NodeError> {
         let window = layer.tiles.pixels(order.scene.view.size);
         let mut by_chunk: HashMap<TreeNode, Vec<usize>> = HashMap::new();
         for chunk in chunks {
-            let positions = self.visible(*chunk, &window, (choice, order.borders.as_ref()), workshop);
+            let positions = self.visible(*chunk, &window, choices, workshop)?;
             if !positions.is_empty() {
                 by_chunk.insert(self.tree.leaf(*chunk), positions);
             }
@@ -228,12 +213,12 @@ impl FramePlan {
             for leaf in leaves {
                 let bytes = self.bytes(&by_chunk[leaf]);
                 if bytes > budget {
-                    let chunk = self.tree.chunk_of(self.bricks[by_chunk[leaf][0]].index);
+                    let chunk = self.bricks[by_chunk[leaf][0]].chunk;
                     return Err(NodeError::ChunkTooLarge { chunk, bytes, budget });
                 }
             }
         }
-        let all: Vec<usize> = self.front_to_back(by_chunk.values().flatten().copied().collect());
+        let all: Vec<usize> = self.front_to_back(leaves, by_chunk);
         let pixels = self.band_pixels(&all, &window, workshop);
         for tiles in layer.tiles.bands(pixels) {
             let band = tiles.pixels(order.scene.view.size);
@@ -281,35 +266,51 @@ impl FramePlan {
         &mut self,
         chunk: ChunkIndex,
         window: &PixelRect,
-        (choice, borders): (&BrickChoice<'_>, Option<&Borders>),
+        choices: &Choices<'_>,
         workshop: Workshop<'_>,
-    ) -> Vec<usize> {
-        let grid = self.tree.grid();
-        let chunk_box = self.tree.voxel_box(self.tree.leaf(chunk));
-        if chunk_box.is_none_or(|voxels| self.scene.view.project(&voxels).intersect(window).is_empty()) {
-            return Vec::new();
+    ) -> Result<Vec<usize>, NodeError> {
+        let id = self.tree.chunk_id(chunk);
+        let (level, chunk) = choices.at(id, chunk)?;
+        let PlanLevel { scene, tree, borders } = &self.levels[level];
+        let (view, grid) = (&scene.view, tree.grid());
+        let chunk_box = tree.voxel_box(tree.leaf(chunk));
+        if chunk_box.is_none_or(|voxels| view.project(&voxels).intersect(window).is_empty()) {
+            return Ok(Vec::new());
         }
-        let mut indices: Vec<BrickIndex> = self.tree.bricks_of(chunk).collect();
-        sort_front_to_back(&mut indices, grid.brick_size(), self.from);
+        let mut indices: Vec<BrickIndex> = tree.bricks_of(chunk).collect();
+        sort_front_to_back(&mut indices, grid.brick_size(), view.viewpoint());
         let mut positions = Vec::new();
         for index in indices {
-            let rect = self.scene.view.project(&grid.owned_box(index)).intersect(window);
+            let rect = view.project(&grid.owned_box(index)).intersect(window);
             if rect.is_empty() {
                 continue;
             }
-            let meets = borders.map_or(Meets::default(), |borders| borders.of_brick(&self.tree, index));
-            let Some(Chosen { wanted, drawn }) = choice.of(index, meets.coarser, workshop.raycaster) else { continue };
-            let samples_per_pixel = samples_across(&self.scene.view, &grid.owned_box(index));
+            let meets = borders.as_ref().map_or(Meets::default(), |borders| borders.of_brick(tree, index));
+            let chosen = choices.of(level).of(index, meets.coarser, workshop.raycaster);
+            let Some(Chosen { wanted, drawn }) = chosen else { continue };
+            let samples_per_pixel = self.levels[level].samples_across(&grid.owned_box(index));
             // No step is shorter than the finest level's.
-            let sides = if borders.is_some_and(|b| b.level() > 0) { meets.others } else { Sides::default() };
+            let sides = if borders.as_ref().is_some_and(|b| b.level() > 0) { meets.others } else { Sides::default() };
             positions.push(self.bricks.len());
-            self.bricks.push(PlannedBrick { wanted, drawn, index, sides, rect, samples_per_pixel });
+            let brick = PlannedBrick { wanted, drawn, level, index, chunk: id, sides, rect, samples_per_pixel };
+            self.bricks.push(brick);
         }
-        positions
+        Ok(positions)
     }
 
-    fn front_to_back(&self, positions: Vec<usize>) -> Vec<usize> {
-        let at: HashMap<BrickIndex, usize> = positions.iter().map(|&p| (self.bricks[p].index, p)).collect();
+    /// The bricks of a layer, front to back.
+    fn front_to_back(&self, leaves: &[TreeNode], by_chunk: &HashMap<TreeNode, Vec<usize>>) -> Vec<usize> {
+        let all = leaves.iter().flat_map(|leaf| by_chunk[leaf].iter().copied());
+        if self.levels.len() > 1 {
+            let rect = |bricks: &[usize]| bricks.iter().fold(NOTHING, |all, &p| all.union(&self.bricks[p].rect));
+            let seen = |leaf: &TreeNode| {
+                let bricks = &by_chunk[leaf];
+                Seen { level: self.bricks[bricks[0]].level, rect: rect(bricks) }
+            };
+            let order = by_levels(&leaves.iter().map(seen).collect::<Vec<_>>());
+            return order.into_iter().flat_map(|place| by_chunk[&leaves[place]].iter().copied()).collect();
+        }
+        let at: HashMap<BrickIndex, usize> = all.map(|p| (self.bricks[p].index, p)).collect();
         let mut indices: Vec<BrickIndex> = at.keys().copied().collect();
         sort_front_to_back(&mut indices, self.tree.grid().brick_size(), self.from);
         indices.iter().map(|index| at[index]).collect()
@@ -321,12 +322,13 @@ impl FramePlan {
         positions.iter().copied().filter(touches).collect()
     }
 
-    /// Cuts positions into runs of at most so many bytes of bricks; a run of a single one may have more.
+    /// Cuts positions into runs of one level and at most so many bytes of bricks; a run of a single one may have more.
     fn runs(&self, positions: &[usize], bytes: u64) -> Vec<Range<usize>> {
         let (mut runs, mut first, mut sum) = (Vec::new(), 0, 0_u64);
+        let level = |i: usize| self.bricks[positions[i]].level;
         for (i, &position) in positions.iter().enumerate() {
             let more = self.bricks[position].wanted.bytes;
-            if i > first && sum.saturating_add(more) > bytes {
+            if i > first && (sum.saturating_add(more) > bytes || level(i) != level(first)) {
                 runs.push(first..i);
                 (first, sum) = (i, 0);
             }
@@ -341,12 +343,12 @@ impl FramePlan {
     fn add_unit(&mut self, leaf: Option<TreeNode>, positions: &[usize], band: &PixelRect) {
         let positions = self.touching(positions, band);
         let bytes = if self.interval.is_some() { u64::MAX } else { self.pass_bytes };
-        let mut rect = PixelRect { lo: UVec2::ZERO, hi: UVec2::ZERO };
+        let mut rect = NOTHING;
         let mut passes = Vec::new();
         for run in self.runs(&positions, bytes) {
             let of_pass = &positions[run.clone()];
             let parts = of_pass.iter().map(|&p| self.bricks[p].rect.intersect(band));
-            let covered = parts.fold(PixelRect { lo: UVec2::ZERO, hi: UVec2::ZERO }, |all, part| all.union(&part));
+            let covered = parts.fold(NOTHING, |all, part| all.union(&part));
             let samples_per_pixel = self.samples(of_pass, &covered) / covered.pixel_count().max(1) as f64;
             rect = rect.union(&covered);
             passes.push(Pass { positions: run, rect: covered, samples_per_pixel });
@@ -356,16 +358,17 @@ impl FramePlan {
         }
     }
 
+    /// What is left in accumulators: of every level the same.
+    pub(super) fn pixel_kind(&self) -> PixelKind {
+        self.levels.first().map_or(PixelKind::Over, |level| level.scene.pixel_kind())
+    }
+
     pub(super) fn bytes(&self, positions: &[usize]) -> u64 {
         positions.iter().map(|&p| self.bricks[p].wanted.bytes).fold(0, u64::saturating_add)
     }
 }
 
-/// Samples of a ray through a box, averaged over the rectangle around its picture: some 0.4 of its diagonal.
-fn samples_across(view: &View, owned: &OwnedBox) -> f64 {
-    let units = owned.dims().as_dvec3() / view.kernel().voxels_per_unit.as_dvec3();
-    0.4 * units.length() / view.step()
-}
+const NOTHING: PixelRect = PixelRect { lo: UVec2::ZERO, hi: UVec2::ZERO };
 
 /// The layer's chunks, if it is one of this store's.
 fn check(tree: &MergeTree, layer: &LayerOrder) -> Result<Vec<ChunkIndex>, NodeError> {

@@ -70,7 +70,7 @@ impl Bench {
         let workshop = self.workshop(raycaster, &residency);
         let mut frame = Frame::default();
         let mut meter = FrameMeter::new(std::time::Instant::now(), order.layers.len());
-        render_frame(order, Source::of(&self.store), workshop, &mut meter, (&|| false, &Alone), &mut |part| {
+        render_frame(order, &Sources::of(&self.store), workshop, &mut meter, (&|| false, &Alone), &mut |part| {
             frame.add(order, part);
             Ok(())
         })?;
@@ -270,7 +270,7 @@ fn a_cancelled_frame_stops_at_its_next_batch() {
     let mut meter = FrameMeter::new(std::time::Instant::now(), 1);
     let calls = || raycaster.calls.load(std::sync::atomic::Ordering::SeqCst);
     let result =
-        render_frame(&order, Source::of(&bench.store), workshop, &mut meter, (&|| calls() >= 2, &Alone), &mut |_| {
+        render_frame(&order, &Sources::of(&bench.store), workshop, &mut meter, (&|| calls() >= 2, &Alone), &mut |_| {
             Ok(())
         });
     assert!(matches!(result, Err(NodeError::Cancelled)));
@@ -314,7 +314,7 @@ fn a_long_frame_lets_others_have_their_turn_and_is_the_same_picture() {
         let mut frame = Frame::default();
         let mut meter = FrameMeter::new(std::time::Instant::now(), order.layers.len());
         let workshop = bench.workshop(&raycaster, &residency);
-        render_frame(&order, Source::of(&bench.store), workshop, &mut meter, (&|| false, &turns), &mut |part| {
+        render_frame(&order, &Sources::of(&bench.store), workshop, &mut meter, (&|| false, &turns), &mut |part| {
             frame.add(&order, part);
             Ok(())
         })
@@ -335,13 +335,13 @@ fn slices_of_any_size_have_the_bits_of_the_whole() {
     order.scene = order.scene.with(|s| s.quality.step = 0.02).unwrap();
     let residency = Residency::new(1 << 30);
     let workshop = bench.workshop(&raycaster, &residency);
-    let plan = plan::FramePlan::new(&order, Source::of(&bench.store), workshop).unwrap();
+    let sources = Sources::of(&bench.store);
+    let plan = plan::FramePlan::new(&order, &sources, workshop).unwrap();
     assert_eq!(plan.units.len(), 1);
     let pulse = Pulse::default();
     let whole = |samples: f64| {
         let mut batches =
-            Batches::new(&plan, Source::of(&bench.store), workshop, Watch::new(&pulse, &|| false), &Alone)
-                .with_slices_of(samples);
+            Batches::new(&plan, &sources, workshop, Watch::new(&pulse, &|| false), &Alone).with_slices_of(samples);
         let mut meter = FrameMeter::new(std::time::Instant::now(), 1);
         let layer = batches.take(&mut meter).unwrap().unwrap();
         assert!(batches.take(&mut meter).unwrap().is_none());

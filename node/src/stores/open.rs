@@ -21,6 +21,23 @@ pub struct Source<'a> {
     pub coarser: Option<&'a OpenStore>,
 }
 
+/// What a frame is rendered from.
+#[derive(Debug, Clone)]
+pub struct Sources<'a> {
+    /// The order's store.
+    pub root: &'a OpenStore,
+    /// Of each of the order's parts; the store itself where it has none.
+    pub parts: Vec<Source<'a>>,
+}
+
+impl<'a> Sources<'a> {
+    /// A store, none of whose coarser levels is drawn.
+    #[must_use]
+    pub fn of(root: &'a OpenStore) -> Self {
+        Self { root, parts: vec![Source::of(root)] }
+    }
+}
+
 impl<'a> Source<'a> {
     /// Of bricks that meet none.
     #[must_use]

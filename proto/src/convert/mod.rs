@@ -77,6 +77,10 @@ pub enum WireError {
     BorderSides { chunks: usize, sides: usize, coarser: usize },
     #[error("borders of level {0}: there are levels 0 to 32")]
     BorderLevel(u32),
+    #[error("a part of level {0}: there are levels 0 to 32")]
+    PartLevel(u32),
+    #[error("a part of level {level} has borders of level {other}")]
+    PartBorders { level: u8, other: u8 },
     #[error("borders: chunk {chunk} has sides {bits:#x}, which are none, or coarser levels where no other level is")]
     Border { chunk: u32, bits: u32 },
     #[error("{what} must be strictly increasing; {after} follows {before}")]

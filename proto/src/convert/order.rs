@@ -9,7 +9,7 @@ use prost::Message as _;
 
 use super::scene::{format_from_wire, format_to_wire};
 use super::{WireError, at_most, tree_node};
-use crate::order::{LayerOrder, MAX_CHUNKS, MAX_LAYERS, MAX_LEVEL, MAX_TILES_OWED, RenderOrder};
+use crate::order::{LayerOrder, LevelPart, MAX_CHUNKS, MAX_LAYERS, MAX_LEVEL, MAX_TILES_OWED, RenderOrder};
 use crate::tile_rect::TileRect;
 use crate::wire;
 
@@ -60,6 +60,35 @@ impl TryFrom<wire::Borders> for Borders {
     }
 }
 
+impl From<&LevelPart> for wire::LevelPart {
+    fn from(part: &LevelPart) -> Self {
+        Self {
+            level: part.level.into(),
+            store_hash: part.store.to_string(),
+            chunks: part.chunks.iter().map(|chunk| chunk.linear()).collect(),
+            borders: part.borders.as_ref().map(Into::into),
+        }
+    }
+}
+
+impl TryFrom<wire::LevelPart> for LevelPart {
+    type Error = WireError;
+
+    fn try_from(part: wire::LevelPart) -> Result<Self, WireError> {
+        if let Some(&[before, after]) = part.chunks.array_windows().find(|[before, after]| before >= after) {
+            return Err(WireError::Order { what: "chunks of a level", before, after });
+        }
+        let known = u8::try_from(part.level).ok().filter(|level| *level <= MAX_LEVEL);
+        let level = known.ok_or(WireError::PartLevel(part.level))?;
+        let borders: Option<Borders> = part.borders.map(TryInto::try_into).transpose()?;
+        if let Some(other) = borders.as_ref().map(Borders::level).filter(|other| *other != level) {
+            return Err(WireError::PartBorders { level, other });
+        }
+        let chunks = part.chunks.into_iter().map(ChunkId::new).collect();
+        Ok(Self { level, store: part.store_hash.parse()?, chunks, borders })
+    }
+}
+
 impl From<&RenderOrder> for wire::RenderOrder {
     fn from(order: &RenderOrder) -> Self {
         let unsealed = Self {
@@ -70,7 +99,7 @@ impl From<&RenderOrder> for wire::RenderOrder {
             scene: Some((&order.scene).into()),
             transport: format_to_wire(order.transport),
             layers: order.layers.iter().map(Into::into).collect(),
-            borders: order.borders.as_ref().map(Into::into),
+            parts: order.parts.iter().map(Into::into).collect(),
             crc32c: 0,
         };
         unsealed.sealed()
@@ -152,8 +181,14 @@ impl TryFrom<wire::RenderOrder> for RenderOrder {
         }
         disjoint(&layers)?;
         let (session, frame, epoch) = (SessionId(order.session), FrameId(order.frame), Epoch(order.epoch));
-        let borders = order.borders.map(TryInto::try_into).transpose()?;
-        Ok(Self { session, frame, epoch, store, scene, transport, layers, borders })
+        at_most("parts of levels", order.parts.len(), usize::from(MAX_LEVEL) + 1)?;
+        at_most("chunks of levels", order.parts.iter().map(|part| part.chunks.len()).sum(), MAX_CHUNKS)?;
+        let parts: Vec<LevelPart> = order.parts.into_iter().map(TryInto::try_into).collect::<Result<_, _>>()?;
+        if let Some([before, after]) = parts.array_windows().find(|[before, after]| before.level >= after.level) {
+            let (before, after) = (before.level.into(), after.level.into());
+            return Err(WireError::Order { what: "levels of an order", before, after });
+        }
+        Ok(Self { session, frame, epoch, store, scene, transport, layers, parts })
     }
 }
 

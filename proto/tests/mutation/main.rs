@@ -6,9 +6,9 @@
 mod refusals;
 
 use brickcast_proto::{
-    ChunkCost, FramePart, LastError, LayerOrder, LoadReceipt, LoadRequest, NodeDescription, NodeLife, NodeState, Part,
-    Receipt, RenderOrder, StoreDescription, StoreName, StoreQuery, Throttle, TileError, TilePart, TileRect, WireError,
-    decode_tile, encode_tile, wire,
+    ChunkCost, FramePart, LastError, LayerOrder, LevelPart, LoadReceipt, LoadRequest, NodeDescription, NodeLife,
+    NodeState, Part, Receipt, RenderOrder, StoreDescription, StoreName, StoreQuery, Throttle, TileError, TilePart,
+    TileRect, WireError, decode_tile, encode_tile, wire,
 };
 use brickcast_volume::lod::{Borders, Meets, Sides};
 use brickcast_volume::scene::{
@@ -159,18 +159,24 @@ fn order(random: &mut Random) -> RenderOrder {
         layers: (0..1 + random.below(8) as u32).map(layer).collect(),
         scene,
         transport,
-        borders: (random.below(2) == 0).then(|| borders(random)).flatten(),
+        parts: (0..random.below(4)).map(|level| level_part(level as u8 * 2, random)).collect(),
     }
 }
 
-fn borders(random: &mut Random) -> Option<Borders> {
+fn level_part(level: u8, random: &mut Random) -> LevelPart {
+    let chunks = (0..random.below(5) as u32).map(|chunk| ChunkId::new(chunk * 2 + 1)).collect();
+    let store = StoreHash::of(&[random.below(256) as u8]);
+    LevelPart { level, store, chunks, borders: borders(level, random) }
+}
+
+fn borders(level: u8, random: &mut Random) -> Option<Borders> {
     let sides = |bit: usize| Sides::from_bits(1 << bit | 1 << 26).unwrap_or_default();
     let of = |chunk: u32, random: &mut Random| {
         let others = sides(random.below(13));
         let coarser = if random.below(2) == 0 { others } else { Sides::default() };
         (ChunkId::new(chunk * 3), Meets { others, coarser })
     };
-    Borders::new(random.below(9) as u8, (0..4).map(|chunk| of(chunk, random)))
+    Borders::new(level, (0..random.below(5) as u32).map(|chunk| of(chunk, random)))
 }
 
 fn part(random: &mut Random) -> FramePart {

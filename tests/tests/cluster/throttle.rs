@@ -52,7 +52,7 @@ impl Rig {
             scene,
             transport,
             layers,
-            borders: None,
+            parts: Vec::new(),
         };
         let mut rig = Self { node, client, order };
         // Loading is not what is measured here.

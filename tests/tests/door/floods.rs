@@ -95,7 +95,7 @@ fn order(session: &Session, store: &Store) -> wire::RenderOrder {
         scene,
         transport: Transport::F32,
         layers,
-        borders: None,
+        parts: Vec::new(),
     };
     (&order).into()
 }

@@ -11,7 +11,7 @@ use brickcast_volume::scene::{PixelSamples, Scene};
 use brickcast_volume::{PictureSize, Premul, View};
 use rayon::prelude::*;
 
-use super::blend::{LevelLayers, blend_tile};
+use super::blend::{Layers, blend_tile};
 use super::ledger::Ledger;
 use super::sink::{FinishedTile, FrameSink};
 use crate::picture::Picture;
@@ -144,8 +144,8 @@ impl Joining {
 
     /// Nothing where the frame ends with an error.
     fn joined(&self, tile: [u32; 2], ledger: &Ledger) -> Option<FinishedTile> {
-        let level = LevelLayers { ledger, tree: &self.tree, from: self.from };
-        let blend = |tile| blend_tile(level, &self.coloring, tile).ok();
+        let layers = Layers { ledger, tree: &self.tree, from: self.from };
+        let blend = |tile| blend_tile(layers, &self.coloring, tile).ok();
         if self.samples == PixelSamples::One {
             return blend(tile);
         }

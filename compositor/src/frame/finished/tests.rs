@@ -7,7 +7,7 @@ use brickcast_volume::{
 
 use super::*;
 use crate::frame::FinishedTile;
-use crate::frame::blend::{LevelLayers, blend};
+use crate::frame::blend::{Layers, blend};
 use crate::frame::ledger::{Ticket, Void};
 
 const NOW: (FrameId, Epoch) = (FrameId(1), Epoch(1));
@@ -101,8 +101,8 @@ fn tiles_have_the_same_bits_by_one_thread_and_by_many() {
         assert_eq!(finished.due.len(), 6);
         pool.install(|| finished.tell(&ledger));
         let Joining { tree, from, coloring, size, .. } = finished.joining;
-        let level = LevelLayers { ledger: &ledger, tree: &tree, from };
-        let picture = pool.install(|| blend(level.alone(), size, &coloring)).unwrap();
+        let layers = Layers { ledger: &ledger, tree: &tree, from };
+        let picture = pool.install(|| blend(layers, size, &coloring)).unwrap();
         assert_eq!(told.0.iter().map(|tile| tile.tile).collect::<Vec<_>>(), backwards);
         let mut drawn = Picture::new(size, vec![Premul::CLEAR; size.pixel_count()]).unwrap();
         told.0.iter().for_each(|tile| tile.draw(&mut drawn));

@@ -11,7 +11,7 @@ use glam::{DVec3, UVec3};
 use proptest::prelude::*;
 
 use super::*;
-use crate::frame::blend::{LevelLayers, blend};
+use crate::frame::blend::{Layers, blend};
 use crate::picture::Picture;
 
 const AT: (FrameId, Epoch) = (FrameId(3), Epoch(5));
@@ -79,8 +79,8 @@ impl World {
 
     fn picture(&self, ledger: &Ledger) -> Picture {
         let function = TransferFunction::window(0.0, 1.0, 0.5, Colormap::Viridis).unwrap();
-        let level = LevelLayers { ledger, tree: &self.tree, from: self.from };
-        blend(level.alone(), self.size, &Coloring::new(function, (0.0, 1.0))).unwrap()
+        let layers = Layers { ledger, tree: &self.tree, from: self.from };
+        blend(layers, self.size, &Coloring::new(function, (0.0, 1.0))).unwrap()
     }
 
     fn by_one_node(&self) -> Picture {

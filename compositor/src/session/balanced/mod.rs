@@ -208,7 +208,7 @@ impl Balanced {
             let Some((_, member)) = roster.members().find(|(_, m)| seat(m) == load.seat) else { continue };
             let requests = self.requests(&load, &frame.look, |bricks, look| {
                 let scene = if Arc::ptr_eq(look, &frame.look) { scene } else { &look.scene };
-                roster.loading(session, bricks, scene.clone())
+                roster.loading(session, (roster.store, bricks), scene.clone())
             });
             let client = member.client.clone();
             self.loads.spawn(async move {

@@ -69,13 +69,13 @@ fn passes_have_the_bits_of_the_whole_however_small_the_budget() {
     let want = bench.render(&order, &raycaster, 1 << 30).unwrap();
     let residency = Residency::new(room_for(20, brick));
     let workshop = bench.workshop(&raycaster, &residency);
-    let plan = plan::FramePlan::new(&order, Source::of(&bench.store), workshop).unwrap();
+    let sources = Sources::of(&bench.store);
+    let plan = plan::FramePlan::new(&order, &sources, workshop).unwrap();
     assert!(plan.units.len() == 1 && plan.units[0].passes.len() > 10, "{:?}", plan.units[0].passes);
     let pulse = Pulse::default();
     for samples in [1e4, 1e6] {
         let mut batches =
-            Batches::new(&plan, Source::of(&bench.store), workshop, Watch::new(&pulse, &|| false), &Alone)
-                .with_slices_of(samples);
+            Batches::new(&plan, &sources, workshop, Watch::new(&pulse, &|| false), &Alone).with_slices_of(samples);
         let mut meter = FrameMeter::new(Instant::now(), 1);
         let layer = batches.take(&mut meter).unwrap().unwrap();
         assert!(batches.take(&mut meter).unwrap().is_none());
@@ -102,7 +102,7 @@ fn a_repeated_frame_finds_bricks_again() {
         let before = uploads();
         let mut meter = FrameMeter::new(Instant::now(), 1);
         let workshop = bench.workshop(&raycaster, &residency);
-        render_frame(&order, Source::of(&bench.store), workshop, &mut meter, (&|| false, &Alone), &mut |_| Ok(()))
+        render_frame(&order, &Sources::of(&bench.store), workshop, &mut meter, (&|| false, &Alone), &mut |_| Ok(()))
             .unwrap();
         loaded.push(uploads() - before);
     }
@@ -119,7 +119,8 @@ fn bricks_are_loaded_while_others_are_rendered() {
     let order = bench.order(120, 80, false);
     raycaster.is_held.store(true, Ordering::SeqCst);
     let workshop = bench.workshop(&raycaster, &residency);
-    let plan = plan::FramePlan::new(&order, Source::of(&bench.store), workshop).unwrap();
+    let sources = Sources::of(&bench.store);
+    let plan = plan::FramePlan::new(&order, &sources, workshop).unwrap();
     assert_eq!((plan.units.len(), plan.pass_bytes), (1, 10 * BRICK));
     // Those at the volume's far sides are smaller.
     let first = plan.units[0].passes[0].positions.clone();
@@ -129,10 +130,14 @@ fn bricks_are_loaded_while_others_are_rendered() {
     std::thread::scope(|scope| {
         let frame = scope.spawn(|| {
             let mut meter = FrameMeter::new(Instant::now(), 1);
-            let ended =
-                render_frame(&order, Source::of(&bench.store), workshop, &mut meter, (&|| false, &Alone), &mut |_| {
-                    Ok(())
-                });
+            let ended = render_frame(
+                &order,
+                &Sources::of(&bench.store),
+                workshop,
+                &mut meter,
+                (&|| false, &Alone),
+                &mut |_| Ok(()),
+            );
             ended.map(|()| meter.receipt())
         });
         let started = Instant::now();
@@ -161,7 +166,7 @@ fn a_frame_that_nobody_wants_loads_no_more() {
             let mut meter = FrameMeter::new(Instant::now(), 1);
             let is_gone = || uploads() >= wanted;
             let ended =
-                render_frame(&order, Source::of(&bench.store), workshop, &mut meter, (&is_gone, &Alone), &mut |_| {
+                render_frame(&order, &Sources::of(&bench.store), workshop, &mut meter, (&is_gone, &Alone), &mut |_| {
                     Ok(())
                 });
             assert!(matches!(ended, Err(NodeError::Cancelled)), "{ended:?}");
