@@ -60,7 +60,7 @@ pub struct Rig {
     /// Seconds that a frame may take; a node that falls silent is given up after half of them.
     pub deadline: u64,
     /// What one node draws, per azimuth asked for.
-    reference: Session,
+    pub reference: Session,
     _one: NodeProcess,
 }
 

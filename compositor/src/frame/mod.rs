@@ -162,14 +162,17 @@ pub(crate) async fn run(
             }
         }
         if now >= ends_at {
-            let problems = run.problems();
+            let problems = run.problems(&format!("when {} had passed", humantime::format_duration(order.deadline)));
             return Ok(run.end(problems));
         }
         run.watch_progress(now);
         if let Some(finished) = &mut run.finished {
             finished.tell(&run.ledger);
         }
-        run.deal(now)?;
+        if !run.deal(now)? {
+            let problems = run.problems("and none is left");
+            return Ok(run.end(problems));
+        }
         let wake = run.wakes(now).chain(receipts_until).fold(ends_at, Instant::min);
         tokio::select! {
             // There is always a sender: the run's own.
@@ -308,11 +311,12 @@ impl Run<'_, '_> {
         }
     }
 
-    /// Orders what nobody renders from those that can; calls the lost again where nobody can.
-    fn deal(&mut self, now: Instant) -> Result<(), FrameError> {
+    /// Orders what nobody renders from those that can; calls the lost again where nobody can. False where nobody ever
+    /// will, and a part of the picture is there.
+    fn deal(&mut self, now: Instant) -> Result<bool, FrameError> {
         // After every event: nearly always there is nothing.
         if self.ledger.unordered().is_empty() {
-            return Ok(());
+            return Ok(true);
         }
         let open = self.ledger.unordered().clone();
         let takers: Vec<usize> = (0..self.workers.len()).filter(|&w| self.workers[w].ready(now).is_some()).collect();
@@ -324,21 +328,24 @@ impl Run<'_, '_> {
                 }
             }
             self.reissued += std::mem::take(&mut self.void);
-            return Ok(());
+            return Ok(true);
         }
         if !self.calls.is_empty() || (0..self.workers.len()).any(|w| self.can_work(w)) {
-            return Ok(());
+            return Ok(true);
         }
         for (position, worker) in self.workers.iter_mut().enumerate() {
             if let Some(call) = worker.call_again(self.dial) {
                 self.calls.spawn(async move { (position, call.await) });
             }
         }
+        if self.calls.is_empty() && self.tiles > 0 {
+            return Ok(false);
+        }
         if self.calls.is_empty() {
             let why = self.workers.iter().filter_map(|w| w.out.clone()).collect();
             return Err(FrameError::NoNodeLeft(why));
         }
-        Ok(())
+        Ok(true)
     }
 
     /// When something has to be looked at although nothing arrived.
@@ -351,8 +358,8 @@ impl Run<'_, '_> {
         rested.chain(silent)
     }
 
-    /// What the deadline left open, in words.
-    fn problems(&self) -> Vec<String> {
+    /// What is left open, in words; `waited` goes on where chunks waited for a node.
+    fn problems(&self, waited: &str) -> Vec<String> {
         let deadline = humantime::format_duration(self.order.deadline);
         let mut problems: Vec<String> = self.lost.iter().map(|(_, lost)| lost.why.clone()).collect();
         for (worker, of) in self.workers.iter().enumerate() {
@@ -364,7 +371,7 @@ impl Run<'_, '_> {
         }
         let nobody = self.ledger.unordered().chunks().count();
         if nobody > 0 {
-            problems.push(format!("{nobody} chunks waited for a node when {deadline} had passed"));
+            problems.push(format!("{nobody} chunks waited for a node {waited}"));
         }
         problems
     }

@@ -1,6 +1,8 @@
 //! One picture, coarse first: each is complete, and takes the place of the one before it.
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+use brickcast_volume::scene::{Scene, Transport};
 
 use super::drawer::Drawer;
 use super::frames::Frames;
@@ -9,7 +11,7 @@ use super::sequence::{Files, Sequence, warn_of_tight_budgets};
 use crate::cli::failure::Failure;
 use crate::cli::say::say;
 use crate::cli::scene::nothing_shows;
-use crate::session::{Frame, LoadStats};
+use crate::session::{Frame, LoadStats, SessionError};
 use crate::words::time;
 
 /// Draws and writes one picture after the other, up to what the plan asks for; a file that is there is complete.
@@ -28,13 +30,21 @@ pub(super) async fn draw(
     let count = stages.len();
     for (i, lod) in stages.into_iter().enumerate() {
         drawer.draw_by(&lod);
+        let (load, frame) = match drawn(drawer, &scene, (transport, plan.nodes.deadline)).await {
+            Ok(drawn) if i == 0 || drawn.1.complete => drawn,
+            Err(error) if i == 0 => return Err(error.into()),
+            // What is there is worth more than a part of what was to follow.
+            unfinished => {
+                let why = unfinished.map_or_else(|error| error.to_string(), |(_, frame)| frame.problems.join("; "));
+                all.unfinished = Some(format!("picture {} of {count}: {why}", i + 1));
+                break;
+            }
+        };
         let mut files = Files::open(plan, frames)?;
-        let (load, had_room) = (drawer.load(&scene).await?, all.load.fits);
-        if had_room {
+        if all.load.fits {
             warn_of_tight_budgets(&load);
         }
         all.load.join(&load);
-        let frame = drawer.render(&scene, transport, plan.nodes.deadline).await?;
         let since = started.elapsed().as_secs_f64();
         if i == 0 {
             all.first_frame_ms = since * 1e3;
@@ -53,6 +63,15 @@ pub(super) async fn draw(
         }
     }
     Ok(all)
+}
+
+async fn drawn(
+    drawer: &mut Drawer,
+    scene: &Scene,
+    (transport, deadline): (Transport, Duration),
+) -> Result<(LoadStats, Frame), SessionError> {
+    let load = drawer.load(scene).await?;
+    Ok((load, drawer.render(scene, transport, deadline).await?))
 }
 
 fn in_words((stage, count): (usize, usize), frame: &Frame, since: f64) -> String {

@@ -41,6 +41,12 @@ pub(super) fn report(plan: &RenderPlan, all: &Sequence, frames: &Frames<'_>, qui
             None => format!("the picture is not complete, and was not compared: {problems}"),
         }));
     }
+    if let (Some(why), Some(output)) = (&all.unfinished, &plan.output) {
+        let output = output.path.display();
+        return Err(Failure::Coarse(format!(
+            "complete picture written to {output}, not at the resolution that was asked for: {why}"
+        )));
+    }
     match &plan.scenes {
         ScenesPlan::Drawn(redraw) if redraw.picture.is_some() => answer(quiet, &redraw.verdict(&all.differences)?),
         ScenesPlan::Drawn(_) | ScenesPlan::Asked { .. } => coarse(plan, &all.frames).map_or(Ok(()), Err),

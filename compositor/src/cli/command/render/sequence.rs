@@ -31,6 +31,8 @@ pub(super) struct Sequence {
     pub(super) differences: Vec<Difference>,
     /// What is missing and why; empty where all frames are complete.
     pub(super) problems: Vec<String>,
+    /// Why no finer picture followed the last one, which is complete.
+    pub(super) unfinished: Option<String>,
     /// Complete frames that show nothing.
     pub(super) empty: usize,
     pub(super) written: Vec<std::path::PathBuf>,
@@ -46,6 +48,7 @@ impl Sequence {
             audits: Vec::new(),
             differences: Vec::new(),
             problems: Vec::new(),
+            unfinished: None,
             empty: 0,
             written: Vec::new(),
         }
