@@ -49,7 +49,9 @@ pub struct FrameUniform {
     pub nearest: u32,
     /// Of a step, the part by which positions may open and end a brick where levels meet: a power of two, 1 at most.
     pub finest: f32,
-    pub reserved: [u32; 2],
+    /// What a position counts in a mean: the finest positions of the volume for which it stands, a power of two.
+    pub weight: f32,
+    pub reserved: u32,
 }
 
 /// [`FrameUniform::shown`] for samples outside regions.
@@ -155,7 +157,8 @@ impl FrameUniform {
             region_last: last,
             nearest: 0,
             finest: 1.0,
-            reserved: [0; 2],
+            weight: 1.0,
+            reserved: 0,
         }
     }
 
@@ -166,10 +169,11 @@ impl FrameUniform {
         self
     }
 
-    /// Where bricks meet those of other levels, positions are counted in such parts of a step.
+    /// Of one of several levels: where bricks meet those of others, positions are counted in `finest` parts of a step;
+    /// each counts as `weight` of the finest ones.
     #[must_use]
-    pub const fn with_finest(mut self, finest: f32) -> Self {
-        self.finest = finest;
+    pub const fn of_level(mut self, finest: f32, weight: f32) -> Self {
+        (self.finest, self.weight) = (finest, weight);
         self
     }
 

@@ -377,6 +377,7 @@ impl Run<'_, '_> {
     }
 
     fn end(mut self, problems: Vec<String>) -> FrameEnd {
+        self.ledger.take_what_came();
         for (ticket, sent) in self.sent.iter().enumerate() {
             self.workers[sent.worker].stat.layers += self.ledger.layers_with_pixels(Ticket(ticket));
         }

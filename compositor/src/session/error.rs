@@ -29,8 +29,6 @@ pub enum SessionError {
     NoLevel { level: u8, coarsest: u8 },
     #[error("level {0} of the store is not what its manifest promises; prepare the store anew")]
     OtherLevel(u8),
-    #[error("the mean of a ray's samples cannot be drawn of several levels, which take different numbers of them")]
-    MeanOfLevels,
 }
 
 fn no_level(level: u8, coarsest: u8) -> String {

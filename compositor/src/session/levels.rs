@@ -7,7 +7,6 @@ use std::time::Duration;
 use brickcast_volume::lod::{Content, LevelSet, Levels, Rule, Selection};
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::store::Manifest;
-use brickcast_volume::style::Mode;
 use brickcast_volume::{ChunkId, PictureSize, PixelRect};
 use futures_util::future::{BoxFuture, try_join_all};
 
@@ -140,10 +139,7 @@ impl LevelSessions {
     }
 
     /// Has the session draw what is selected; what is shown of it.
-    fn deal(&mut self, scene: &Scene, selection: &Selection) -> Result<Arc<Shown>, SessionError> {
-        if scene.look.style.mode == Mode::Average {
-            return Err(SessionError::MeanOfLevels);
-        }
+    fn deal(&mut self, scene: &Scene, selection: &Selection) -> Arc<Shown> {
         self.seen(scene);
         let known = self.dealt.take().filter(|(known, _)| known == selection);
         let (_, shown) = self.dealt.insert(known.unwrap_or_else(|| {
@@ -154,7 +150,7 @@ impl LevelSessions {
         // All of level 0 is an ordinary frame.
         let is_full = shown.parts().is_some_and(|parts| parts.iter().all(|part| part.level == 0));
         self.session.draw_levels((!is_full).then(|| shown.clone()));
-        Ok(shown)
+        shown
     }
 
     /// As [`Session::load`], of what each level draws of `scene`.
@@ -167,7 +163,7 @@ impl LevelSessions {
         selection: &'a Selection,
     ) -> BoxFuture<'a, Result<LoadStats, SessionError>> {
         Box::pin(async move {
-            self.deal(scene, selection)?;
+            self.deal(scene, selection);
             self.session.load(scene).await
         })
     }
@@ -175,7 +171,7 @@ impl LevelSessions {
     /// Renders one frame, each chunk on the level that is selected.
     ///
     /// # Errors
-    /// As [`Session::render`]; the mean of samples, of which levels take different numbers.
+    /// As [`Session::render`].
     pub fn render<'a>(
         &'a mut self,
         scene: &'a Scene,
@@ -198,7 +194,7 @@ impl LevelSessions {
         sink: &'s mut dyn FrameSink,
     ) -> BoxFuture<'a, Result<Frame, SessionError>> {
         Box::pin(async move {
-            let shown = self.deal(scene, selection)?;
+            let shown = self.deal(scene, selection);
             let joining = Joining::new(self.session.store(), scene)?;
             let rays = scene.by_rays();
             let layered = self.session.layered((scene, &rays), transport, deadline, sink).await?;

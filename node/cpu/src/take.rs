@@ -116,8 +116,9 @@ impl<'a, L: Lanes, K: Known> Take<'a, L, K> {
                 sum[0] = L::F::select(shown, more, sum[0]);
             }
             PixelKind::Mean => {
-                sum[0] = L::F::select(shown, sum[0] + run.code * run.n, sum[0]);
-                sum[1] = L::F::select(shown, sum[1] + run.n, sum[1]);
+                let weight = run.n * l.splat(self.bound.scene.frame.weight);
+                sum[0] = L::F::select(shown, sum[0] + run.code * weight, sum[0]);
+                sum[1] = L::F::select(shown, sum[1] + weight, sum[1]);
             }
         }
         sum[3] = L::F::select(shown, l.splat(1.0), sum[3]);

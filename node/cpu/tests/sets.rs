@@ -241,7 +241,7 @@ fn pictures(set: InstructionSet, style: &Style, with: With, seed: u64) -> Pictur
     let frame = FrameUniform::new(&view.kernel(), &table, stop)
         .with_regions(region_view, region_table.as_ref())
         .with_filter(if with.nearest { Filter::Nearest } else { Filter::Exact })
-        .with_finest(if with.borders { [0.5, 0.25, 0.125][seed as usize % 3] } else { 1.0 });
+        .of_level(if with.borders { [0.5, 0.25, 0.125][seed as usize % 3] } else { 1.0 }, 1.0);
     let uniform = StyleUniform::new(style, &geometry, (0.0, 1.0));
     let tables = Tables { table: &table.entries, region: region_table.as_ref().map(|table| &table.entries[..]) };
     let made = [0.2, 0.6].map(|hue| slabs_of(hue, step, has_weights));

@@ -31,6 +31,8 @@ pub struct KernelScene {
     pub style: Option<KernelStyle>,
     /// As [`FrameUniform::finest`]: 1 where no brick meets another level.
     pub finest: f32,
+    /// As [`FrameUniform::weight`]: 1 where one level is drawn.
+    pub weight: f32,
 }
 
 impl KernelScene {
@@ -38,8 +40,8 @@ impl KernelScene {
     #[must_use]
     pub fn plain(view: View, table: Arc<TransferTable>, early_termination: f32, filter: Filter) -> Self {
         let (skip_empty, region_view, region_table, style) = (false, RegionView::All, None, None);
-        let finest = 1.0;
-        Self { view, table, early_termination, filter, skip_empty, region_view, region_table, style, finest }
+        let (finest, weight) = (1.0, 1.0);
+        Self { view, table, early_termination, filter, skip_empty, region_view, region_table, style, finest, weight }
     }
 
     /// What is left in accumulators.
@@ -67,7 +69,7 @@ impl KernelScene {
         FrameUniform::new(&self.view.kernel(), &self.table, stop)
             .with_regions(self.region_view, self.region_table.as_deref())
             .with_filter(self.filter)
-            .with_finest(self.finest)
+            .of_level(self.finest, self.weight)
     }
 
     /// What rays on the processor read of it.

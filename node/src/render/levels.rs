@@ -96,7 +96,7 @@ impl<'a> Choices<'a> {
 
 impl Choice<'_> {
     fn plan(&self, scene: &Scene) -> Result<PlanLevel, NodeError> {
-        let Self { choice, manifest, borders, .. } = self;
+        let Self { choice, manifest, level, borders } = self;
         let scene = KernelScene {
             view: scene.view_of(&manifest.geometry)?,
             table: choice.look.main().clone(),
@@ -113,6 +113,7 @@ impl Choice<'_> {
                 choice.slabs.clone(),
             ),
             finest: borders.map_or(1.0, Borders::finest),
+            weight: f32::from(*level).exp2(),
         };
         Ok(PlanLevel { scene, tree: MergeTree::of(manifest.grid), borders: borders.cloned() })
     }

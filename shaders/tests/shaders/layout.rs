@@ -31,7 +31,7 @@ macro_rules! rust_struct {
 fn frame() -> (Members, u32) {
     rust_struct!(FrameUniform: eye step ray_forward stop_alpha ray_right inverse_width ray_up inverse_height
         voxels_per_unit parallel width height table_first table_scale fan shown region_first region_scale table_last
-        region_last nearest finest reserved)
+        region_last nearest finest weight reserved)
 }
 
 fn brick() -> (Members, u32) {

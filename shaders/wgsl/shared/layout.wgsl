@@ -22,7 +22,8 @@ struct FrameUniform {
     region_last: u32,
     nearest: u32,
     finest: f32,
-    reserved: array<u32, 2>,
+    weight: f32,
+    reserved: u32,
 }
 
 struct BrickUniform {

@@ -42,8 +42,9 @@ fn take(
         } else if MODE == MODE_SMALLEST {
             (*sum).r = select(min((*sum).r, run.code), run.code, is_first);
         } else {
-            (*sum).r += run.code * run.n;
-            (*sum).g += run.n;
+            let weight = run.n * frame.weight;
+            (*sum).r += run.code * weight;
+            (*sum).g += weight;
         }
         (*sum).a = 1.0;
     }

@@ -180,7 +180,7 @@ fn the_only_node_that_goes_mid_frame_leaves_what_it_drew() {
         let mut rig = Rig::new(1).await;
         let mut session = rig.session().await;
         rig.good_frame(&mut session, 10.0).await;
-        rig.proxies[0].set(Fault::Cut { after: MID_FRAME });
+        rig.proxies[0].set(Fault::Cut { after: 10 * MID_FRAME });
         let started = Instant::now();
         let scene = scene(&rig.store, 33.0).with(|s| s.view.size = PictureSize::new(1000, 800).unwrap()).unwrap();
         let frame = render(&mut session, &scene, 60).await.unwrap();

@@ -176,7 +176,6 @@ fn what_cannot_be_drawn_is_refused_with_the_way_out() {
         ("part", &["--lod", "half"], &["`half`", "full, auto"]),
         ("part", &["--pixel-error", "2"], &["--pixel-error", "--lod auto"]),
         ("part", &["--lod", "auto", "--pixel-error", "0"], &["pixel error 0"]),
-        ("part", &["--lod", "auto", "--mode", "average"], &["--mode average", "levels"]),
         ("part", &["--lod", "auto", "--dry-run"], &["--dry-run", "one level"]),
         ("part", &["--lod", "auto", "--audit", "--accel", "all"], &["--audit", "one level"]),
         ("part", &["--lod", "auto", "--error", "e.exr", "--accel", "all"], &["--error", "one level"]),
@@ -184,13 +183,7 @@ fn what_cannot_be_drawn_is_refused_with_the_way_out() {
         ("part", &["--lod", "auto", "--frame-budget", "1s", "--exact"], &["--frame-budget", "--exact", "--scene"]),
         ("part", &["--lod", "auto", "--frame-budget", "1s", "--progressive"], &["--progressive", "--frame-budget"]),
     ] {
-        let flags: Vec<&str> = if flags.contains(&"--mode") {
-            // A projection has a transfer function of its own.
-            ["render", path, "-o", "none.exr", "--backend", "cpu"].into_iter().chain(flags.iter().copied()).collect()
-        } else {
-            draw(path, "none.exr", flags)
-        };
-        let (code, said) = ended(at, &flags);
+        let (code, said) = ended(at, &draw(path, "none.exr", flags));
         assert!(code == 2 && words.iter().all(|word| said.contains(word)), "{flags:?}: {code} {said}");
         assert!(!at.join("none.exr").exists());
     }

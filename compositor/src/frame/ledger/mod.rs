@@ -5,7 +5,8 @@
 //! A layer is a subtree for a rectangle of tiles: subtrees of different nodes are disjoint, and only a single chunk may
 //! be shared out to several tickets, each with tiles of its own. Every (layer, tile) pair is answered once, with pixels
 //! or explicitly empty; an answer of another frame, epoch or ticket, to something not owed, or a second time, changes
-//! nothing. A layer that was made void leaves nothing behind.
+//! nothing. A layer that was made void leaves nothing behind, but where a frame ends before it was rendered again: then
+//! what had come of it is worth showing.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -71,6 +72,8 @@ pub struct Ledger {
     unordered: Unordered,
     /// Several of one node only where tickets share a chunk's tiles.
     debts: HashMap<TreeNode, Vec<Debt>>,
+    /// Void layers of which something had come that can be trusted.
+    broken: Vec<(TreeNode, Debt)>,
     open: usize,
     duplicates: u64,
 }
@@ -80,7 +83,8 @@ impl Ledger {
     #[must_use]
     pub fn new(frame: FrameId, epoch: Epoch, in_view: BTreeMap<ChunkId, TileRect>) -> Self {
         let unordered = Unordered::all(&in_view);
-        Self { frame, epoch, in_view, unordered, debts: HashMap::new(), open: 0, duplicates: 0 }
+        let (debts, broken) = (HashMap::new(), Vec::new());
+        Self { frame, epoch, in_view, unordered, debts, broken, open: 0, duplicates: 0 }
     }
 
     /// From now on `ticket` owes these layers.
@@ -139,12 +143,32 @@ impl Ledger {
         let count = void.len();
         for (node, debt) in void {
             self.open -= debt.open;
-            let layer = LayerOrder { node, chunks: debt.chunks, tiles: debt.tiles };
+            let layer = LayerOrder { node, chunks: debt.chunks.clone(), tiles: debt.tiles };
             for &chunk in &layer.chunks {
                 self.unordered.put(chunk, self.owed_of(&layer, chunk));
             }
+            if which == Void::Open && !debt.pixels.is_empty() {
+                self.broken.push((node, debt));
+            }
         }
         count
+    }
+
+    /// At the end of a frame that is not complete: what had come of void layers that nobody rendered again, the most of
+    /// each.
+    pub fn take_what_came(&mut self) {
+        let mut broken = std::mem::take(&mut self.broken);
+        broken.sort_by_key(|(node, debt)| (debt.open, *node));
+        for (node, debt) in broken {
+            let layer = LayerOrder { node, chunks: debt.chunks.clone(), tiles: debt.tiles };
+            if self.order(debt.ticket, std::slice::from_ref(&layer)).is_ok()
+                && let Some(debts) = self.debts.get_mut(&node)
+            {
+                debts.pop();
+                self.open -= debt.tiles.count() as usize - debt.open;
+                debts.push(debt);
+            }
+        }
     }
 
     /// Enters one answer; `pixels` is `None` for an explicit empty.

@@ -54,6 +54,32 @@ fn no_tile_of_one_epoch_blends_into_a_frame_of_the_next() {
     assert_eq!((l.layers().count(), l.owed_by(ONE)), (0, 2));
 }
 
+/// A node that went leaves what it had answered, where nobody rendered it again; one that lied leaves nothing.
+#[test]
+fn what_came_of_a_layer_that_nobody_rendered_again_is_shown_at_the_end() {
+    let missing = |l: &Ledger| (l.is_complete(), l.missing_tiles());
+    for which in [Void::Open, Void::All] {
+        let mut l = ledger();
+        l.accept(NOW, ONE, TreeNode(2), [0, 0], pixel(0.5));
+        l.accept(NOW, TWO, TreeNode(3), [0, 0], None);
+        assert_eq!(l.make_void(ONE, which), 1);
+        assert_eq!(missing(&l), (false, vec![[0, 0], [1, 0]]));
+        assert!(l.pixels(TreeNode(2), [0, 0]).is_none());
+        l.take_what_came();
+        let is_there = l.pixels(TreeNode(2), [0, 0]).is_some();
+        assert_eq!(is_there, which == Void::Open);
+        assert_eq!(missing(&l), (false, if is_there { vec![[1, 0]] } else { vec![[0, 0], [1, 0]] }));
+    }
+    // Rendered again: by chunks, and once more by all.
+    let mut l = ledger();
+    l.accept(NOW, ONE, TreeNode(2), [0, 0], pixel(0.5));
+    l.make_void(ONE, Void::Open);
+    l.order(TWO, &[layer(4, &[0], [2, 1])]).unwrap();
+    l.take_what_came();
+    assert!(l.pixels(TreeNode(2), [0, 0]).is_none(), "another layer of its chunks is owed");
+    assert_eq!(missing(&l), (false, vec![[0, 0], [1, 0]]));
+}
+
 #[test]
 fn a_duplicate_or_foreign_tile_changes_no_pixel() {
     let mut l = ledger();

@@ -34,7 +34,8 @@ impl Take for Projection {
     fn take(&mut self, along: &Along<'_>, _: [f32; 3], run: Run, sum: &mut Premul) -> bool {
         if is_shown(along.bound, run.in_region) {
             let mut pixel = sum.to_array();
-            along.bound.key.take.pixel_kind().take(&mut pixel, run.code, run.n);
+            let weight = run.n * along.bound.scene.frame.weight;
+            along.bound.key.take.pixel_kind().take(&mut pixel, run.code, weight);
             *sum = Premul::from_array(pixel);
         }
         // The map is asked again behind it.

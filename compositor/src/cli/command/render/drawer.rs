@@ -5,7 +5,6 @@ use std::time::Duration;
 use anyhow::anyhow;
 use brickcast_volume::lod::{LevelSet, Lod, Rule, Selection};
 use brickcast_volume::scene::{Scene, Transport};
-use brickcast_volume::style::Mode;
 
 use super::plan::ScenesPlan;
 use crate::balance::Settings;
@@ -33,12 +32,6 @@ pub(super) fn asked(args: &RenderArgs, scenes: &ScenesPlan) -> Result<Lod, Failu
     if let Some((flag, _)) = flags.into_iter().find(|(_, is_asked)| *is_asked) {
         return Err(Failure::usage(anyhow!("{flag} {of_one}")));
     }
-    if scenes.modes().contains(&Mode::Average) {
-        return Err(Failure::usage(anyhow!(
-            "--mode average: levels take different numbers of samples, so their mean is none: leave --lod auto out, or \
-             name a level"
-        )));
-    }
     if args.lod.frame_budget.is_some() && args.scene.exact {
         return Err(Failure::usage(anyhow!(
             "--frame-budget goes by the time that frames take, so that no two pictures need be the same: leave out \
@@ -65,7 +58,6 @@ pub(super) fn is_progressive(args: &RenderArgs, scenes: &ScenesPlan, lod: &Lod) 
         ("--error is of the last picture", args.error.is_some()),
         ("--dry-run draws nothing", args.dry_run),
         ("--lod with a number draws one level", matches!(lod, Lod::Level(_))),
-        ("--mode average has no mean of several levels", scenes.modes().contains(&Mode::Average)),
     ];
     match others.into_iter().find(|(_, is_asked)| *is_asked) {
         Some((why, _)) => Err(Failure::usage(anyhow!("--progressive: {why}: leave one of the two out"))),

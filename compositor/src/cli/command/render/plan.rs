@@ -257,14 +257,6 @@ impl ScenesPlan {
         }
     }
 
-    /// What the frames show of rays.
-    pub(super) fn modes(&self) -> Vec<Mode> {
-        match self {
-            Self::Asked { scene, .. } => vec![scene.style().mode],
-            Self::Drawn(redraw) => redraw.manifests.iter().map(|m| m.scene.look.style.mode).collect(),
-        }
-    }
-
     /// The store that it must be.
     pub(super) fn store(&self) -> Option<StoreHash> {
         match self {
