@@ -29,8 +29,8 @@ pub struct RenderOrder {
     pub scene: Scene,
     pub transport: Transport,
     pub layers: Vec<LayerOrder>,
-    /// Of which levels of the volume the chunks are drawn, the finest first; none where all are of `store` itself, which
-    /// is the finest.
+    /// Of which levels of the volume the chunks are drawn, the finest first; none where all are of `store` itself,
+    /// which is the finest.
     pub parts: Vec<LevelPart>,
 }
 

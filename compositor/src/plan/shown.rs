@@ -104,8 +104,9 @@ impl Shown {
         Self { tree, bricks, per_chunk, boxes, parts: None }
     }
 
-    /// What is shown of several levels, each chunk on the one that is selected; `levels` has each level's store and what
-    /// is shown of it, the finest first. A chunk of a coarser level is shown in the first of this level's chunks in it.
+    /// What is shown of several levels, each chunk on the one that is selected; `levels` has each level's store and
+    /// what is shown of it, the finest first. A chunk of a coarser level is shown in the first of this level's chunks
+    /// in it.
     #[must_use]
     pub fn of_levels(selection: &Selection, levels: &[(StoreFacts, Self)]) -> Self {
         let tree = *selection.levels().finest();

@@ -1,5 +1,5 @@
-//! Pictures of several levels of one volume (docs/adr/0018-level-of-detail.md): one frame, whose orders say of which level
-//! each chunk is drawn.
+//! Pictures of several levels of one volume (docs/adr/0018-level-of-detail.md): one frame, whose orders say of which
+//! level each chunk is drawn.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -100,8 +100,8 @@ impl LevelSessions {
         &self.session
     }
 
-    /// Renders by a table of its own from now on, instead of contiguous runs: `table` makes it for so many chunks of the
-    /// finest level. A chunk of a coarser level goes where the first of these in it goes.
+    /// Renders by a table of its own from now on, instead of contiguous runs: `table` makes it for so many chunks of
+    /// the finest level. A chunk of a coarser level goes where the first of these in it goes.
     pub fn assign(&mut self, table: impl Fn(usize) -> Assignment) {
         self.session.assign(table(self.levels.finest().chunk_count() as usize));
     }

@@ -172,39 +172,6 @@ fn survivors_may_die_too() {
     });
 }
 
-/// What had come is shown, what is missing is told: right where it is there, and hatched where it is not.
-#[test]
-fn the_only_node_that_goes_mid_frame_leaves_what_it_drew() {
-    let _turn = turn(module_path!());
-    run(async {
-        let mut rig = Rig::new(1).await;
-        let mut session = rig.session().await;
-        rig.good_frame(&mut session, 10.0).await;
-        rig.proxies[0].set(Fault::Cut { after: 10 * MID_FRAME });
-        let started = Instant::now();
-        let scene = scene(&rig.store, 33.0).with(|s| s.view.size = PictureSize::new(1000, 800).unwrap()).unwrap();
-        let frame = render(&mut session, &scene, 60).await.unwrap();
-        assert!(!frame.complete && started.elapsed() < Duration::from_secs(40), "{:?}", started.elapsed());
-        let problems = frame.problems.join("; ");
-        assert!(problems.contains(&rig.proxies[0].address) && problems.contains("none is left"), "{problems}");
-        rig.proxies[0].set(Fault::None);
-        let want = render(&mut rig.reference, &scene, 60).await.unwrap();
-        let (width, mut right, mut missing) = (1000, 0, 0);
-        for (i, (got, want)) in frame.picture.pixels().iter().zip(want.picture.pixels()).enumerate() {
-            let tile = [i % width / 64, i / width / 64].map(|v| v as u32);
-            if frame.missing_tiles.contains(&tile) {
-                missing += 1;
-            } else {
-                assert!(got == want, "pixel {i}, in a tile that is said to be there");
-                right += u32::from(want.a > 0.3);
-            }
-        }
-        assert!(right > 1000 && missing > 1000, "{right} right, {missing} missing");
-        // It is asked again, and draws all.
-        comes_back(&mut rig, &mut session, 1).await;
-    });
-}
-
 #[test]
 fn all_gone_is_an_error_that_names_each_node() {
     let _turn = turn(module_path!());

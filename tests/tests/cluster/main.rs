@@ -8,6 +8,7 @@
 #[macro_use]
 extern crate brickcast_harness;
 
+mod alone;
 mod balance;
 mod buckets;
 #[cfg(target_os = "linux")]

@@ -184,8 +184,8 @@ fn two_of_three_that_go() {
     assert!(hurt >= SEEDS as usize / 2, "only {hurt} of {SEEDS} frames lost two nodes that owed something");
 }
 
-/// Nobody is left: an error that names each node, or so does a picture of what had come, found in the time of a ping and
-/// of the calls that are tried again.
+/// Nobody is left: an error that names each node, or so does a picture of what had come, found in the time of a ping
+/// and of the calls that are tried again.
 #[test]
 fn all_that_go() {
     let _turn = turn(module_path!());

@@ -17,6 +17,7 @@ mod intervals;
 mod leaping;
 mod levels;
 mod levels_continue;
+mod levels_mean;
 mod levels_meet;
 mod partition;
 mod referee;

@@ -1,5 +1,5 @@
-//! Where what one level draws of a volume meets what others draw: there its bricks begin and end between whole steps, and
-//! take the values of coarser levels (docs/definition.md, Levels).
+//! Where what one level draws of a volume meets what others draw: there its bricks begin and end between whole steps,
+//! and take the values of coarser levels (docs/definition.md, Levels).
 
 use std::collections::BTreeMap;
 

@@ -1,10 +1,10 @@
 //! Which chunks are drawn on which level within what a frame may cost.
 //!
 //! From the coarsest assignment on, the refinement goes first that takes most error away for what it costs: the size at
-//! which a voxel is seen x how much the transfer function changes within the chunk x the pixels that it covers, over the
-//! samples that it takes. A refinement takes with it those of its neighbours that balance asks for. What was refined
-//! before has precedence, and may take all of the budget; what was not leaves some of it: costs that are measured a
-//! little differently change nothing.
+//! which a voxel is seen x how much the transfer function changes within the chunk x the pixels that it covers, over
+//! the samples that it takes. A refinement takes with it those of its neighbours that balance asks for. What was
+//! refined before has precedence, and may take all of the budget; what was not leaves some of it: costs that are
+//! measured a little differently change nothing.
 
 use std::cmp::Ordering;
 use std::collections::{BinaryHeap, HashSet};

@@ -50,8 +50,8 @@ impl Content {
         chunks.any(|chunk| self.shows[self.tree.chunk_id(chunk)])
     }
 
-    /// How much what samples in these chunks show can differ, from 0 to 1: their opacity, or their colour as far as they
-    /// have any.
+    /// How much what samples in these chunks show can differ, from 0 to 1: their opacity, or their colour as far as
+    /// they have any.
     pub(super) fn deviation(&self, chunks: impl Iterator<Item = ChunkIndex>) -> f64 {
         let [lo, hi] = chunks.map(|chunk| self.ranges[self.tree.chunk_id(chunk)]).fold([u16::MAX, 0], around);
         if lo >= hi {

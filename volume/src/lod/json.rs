@@ -1,5 +1,5 @@
-//! Levels of detail in the manifest of a picture: `"full"`, a number, or an object that says by what they are chosen, or
-//! which they are.
+//! Levels of detail in the manifest of a picture: `"full"`, a number, or an object that says by what they are
+//! chosen, or which they are.
 
 use glam::DVec3;
 use serde_json::{Value, json};

@@ -4,6 +4,7 @@
 //! is chosen here depends on the volume, the look and the view, never on nodes, so a picture of several levels is the
 //! same whoever renders what of it (docs/adr/0018-level-of-detail.md).
 
+mod again;
 mod balance;
 mod borders;
 mod budget;

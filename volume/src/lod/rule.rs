@@ -66,8 +66,8 @@ pub enum LodError {
     #[error("the set draws chunk {chunk} on level {level}, and the volume has levels 0 to {coarsest}")]
     SetLevel { chunk: ChunkId, level: u8, coarsest: u8 },
     #[error(
-        "the set draws chunk {chunk} on level {level}, but not all of that level's chunk, or a face neighbour more than \
-         a level coarser or finer"
+        "the set draws chunk {chunk} on level {level}, but not all of that level's chunk, or a face neighbour more \
+         than a level coarser or finer"
     )]
     SetChunk { chunk: ChunkId, level: u8 },
 }

@@ -99,7 +99,7 @@ enum By {
     Rule(Rule),
     Set(LevelSet),
     /// No finer than the rule asks for, and frames' times allow.
-    Time(Rule, FramePace),
+    Time(Rule, Box<FramePace>),
 }
 
 impl Drawer {
@@ -121,7 +121,7 @@ impl Drawer {
                 let session = at_level(&session, *level).await?;
                 return Ok(Self { store, sessions: Sessions::One(session, lod.clone()) });
             }
-            (Lod::Auto(rule), Some(limit)) => By::Time(*rule, FramePace::new(limit)),
+            (Lod::Auto(rule), Some(limit)) => By::Time(*rule, Box::new(FramePace::new(limit))),
             (Lod::Auto(rule), None) => By::Rule(*rule),
             (Lod::Set(set), _) => By::Set(set.clone()),
         };
