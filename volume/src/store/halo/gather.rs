@@ -136,7 +136,8 @@ mod tests {
             let reach = HaloReach { first, last: first + more };
             let [nx, ny, nz] = dims;
             let voxels: Vec<u32> = (0..nx * ny * nz).collect();
-            let mut gatherer = ShellGatherer::<Vec<u32>>::new(grid, reach, Tile::whole(grid.volume_dims()), 0..grid.dims().z);
+            let (tile, layers) = (Tile::whole(grid.volume_dims()), 0..grid.dims().z);
+            let mut gatherer = ShellGatherer::<Vec<u32>>::new(grid, reach, tile, layers);
             let mut got: Vec<Vec<u32>> = Vec::new();
             for (i, slab) in voxels.chunks(planes * (nx * ny) as usize).enumerate() {
                 let z0 = (i * planes) as u32;

@@ -50,7 +50,7 @@ impl Finest {
     const BYTES: usize = 8 + 8 + 2 + 2;
 
     /// Little endian, in the order of the fields.
-    fn to_bytes(&self) -> [u8; Self::BYTES] {
+    fn to_bytes(self) -> [u8; Self::BYTES] {
         let (sum, count) = (self.sum.to_le_bytes(), self.count.to_le_bytes());
         let all = sum.into_iter().chain(count).chain(self.low.to_le_bytes()).chain(self.high.to_le_bytes());
         let mut bytes = [0; Self::BYTES];
@@ -99,6 +99,14 @@ struct Gathering {
     /// From `first` on.
     voxels: Spool,
     first: u32,
+}
+
+/// What a part has gathered of coarser levels, beside their voxels.
+pub(crate) struct LevelsOfPart {
+    /// Of each level that lies in one part.
+    pub(crate) tables: Vec<(u8, Tables)>,
+    /// The bytes of what is under its voxels of level 8, where there are coarser levels.
+    pub(crate) seam: Option<Vec<u8>>,
 }
 
 /// The levels, from level 1 on, whose voxels lie in one part each.
@@ -210,14 +218,13 @@ impl Coarser {
         levels.into_iter().map(raw).collect()
     }
 
-    /// The tables of each level that a part has gathered, whose voxels are on the disk then; and the bytes of what is
-    /// under its voxels of level 8, where there are coarser levels.
-    pub(crate) fn finish_part(self) -> Result<(Vec<(u8, Tables)>, Option<Vec<u8>>), StoreError> {
+    /// What a part has gathered; the voxels of its levels are on the disk then.
+    pub(crate) fn finish_part(self) -> Result<LevelsOfPart, StoreError> {
         let Self { pyramid, levels, finest, .. } = self;
         let settled = |Gathering { level, tables, voxels, .. }| voxels.settle().map(|()| (level, tables));
-        let levels = levels.into_iter().map(settled).collect::<Result<_, StoreError>>()?;
+        let tables = levels.into_iter().map(settled).collect::<Result<_, StoreError>>()?;
         let seam = pyramid.into_seam(finest.start >> TILED..finest.end.div_ceil(1 << TILED));
-        Ok((levels, seam.map(|seam| seam.iter().flat_map(Finest::to_bytes).collect())))
+        Ok(LevelsOfPart { tables, seam: seam.map(|seam| seam.into_iter().flat_map(Finest::to_bytes).collect()) })
     }
 }
 

@@ -180,8 +180,8 @@ impl<'a> Job<'a> {
         self.complete::<T>((gathered, tables, raw), levels, work, pass.progress)
     }
 
-    /// Reads every tile of a level, and writes all shards; `seen` is given each slab, with its tile and first plane. All
-    /// of it is of the planes that are to be written alone; halos reach beyond them.
+    /// Reads every tile of a level, and writes all shards; `seen` is given each slab, with its tile and first plane.
+    /// All of it is of the planes that are to be written alone; halos reach beyond them.
     pub(super) fn write<T: Voxel>(
         &self,
         pass: &mut Pass<'_>,

@@ -108,12 +108,11 @@ impl<'a> Division<'a> {
         Ok(at(part.index)..at(part.index + 1).min(self.header.geometry.dims().z))
     }
 
-    /// Places in the grid of the bricks of whole layers `planes`.
-    pub(super) fn bricks_of(&self, planes: &Range<u32>) -> Range<usize> {
-        let d = self.grid.dims();
-        let of_layer = d.x as usize * d.y as usize;
-        let at = |z: u32| z.div_ceil(self.grid.brick_size()) as usize * of_layer;
-        at(planes.start)..at(planes.end)
+    /// How many bricks the whole layers `planes` have.
+    pub(super) fn brick_count(&self, planes: &Range<u32>) -> usize {
+        let (d, size) = (self.grid.dims(), self.grid.brick_size());
+        let layers = planes.end.div_ceil(size) - planes.start.div_ceil(size);
+        d.x as usize * d.y as usize * layers as usize
     }
 
     /// The planes of a level above `planes` of the finest.

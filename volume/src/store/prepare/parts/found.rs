@@ -44,7 +44,8 @@ impl FoundPart {
         let folder = division.folder.part(number);
         match fs::symlink_metadata(&folder) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            found => drop(found.map_err(StoreError::io("look at", &folder))?),
+            Err(error) => return Err(StoreError::io("look at", &folder)(error)),
+            Ok(_) => {}
         }
         let file = described(division, number, &folder.join(PART_FILE))?;
         let planes = division.planes(number)?;

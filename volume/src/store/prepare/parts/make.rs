@@ -14,7 +14,7 @@ use crate::store::error::StoreError;
 use crate::store::files::root::StoreRoot;
 use crate::store::files::workdir::{WorkDir, write_synced};
 use crate::store::hash::ContentHash;
-use crate::store::prepare::coarser::Coarser;
+use crate::store::prepare::coarser::{Coarser, LevelsOfPart};
 use crate::store::prepare::job::Job;
 use crate::store::prepare::options::PrepareOptions;
 use crate::store::prepare::pass::Pass;
@@ -224,8 +224,8 @@ impl Maker<'_> {
         }
         self.small(STATISTICS_FILE, &gathered.statistics.to_bytes())?;
         self.small(&tables_file(0), &tables.part(planes.clone()))?;
-        let (levels, seam) = levels.finish_part()?;
-        for (level, tables) in levels {
+        let LevelsOfPart { tables, seam } = levels.finish_part()?;
+        for (level, tables) in tables {
             self.small(&tables_file(level), &tables.part(Division::planes_above(&planes, level)))?;
             let path = self.work.store().join(gathered_file(level));
             let bytes = path.metadata().map_err(StoreError::io("look at", &path))?.len();

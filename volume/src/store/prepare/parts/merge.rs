@@ -83,7 +83,8 @@ pub(super) fn finished_before(out: &Path) -> Result<Option<PrepareSummary>, Stor
         return Ok(None);
     }
     let manifest = Manifest::from_bytes(&bytes)?;
-    remove_leftovers(folder.path.parent().unwrap_or(&folder.path));
+    let beside = folder.path.parent().filter(|parent| !parent.as_os_str().is_empty());
+    remove_leftovers(beside.unwrap_or(Path::new(".")));
     folder.remove(folder.division()?.unwrap_or(0));
     Ok(Some(PrepareSummary { hash, manifest, store_bytes: stored_bytes(out), region_seconds: 0.0 }))
 }
@@ -169,7 +170,7 @@ fn halos(division: &Division<'_>, parts: &[FoundPart], root: &StoreRoot) -> Resu
     let path = root.path(HALOS_FILE);
     let index_of = |part: &FoundPart| {
         let index = part.read(HALO_INDEX_FILE)?;
-        let want = division.bricks_of(&part.planes).len() * VOXEL_HALO.records() * size_of::<[u32; 2]>();
+        let want = division.brick_count(&part.planes) * VOXEL_HALO.records() * size_of::<[u32; 2]>();
         part.check_length(HALO_INDEX_FILE, index.len(), want)?;
         Ok::<_, PartsError>(index)
     };
