@@ -97,6 +97,11 @@ impl Geometry {
         Ok(Self { directions: self.directions, ..level })
     }
 
+    /// The first `planes` planes of it, one at least.
+    pub(crate) fn cut_to(self, planes: u32) -> Self {
+        Self { dims: UVec3 { z: planes.clamp(1, self.dims.z), ..self.dims }, ..self }
+    }
+
     /// Voxels per axis, x fastest.
     #[must_use]
     pub fn dims(&self) -> UVec3 {

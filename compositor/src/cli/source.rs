@@ -7,8 +7,10 @@ use anyhow::anyhow;
 use brickcast_remote::{Address, Place, PlaceError};
 use brickcast_volume::StoreHash;
 use brickcast_volume::brick::BrickGrid;
-use brickcast_volume::format::{self, RawHints};
-use brickcast_volume::store::{Manifest, Phase, PrepareOptions, PrepareSummary, STORE_VERSION, Store, prepare, survey};
+use brickcast_volume::format::{self, RawHints, VolumeSource};
+use brickcast_volume::store::{
+    Manifest, Phase, PrepareOptions, PrepareSummary, Progress, STORE_VERSION, Store, StoreError, prepare, survey,
+};
 
 use super::args::{DEFAULT_SEGMENTATION_RANGE, OnTheWayArgs, RawArgs};
 use super::failure::Failure;
@@ -184,23 +186,48 @@ pub fn prepare_input(
     target: &Path,
     options: &PrepareOptions,
 ) -> anyhow::Result<PrepareSummary> {
-    let mut source = format::open(input, hints)?;
-    let bar = Bar::new(&format!("preparing {}", input.display()));
+    let (mut source, options) = opened_input(input, hints, options)?;
+    let summary = with_bar(input, |progress| prepare(source.as_mut(), target, &options, progress))?;
+    tell(input, &summary.manifest);
+    Ok(summary)
+}
+
+/// An input that is to be prepared, and `options` with what is said of it.
+///
+/// # Errors
+/// As [`format::open`].
+pub fn opened_input(
+    input: &Path,
+    hints: &RawHints,
+    options: &PrepareOptions,
+) -> anyhow::Result<(Box<dyn VolumeSource>, PrepareOptions)> {
+    let source = format::open(input, hints)?;
     let options = PrepareOptions {
         source_name: input.file_name().and_then(|n| n.to_str()).map(str::to_owned),
         source_bytes: input.metadata().ok().map(|m| m.len()),
         ..options.clone()
     };
+    Ok((source, options))
+}
+
+/// Shows the progress of `work` on an input.
+///
+/// # Errors
+/// That of `work`.
+pub fn with_bar<T>(
+    input: &Path,
+    work: impl FnOnce(&mut dyn FnMut(Progress)) -> Result<T, StoreError>,
+) -> anyhow::Result<T> {
+    let bar = Bar::new(&format!("preparing {}", input.display()));
     let mut phase = None;
-    let summary = prepare(source.as_mut(), target, &options, &mut |p| {
+    let done = work(&mut |p| {
         if phase.replace(p.phase) != Some(p.phase) {
             bar.say(&format!("{} {}", words(p.phase), input.display()));
         }
         bar.at(p.done, p.total);
     })?;
     bar.finish();
-    tell(input, &summary.manifest);
-    Ok(summary)
+    Ok(done)
 }
 
 /// A phase, before the name of what is prepared.

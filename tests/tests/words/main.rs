@@ -21,6 +21,8 @@ mod interrupts;
 #[cfg(target_os = "linux")]
 mod kept;
 mod levels;
+#[cfg(target_os = "linux")]
+mod parts;
 #[cfg(unix)]
 mod project;
 mod quality;

@@ -1,6 +1,8 @@
 //! The parts of one block of a slab, and which of them the rest of the volume must hear of.
 
-use super::code::Density;
+use std::ops::Range;
+
+use super::code::{Density, density_by_shifts, density_of_code};
 use super::runs::{BLOCK_EDGE, Run, Runs};
 
 /// Planes of codes and distances, x fastest: one layer of blocks.
@@ -14,11 +16,10 @@ pub(crate) struct Slab<'a> {
     pub(crate) distances: &'a [u8],
 }
 
-/// Window and density of every 16-bit code.
+/// The window of every 16-bit code; nothing where labels are given.
 #[derive(Debug)]
 pub(crate) struct CodeTables {
     pub(crate) window: Vec<u16>,
-    pub(crate) density: Vec<Density>,
 }
 
 /// The smallest distance of a leap voxel with the narrowest guard, of width 2.
@@ -53,13 +54,21 @@ impl Part {
     }
 
     /// Takes in voxels that start at the global index `root`.
-    pub(crate) fn add(&mut self, root: u64, codes: &[u16], distances: &[u8], density: &[Density]) {
+    pub(crate) fn add(&mut self, root: u64, codes: &[u16], distances: &[u8]) {
+        /// Sums of 32 bits hold as many densities.
+        const SUMMED: usize = 1 << 16;
         self.root = self.root.min(root);
         self.voxels += codes.len() as u64;
-        let densities = codes.iter().map(|c| density[usize::from(*c)]);
-        self.sum += densities.clone().map(u64::from).sum::<u64>();
-        self.leaps += distances.iter().map(|d| u64::from(*d >= LEAP_DISTANCE)).sum::<u64>();
-        (self.min, self.max) = densities.fold((self.min, self.max), |(lo, hi), d| (lo.min(d), hi.max(d)));
+        for (codes, distances) in codes.chunks(SUMMED).zip(distances.chunks(SUMMED)) {
+            self.sum += u64::from(codes.iter().map(|c| density_by_shifts(*c)).sum::<u32>());
+            self.leaps += u64::from(distances.iter().map(|d| u32::from(*d >= LEAP_DISTANCE)).sum::<u32>());
+        }
+        let (low, high) = codes.iter().fold((u16::MAX, 0), |(low, high), c| (low.min(*c), high.max(*c)));
+        if low <= high {
+            // Densities ascend with their codes.
+            self.min = self.min.min(density_of_code(low));
+            self.max = self.max.max(density_of_code(high));
+        }
     }
 }
 
@@ -115,14 +124,8 @@ pub(crate) struct BlockNodes {
 impl BlockSpace {
     /// Finds the parts of the `i`-th block; parts within the block that hold no leap voxel are nothing to anybody.
     pub(crate) fn find(&mut self, slab: &Slab<'_>, i: usize, tables: &CodeTables) -> BlockNodes {
-        let (lo, size) = slab.block(i);
-        self.labels.clear();
-        for row in 0..size[1] * size[2] {
-            let codes = &slab.codes[slab.row(lo, size, row)..][..size[0]];
-            self.labels.extend(codes.iter().map(|c| u32::from(tables.window[usize::from(*c)])));
-        }
-        self.runs.find(&self.labels, size);
-        self.measure(slab, lo, size, tables);
+        let (lo, size) = self.cut(slab, i, tables);
+        self.measure(slab, lo, size);
         let mut nodes = Vec::new();
         self.node_of_part.clear();
         for (part, on_face) in self.parts.iter().zip(&self.on_face) {
@@ -135,30 +138,51 @@ impl BlockSpace {
         BlockNodes { nodes, faces: self.faces(size, slab.goes_on(lo, size)) }
     }
 
-    fn measure(&mut self, slab: &Slab<'_>, lo: [usize; 2], size: [usize; 3], tables: &CodeTables) {
-        let goes_on = slab.goes_on(lo, size);
-        self.parts.clear();
-        self.parts.resize(self.runs.parts as usize, Part::EMPTY);
-        self.on_face.clear();
-        self.on_face.resize(self.runs.parts as usize, false);
-        let volume_start = slab.z0 * slab.dims[1] * slab.dims[0];
-        for (row, runs) in self.runs.rows() {
-            let (y, z) = (row % size[1], row / size[1]);
-            let at_yz = goes_on[1][0] && y == 0
-                || goes_on[1][1] && y + 1 == size[1]
-                || goes_on[2][0] && z == 0
-                || goes_on[2][1] && z + 1 == size[2];
-            let first = slab.row(lo, size, row);
-            for run in runs {
-                let voxels = first + usize::from(run.start)..first + usize::from(run.end);
-                let part = &mut self.parts[run.part as usize];
-                part.window = run.label as u16;
-                let root = (volume_start + voxels.start) as u64;
-                part.add(root, &slab.codes[voxels.clone()], &slab.distances[voxels], &tables.density);
-                let at_x = goes_on[0][0] && run.start == 0 || goes_on[0][1] && usize::from(run.end) == size[0];
-                self.on_face[run.part as usize] |= at_yz || at_x;
-            }
+    /// The same parts and nodes, and how many nodes there are, where nothing else need be known of them.
+    pub(crate) fn find_again(&mut self, slab: &Slab<'_>, i: usize, tables: &CodeTables) -> usize {
+        let (lo, size) = self.cut(slab, i, tables);
+        let Self { runs, on_face: is_node, node_of_part, .. } = self;
+        is_node.clear();
+        is_node.resize(runs.parts as usize, false);
+        each_run(runs, slab, lo, size, |run, voxels, on_face| {
+            let is_node = &mut is_node[run.part as usize];
+            *is_node = *is_node || on_face || slab.distances[voxels].iter().any(|d| *d >= LEAP_DISTANCE);
+        });
+        let mut nodes = 0;
+        node_of_part.clear();
+        node_of_part.extend(is_node.iter().map(|is_node| {
+            nodes += u32::from(*is_node);
+            if *is_node { nodes } else { 0 }
+        }));
+        nodes as usize
+    }
+
+    /// Cuts the `i`-th block into runs and parts: its first voxel (x, y), and its size.
+    fn cut(&mut self, slab: &Slab<'_>, i: usize, tables: &CodeTables) -> ([usize; 2], [usize; 3]) {
+        let (lo, size) = slab.block(i);
+        self.labels.clear();
+        for row in 0..size[1] * size[2] {
+            let codes = &slab.codes[slab.row(lo, size, row)..][..size[0]];
+            self.labels.extend(codes.iter().map(|c| u32::from(tables.window[usize::from(*c)])));
         }
+        self.runs.find(&self.labels, size);
+        (lo, size)
+    }
+
+    fn measure(&mut self, slab: &Slab<'_>, lo: [usize; 2], size: [usize; 3]) {
+        let Self { runs, parts, on_face, .. } = self;
+        parts.clear();
+        parts.resize(runs.parts as usize, Part::EMPTY);
+        on_face.clear();
+        on_face.resize(runs.parts as usize, false);
+        let volume_start = slab.z0 * slab.dims[1] * slab.dims[0];
+        each_run(runs, slab, lo, size, |run, voxels, is_on_face| {
+            let part = &mut parts[run.part as usize];
+            part.window = run.label as u16;
+            let root = (volume_start + voxels.start) as u64;
+            part.add(root, &slab.codes[voxels.clone()], &slab.distances[voxels]);
+            on_face[run.part as usize] |= is_on_face;
+        });
     }
 
     fn faces(&self, size: [usize; 3], goes_on: [[bool; 2]; 3]) -> [[Vec<u32>; 2]; 3] {
@@ -184,5 +208,30 @@ impl BlockSpace {
             }
         }
         faces
+    }
+}
+
+/// Calls `take` with each run of a block, its voxels in the slab, and whether it lies on a face behind which the volume
+/// goes on.
+fn each_run(
+    runs: &Runs,
+    slab: &Slab<'_>,
+    lo: [usize; 2],
+    size: [usize; 3],
+    mut take: impl FnMut(&Run, Range<usize>, bool),
+) {
+    let goes_on = slab.goes_on(lo, size);
+    for (row, runs) in runs.rows() {
+        let (y, z) = (row % size[1], row / size[1]);
+        let at_yz = goes_on[1][0] && y == 0
+            || goes_on[1][1] && y + 1 == size[1]
+            || goes_on[2][0] && z == 0
+            || goes_on[2][1] && z + 1 == size[2];
+        let first = slab.row(lo, size, row);
+        for run in runs {
+            let voxels = first + usize::from(run.start)..first + usize::from(run.end);
+            let at_x = goes_on[0][0] && run.start == 0 || goes_on[0][1] && usize::from(run.end) == size[0];
+            take(run, voxels, at_yz || at_x);
+        }
     }
 }

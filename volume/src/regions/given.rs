@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use rayon::prelude::*;
 
-use super::block::{CodeTables, Part, Slab};
+use super::block::{Part, Slab};
 
 /// Voxels whose labels are told apart at once by a thread: the most that a map of its own can hold, unless a row is
 /// longer.
@@ -32,7 +32,7 @@ impl GivenParts {
     ///
     /// # Errors
     /// More labels than are allowed, as soon as a batch of pieces shows it.
-    pub(crate) fn add(&mut self, slab: &Slab<'_>, labels: &[u32], tables: &CodeTables) -> Result<(), TooManyParts> {
+    pub(crate) fn add(&mut self, slab: &Slab<'_>, labels: &[u32]) -> Result<(), TooManyParts> {
         let [nx, ny, _] = slab.dims;
         let piece = nx * (PIECE_VOXELS / nx).max(1);
         let batch = piece * rayon::current_num_threads();
@@ -47,7 +47,7 @@ impl GivenParts {
                     if run[0] != 0 {
                         let root = (slab.z0 * ny * nx + voxels.start) as u64;
                         let part = parts.entry(run[0]).or_insert(Part::EMPTY);
-                        part.add(root, &slab.codes[voxels.clone()], &slab.distances[voxels], &tables.density);
+                        part.add(root, &slab.codes[voxels.clone()], &slab.distances[voxels]);
                     }
                 }
                 parts
@@ -73,11 +73,6 @@ impl GivenParts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::regions::density_of_code;
-
-    fn tables() -> CodeTables {
-        CodeTables { window: Vec::new(), density: (0..=u16::MAX).map(density_of_code).collect() }
-    }
 
     /// Every voxel a label of its own: the slab is given up after its first pieces, not when all of it is in memory.
     #[test]
@@ -89,10 +84,10 @@ mod tests {
         let slab = Slab { dims, z0: 0, codes: &codes, distances: &distances };
         let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         let mut parts = GivenParts::new(1000);
-        assert_eq!(one_thread.install(|| parts.add(&slab, &labels, &tables())), Err(TooManyParts));
+        assert_eq!(one_thread.install(|| parts.add(&slab, &labels)), Err(TooManyParts));
         assert_eq!(parts.parts.len(), PIECE_VOXELS);
         let mut parts = GivenParts::new(voxels);
-        assert_eq!(parts.add(&slab, &labels, &tables()), Ok(()));
+        assert_eq!(parts.add(&slab, &labels), Ok(()));
     }
 
     /// Rows that do not divide a piece, and more than one batch: each voxel is counted once, roots are global.
@@ -103,16 +98,16 @@ mod tests {
         let codes: Vec<u16> = (0..voxels).map(|i| (i * 31 % 65_536) as u16).collect();
         let distances: Vec<u8> = (0..voxels).map(|i| (i % 5) as u8).collect();
         let labels: Vec<u32> = (0..voxels as u32).map(|i| i / 700 % 5).collect();
-        let (slab, tables) = (Slab { dims, z0: 32, codes: &codes, distances: &distances }, tables());
+        let slab = Slab { dims, z0: 32, codes: &codes, distances: &distances };
         for threads in [1, 3] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             let mut parts = GivenParts::new(4);
-            assert_eq!(pool.install(|| parts.add(&slab, &labels, &tables)), Ok(()));
+            assert_eq!(pool.install(|| parts.add(&slab, &labels)), Ok(()));
             for label in 1..5 {
                 let mut want = Part::EMPTY;
                 for i in (0..voxels).filter(|i| labels[*i] == label) {
                     let root = (32 * 301 * 67 + i) as u64;
-                    want.add(root, &codes[i..=i], &distances[i..=i], &tables.density);
+                    want.add(root, &codes[i..=i], &distances[i..=i]);
                 }
                 assert_eq!(parts.parts[&label], want);
             }

@@ -202,6 +202,28 @@ impl RangeBuilder {
         }
     }
 
+    /// What voxels of these planes can have said.
+    pub(super) fn part(&self, planes: &Range<u32>) -> &[[u16; 2]] {
+        &self.table[self.reached(planes)]
+    }
+
+    /// Widens the same ranges by `others`; how many they are.
+    pub(super) fn join(&mut self, planes: &Range<u32>, others: &mut impl Iterator<Item = [u16; 2]>) -> usize {
+        let reached = self.reached(planes);
+        for ([min, max], [low, high]) in self.table[reached.clone()].iter_mut().zip(others) {
+            (*min, *max) = ((*min).min(low), (*max).max(high));
+        }
+        reached.len()
+    }
+
+    /// Places of the cubes that these planes reach.
+    fn reached(&self, planes: &Range<u32>) -> Range<usize> {
+        let counts = self.cubes.counts();
+        let layers = self.cubes.met(planes.start, planes.end, counts.z);
+        let at = |z: u32| z as usize * counts.x as usize * counts.y as usize;
+        at(layers.start)..at(layers.end)
+    }
+
     /// `code_of_ordinal` must not descend over the data, so that the extremes stay the extremes.
     pub(super) fn finish(self, code_of_ordinal: &[u16]) -> Vec<[u16; 2]> {
         let code = |ordinal: u16| code_of_ordinal[usize::from(ordinal)];

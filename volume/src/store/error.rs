@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::hash::ContentHash;
 use super::level::LevelArray;
+use super::prepare::parts::error::PartsError;
 use super::profile::{InnerChunk, MANIFEST_FILE, MAX_SHARDS, ShardIndex};
 use super::regions::error::RegionsError;
 use crate::brick::BrickGridError;
@@ -175,6 +176,8 @@ pub enum StoreError {
     TooLittleMemory { need: u64, available: u64, by: String },
     #[error("zstd: {0}")]
     Compress(io::Error),
+    #[error(transparent)]
+    Parts(#[from] PartsError),
 }
 
 impl StoreError {

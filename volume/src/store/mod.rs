@@ -49,6 +49,8 @@ pub use objects::memory::MemoryObjects;
 pub use objects::{Object, Objects};
 pub use prepare::job::{prepare, survey};
 pub use prepare::options::{Levels, PrepareOptions, PrepareSummary, RegionOptions, Segmentation};
+pub use prepare::parts::error::{PartFault, PartsError};
+pub use prepare::parts::{Journal, MadePart, PartNumber, merge_parts, parts_folder, prepare_part, resume, scan_part};
 pub use profile::{
     CHUNK_EDGE, CHUNK_VOXELS, InnerChunk, MANIFEST_FILE, MAX_SHARDS, SHARD_EDGE, ShardIndex, StoreArray,
 };

@@ -48,6 +48,24 @@ pub(super) const REGION_BRICKS_FILE: &str = "region_bricks.bin";
 pub(super) const LABEL_SHARDS_FILE: &str = "label_shards.bin";
 pub(super) const DISTANCE_SHARDS_FILE: &str = "distance_shards.bin";
 
+/// Files of a part of a store (docs/adr/0022-preparing-in-parts.md), beside those that a store has. What it is and is
+/// made from:
+pub(super) const PART_FILE: &str = "part.json";
+/// What was counted of its voxels.
+pub(super) const STATISTICS_FILE: &str = "statistics.bin";
+/// What is under the voxels of the coarsest level whose voxels lie in one part each.
+pub(super) const SEAM_FILE: &str = "seam.bin";
+
+/// The ranges of a level, as far as a part's voxels reach.
+pub(super) fn tables_file(level: u8) -> String {
+    format!("tables-{level}")
+}
+
+/// The voxels of a coarser level above a part's.
+pub(super) fn gathered_file(level: u8) -> String {
+    format!("voxels-{level}")
+}
+
 /// An array of a store; all have the same dims, shards and inner chunks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum StoreArray {

@@ -5,6 +5,8 @@
 //! Tiles begin and end at multiples of 2^8 voxels, so a voxel of levels 1 to 8 lies in one tile. One of a coarser level
 //! may lie in several: what is under the voxels of level 8, one for each shard, is kept until all tiles have passed.
 
+use std::ops::Range;
+
 use glam::UVec3;
 use rayon::prelude::*;
 
@@ -13,7 +15,7 @@ use super::profile::SHARD_EDGE;
 use super::tiles::Tile;
 
 /// The coarsest level whose voxels lie in one tile each.
-const TILED: usize = SHARD_EDGE.ilog2() as usize;
+pub(super) const TILED: usize = SHARD_EDGE.ilog2() as usize;
 
 /// Voxels of a plane: fewer are not worth the waking of threads.
 const ALONE: usize = 1 << 16;
@@ -48,12 +50,29 @@ pub(super) trait Take<U>: FnMut(usize, &Tile, u32, &[U]) -> Result<(), StoreErro
 impl<U, F: FnMut(usize, &Tile, u32, &[U]) -> Result<(), StoreError>> Take<U> for F {}
 
 impl<U: Under> Pyramid<U> {
-    /// `dims` of the coarser levels, from level 1 on.
-    pub(super) fn new(dims: impl Iterator<Item = UVec3>, has_several_tiles: bool) -> Self {
+    /// `dims` of the coarser levels, from level 1 on. Where what comes is cut into tiles or parts, voxels of levels
+    /// above 8 may lie in several.
+    pub(super) fn new(dims: impl Iterator<Item = UVec3>, may_be_cut: bool) -> Self {
         let levels: Vec<_> = dims.map(|dims| Rising { dims, plane: Vec::new() }).collect();
-        let seam = (has_several_tiles && levels.len() > TILED)
+        let seam = (may_be_cut && levels.len() > TILED)
             .then(|| vec![U::NOTHING; levels[TILED - 1].dims.as_u64vec3().element_product() as usize]);
         Self { levels, seam }
+    }
+
+    /// With what was gathered elsewhere of all voxels of level 8, x fastest; nothing where they are not so many, or
+    /// where no level is coarser.
+    pub(super) fn above(dims: impl Iterator<Item = UVec3>, seam: Vec<U>) -> Option<Self> {
+        let levels: Vec<_> = dims.map(|dims| Rising { dims, plane: Vec::new() }).collect();
+        let tiled = levels.get(TILED - 1).filter(|_| levels.len() > TILED)?;
+        let is_whole = tiled.dims.as_u64vec3().element_product() == seam.len() as u64;
+        is_whole.then_some(Self { levels, seam: Some(seam) })
+    }
+
+    /// What was gathered of the planes `planes` of level 8, x fastest, where coarser levels need it.
+    pub(super) fn into_seam(self, planes: Range<u32>) -> Option<Vec<U>> {
+        let seam = self.seam?;
+        let plane = Tile::whole(self.levels[TILED - 1].dims).voxels();
+        Some(seam[planes.start as usize * plane..planes.end as usize * plane].to_vec())
     }
 
     pub(super) fn is_empty(&self) -> bool {

@@ -18,6 +18,7 @@ mod lod;
 mod look;
 mod nodes;
 mod on_the_way;
+mod parts;
 mod quality;
 mod raw;
 mod region;
@@ -54,6 +55,7 @@ pub use self::lod::{LodArg, LodArgs};
 pub use self::look::{LookArg, LookArgs, Unasked};
 pub use self::nodes::{BackendArg, NodeArgs};
 pub use self::on_the_way::OnTheWayArgs;
+pub use self::parts::PartArgs;
 pub use self::quality::{QualityArg, QualityArgs};
 pub use self::raw::RawArgs;
 pub(crate) use self::region::DEFAULT_SEGMENTATION_RANGE;
@@ -176,6 +178,8 @@ pub struct PrepareArgs {
     /// Replace an existing store
     #[arg(long)]
     pub force: bool,
+    #[command(flatten)]
+    pub parts: PartArgs,
     #[command(flatten)]
     pub regions: RegionArgs,
     #[command(flatten)]

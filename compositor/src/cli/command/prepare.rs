@@ -1,15 +1,19 @@
 //! `brickcast prepare`
 
+use std::path::Path;
 use std::time::Instant;
 
 use brickcast_volume::brick::BrickGrid;
+use brickcast_volume::format::{RawHints, VolumeSource};
 use brickcast_volume::shown::shown;
-use brickcast_volume::store::PrepareOptions;
+use brickcast_volume::store::{
+    Journal, PartNumber, PrepareOptions, PrepareSummary, merge_parts, prepare_part, resume, scan_part,
+};
 
-use crate::cli::args::PrepareArgs;
+use crate::cli::args::{PartArgs, PrepareArgs};
 use crate::cli::failure::Failure;
 use crate::cli::say::{region_words, say};
-use crate::cli::source::{local, prepare_input};
+use crate::cli::source::{local, opened_input, prepare_input, tell, with_bar};
 use crate::words::{bytes, short};
 
 /// # Errors
@@ -29,7 +33,20 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
     };
     let (input, store) = (local(&args.input)?, local(&args.store)?);
     let started = Instant::now();
-    let summary = prepare_input(&input, &hints, &store, &options)?;
+    let summary = match &args.parts {
+        PartArgs { shard: Some(part), scan, .. } => {
+            let (mut source, options) = opened_input(&input, &hints, &options)?;
+            return make_part((&input, source.as_mut()), (&store, &options), (*part, *scan), quiet);
+        }
+        PartArgs { merge: true, .. } => {
+            let (source, options) = opened_input(&input, &hints, &options)?;
+            let summary = with_bar(&input, |progress| merge_parts(source.as_ref(), &store, &options, progress))?;
+            tell(&input, &summary.manifest);
+            summary
+        }
+        PartArgs { resume: true, .. } => resumed(&input, &hints, &store, &options, quiet)?,
+        _ => prepare_input(&input, &hints, &store, &options)?,
+    };
     let seconds = started.elapsed().as_secs_f64();
     let m = &summary.manifest;
     let d = m.geometry.dims();
@@ -56,4 +73,57 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
         }
         None => Ok(()),
     }
+}
+
+/// Makes, or scans, one part, and says so.
+fn make_part(
+    (input, source): (&Path, &mut dyn VolumeSource),
+    (store, options): (&Path, &PrepareOptions),
+    (part, is_scan): (PartNumber, bool),
+    quiet: bool,
+) -> Result<(), Failure> {
+    let started = Instant::now();
+    let made = with_bar(input, |progress| match is_scan {
+        true => scan_part(source, store, options, part, progress),
+        false => prepare_part(source, store, options, part, progress).map(Some),
+    })?;
+    let name = shown(&store.display().to_string()).into_owned();
+    let Some(made) = made else {
+        let voxel_type = source.header().voxel_type;
+        return say(quiet, &format!("{name}: voxels of {voxel_type} are stored as they are, there is nothing to scan"));
+    };
+    let done = match (made.was_there, is_scan) {
+        (true, false) => "was there already".to_owned(),
+        (true, true) => "was scanned already".to_owned(),
+        (false, false) => format!("made in {:.1} s", started.elapsed().as_secs_f64()),
+        (false, true) => format!("scanned in {:.1} s", started.elapsed().as_secs_f64()),
+    };
+    let (first, last) = (made.planes.start, made.planes.end.saturating_sub(1));
+    let folder = made.folder.display().to_string();
+    say(quiet, &format!("{name}: part {part}, planes {first} to {last}, {done}, in {}", shown(&folder)))
+}
+
+/// Prepares in parts of its own, and says what an earlier run left of them.
+fn resumed(
+    input: &Path,
+    hints: &RawHints,
+    store: &Path,
+    options: &PrepareOptions,
+    quiet: bool,
+) -> Result<PrepareSummary, Failure> {
+    let (mut source, options) = opened_input(input, hints, options)?;
+    let name = shown(&store.display().to_string()).into_owned();
+    let mut said = Ok(());
+    let mut say_found = |journal: &Journal| {
+        let found = match journal {
+            Journal { count: 0, .. } => "was finished already".to_owned(),
+            Journal { found: 0, count } => format!("nothing to go on from, {count} parts to make"),
+            Journal { found, count } => format!("{found} of {count} parts are there, {} to make", count - found),
+        };
+        said = say(quiet, &format!("{name}: {found}"));
+    };
+    let summary = with_bar(input, |p| resume(source.as_mut(), store, &options, &mut say_found, p))?;
+    said?;
+    tell(input, &summary.manifest);
+    Ok(summary)
 }

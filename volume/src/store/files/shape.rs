@@ -17,8 +17,9 @@ use crate::store::objects::Objects;
 use crate::store::objects::folder::StoreFolder;
 use crate::store::profile::{
     ARRAY_FILE, CELLS_FILE, DISTANCE_ARRAY_FILE, DISTANCE_SHARDS_FILE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE,
-    LABEL_ARRAY_FILE, LABEL_IMAGE_FILE, LABEL_SHARDS_FILE, LABELS_GROUP_FILE, MANIFEST_FILE, RANGES_FILE,
-    REGION_BRICKS_FILE, REGION_HALO_INDEX_FILE, REGION_HALOS_FILE, REGIONS_FILE, SHARD_EDGE, SHARDS_FILE, StoreArray,
+    LABEL_ARRAY_FILE, LABEL_IMAGE_FILE, LABEL_SHARDS_FILE, LABELS_GROUP_FILE, MANIFEST_FILE, PART_FILE, RANGES_FILE,
+    REGION_BRICKS_FILE, REGION_HALO_INDEX_FILE, REGION_HALOS_FILE, REGIONS_FILE, SEAM_FILE, SHARD_EDGE, SHARDS_FILE,
+    STATISTICS_FILE, StoreArray, gathered_file, tables_file,
 };
 use crate::store::regions::facts_table::{FACTS_BYTES, REGION_BYTES};
 use crate::store::shard::table::RECORD_BYTES;
@@ -122,7 +123,8 @@ impl StoreShape {
         shape
     }
 
-    /// Of any store of this or an earlier version (their files have the same names), or of a part of one.
+    /// Of any store of this or an earlier version (their files have the same names), or of a part of one, finished or
+    /// not.
     pub(crate) fn any() -> Self {
         let files = [
             MANIFEST_FILE,
@@ -146,7 +148,10 @@ impl StoreShape {
         ];
         let arrays = [StoreArray::Voxels, StoreArray::Labels, StoreArray::Distances];
         let levels = usize::from(MAX_COARSER) + 1;
-        Self::on_levels(&files.map(Cow::from), &arrays, std::iter::repeat_n(UVec3::MAX, levels))
+        let mut shape = Self::on_levels(&files.map(Cow::from), &arrays, std::iter::repeat_n(UVec3::MAX, levels));
+        shape.files.extend([PART_FILE, STATISTICS_FILE, SEAM_FILE].map(Cow::from));
+        shape.files.extend((0..=MAX_COARSER).flat_map(|l| [tables_file(l), gathered_file(l)]).map(Cow::from));
+        shape
     }
 
     /// Of the store in `folder`, as strictly as its manifest allows; nothing where that is no manifest of ours at all.

@@ -52,9 +52,7 @@ impl WorkDir {
         recover(target, &parent, &prefix);
         remove_leftovers(&parent);
         sweep_once(&parent);
-        if is_there(target, force)? {
-            foreign_in(target, target)?;
-        }
+        check_target(target, force)?;
         for n in 0..10_000u32 {
             let mut dir_name = prefix.clone();
             dir_name.push(format!("{}-{n}", std::process::id()));
@@ -161,6 +159,14 @@ fn foreign_in(folder: &Path, name: &Path) -> Result<(), StoreError> {
     match Found::below(folder, &shape)?.not_ours() {
         Some(what) => Err(StoreError::Foreign { path: name.to_path_buf(), what }),
         None => Ok(()),
+    }
+}
+
+/// An error where no store can be put at `target` in the end, as far as that is known already.
+pub(crate) fn check_target(target: &Path, force: bool) -> Result<(), StoreError> {
+    match is_there(target, force)? {
+        true => foreign_in(target, target),
+        false => Ok(()),
     }
 }
 

@@ -41,13 +41,16 @@ pub(crate) struct ShellGatherer<G> {
     tile: Tile,
     /// z of the first layer of bricks in `open`.
     first: u32,
+    /// Behind the last layer of bricks whose shells are wanted.
+    end: u32,
     /// Layers of bricks that began and are not complete; shells x fastest, those of a brick from the inside out.
     open: VecDeque<Vec<G>>,
 }
 
 impl<G: Gathered> ShellGatherer<G> {
-    pub(crate) fn new(grid: BrickGrid, reach: HaloReach, tile: Tile) -> Self {
-        Self { grid, reach, tile, first: 0, open: VecDeque::new() }
+    /// Of the layers of bricks `layers`.
+    pub(crate) fn new(grid: BrickGrid, reach: HaloReach, tile: Tile, layers: Range<u32>) -> Self {
+        Self { grid, reach, tile, first: layers.start, end: layers.end, open: VecDeque::new() }
     }
 
     /// What of the volume's planes is needed: the tile and the halos of its bricks.
@@ -79,7 +82,7 @@ impl<G: Gathered> ShellGatherer<G> {
     ) -> Result<(), StoreError> {
         let (records, held) = (self.reach.records(), self.held());
         let of_layer = self.along(0).len() * self.along(1).len() * records;
-        for bz in self.first..self.grid.dims().z {
+        for bz in self.first..self.end {
             // Those of the outermost shell.
             let its_planes = self.shell(bz, records - 1).planes();
             if its_planes.start >= planes.end {
@@ -133,7 +136,8 @@ mod tests {
             let reach = HaloReach { first, last: first + more };
             let [nx, ny, nz] = dims;
             let voxels: Vec<u32> = (0..nx * ny * nz).collect();
-            let mut gatherer = ShellGatherer::<Vec<u32>>::new(grid, reach, Tile::whole(grid.volume_dims()));
+            let (tile, layers) = (Tile::whole(grid.volume_dims()), 0..grid.dims().z);
+            let mut gatherer = ShellGatherer::<Vec<u32>>::new(grid, reach, tile, layers);
             let mut got: Vec<Vec<u32>> = Vec::new();
             for (i, slab) in voxels.chunks(planes * (nx * ny) as usize).enumerate() {
                 let z0 = (i * planes) as u32;

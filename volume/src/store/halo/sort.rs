@@ -22,10 +22,10 @@ struct Run {
 }
 
 /// Copies the records to `path` in the grid's linear order, and removes the file that they were written to: tile after
-/// tile, bricks of a tile x fastest.
+/// tile, bricks of a tile x fastest, those of so many layers.
 pub(crate) fn sorted(
     mut from: HaloWriter,
-    grid: &BrickGrid,
+    (grid, layers): (&BrickGrid, usize),
     tiles: Tiles,
     path: &Path,
 ) -> Result<WrittenHalos, StoreError> {
@@ -37,7 +37,7 @@ pub(crate) fn sorted(
     let mut of_tile = Vec::with_capacity(tiles.len());
     for tile in &tiles {
         of_tile.push(runs.len());
-        for _ in 0..grid.dims().z as usize * bricks(tile, 1).len() {
+        for _ in 0..layers * bricks(tile, 1).len() {
             runs.push(run);
             let records = &from.entries[run.first * from.records..][..bricks(tile, 0).len() * from.records];
             run.start += bytes_of(records);
@@ -49,11 +49,11 @@ pub(crate) fn sorted(
     let mut to = HaloWriter::create(path, from.records)?;
     to.entries.reserve_exact(from.entries.len());
     let mut part = Vec::new();
-    for bz in 0..grid.dims().z {
+    for bz in 0..layers {
         for by in 0..grid.dims().y {
             for (tile, first_run) in tiles.iter().zip(&of_tile).filter(|(tile, _)| bricks(tile, 1).contains(&by)) {
                 let ys = bricks(tile, 1);
-                let run = runs[first_run + bz as usize * ys.len() + (by - ys.start) as usize];
+                let run = runs[first_run + bz * ys.len() + (by - ys.start) as usize];
                 let records = &from.entries[run.first * from.records..][..bricks(tile, 0).len() * from.records];
                 let end = run.start + bytes_of(records);
                 let mut at = run.start;

@@ -16,23 +16,28 @@ use crate::store::voxel::Cell;
 /// The halos of the volume's voxels, tile by tile and slab by slab.
 pub(crate) struct VoxelHalos<T> {
     grid: BrickGrid,
+    /// Of bricks.
+    layers: Range<u32>,
     gatherer: ShellGatherer<Vec<T>>,
     writer: HaloWriter,
 }
 
 impl<T: Cell> VoxelHalos<T> {
-    pub(crate) fn create(path: &Path, grid: BrickGrid) -> Result<Self, StoreError> {
+    /// Of the bricks that begin in `planes`.
+    pub(crate) fn create(path: &Path, grid: BrickGrid, planes: &Range<u32>) -> Result<Self, StoreError> {
         let writer = HaloWriter::create(path, VOXEL_HALO.records())?;
-        let gatherer = ShellGatherer::new(grid, VOXEL_HALO, Tile::whole(grid.volume_dims()));
-        Ok(Self { grid, gatherer, writer })
+        let [start, end] = [planes.start, planes.end].map(|z| z.div_ceil(grid.brick_size()));
+        let gatherer = ShellGatherer::new(grid, VOXEL_HALO, Tile::whole(grid.volume_dims()), start..end);
+        Ok(Self { grid, layers: start..end, gatherer, writer })
     }
 
     /// Goes on with the next tile.
     pub(crate) fn start(&mut self, tile: Tile) {
-        self.gatherer = ShellGatherer::new(self.grid, VOXEL_HALO, tile);
+        self.gatherer = ShellGatherer::new(self.grid, VOXEL_HALO, tile, self.layers.clone());
     }
 
-    /// Takes planes of the tile grown by the halo's reach; planes come in order.
+    /// Takes planes of the tile grown by the halo's reach; planes come in order, from the first that a halo of the
+    /// layers reaches to the last.
     pub(crate) fn add(&mut self, planes: Range<u32>, slab: &[T]) -> Result<(), StoreError> {
         let take = |shell: &mut Vec<T>, run| shell.extend_from_slice(&slab[run]);
         self.gatherer.add(planes, take, |shells| self.writer.add(shells, |shell| voxel_record(shell)))
@@ -45,7 +50,7 @@ impl<T: Cell> VoxelHalos<T> {
 
     /// What was written tile by tile, in the grid's order at `path`; the file it was in is removed.
     pub(crate) fn finish_sorted(self, tiles: Tiles, path: &Path) -> Result<WrittenHalos, StoreError> {
-        sorted(self.writer, &self.grid, tiles, path)
+        sorted(self.writer, (&self.grid, self.layers.len()), tiles, path)
     }
 }
 
@@ -67,7 +72,7 @@ pub(crate) struct RegionHalos {
 impl RegionHalos {
     pub(crate) fn create(path: &Path, grid: BrickGrid) -> Result<Self, StoreError> {
         let writer = HaloWriter::create(path, REGION_HALO.records())?;
-        let gatherer = ShellGatherer::new(grid, REGION_HALO, Tile::whole(grid.volume_dims()));
+        let gatherer = ShellGatherer::new(grid, REGION_HALO, Tile::whole(grid.volume_dims()), 0..grid.dims().z);
         Ok(Self { gatherer, writer })
     }
 

@@ -4,6 +4,7 @@
 //! sums, never of a finer level's rounded means. Without data is one that has none under it. The ranges of a level are
 //! those of the finest voxels, so that no level hides a pore from whoever asks what a brick can show.
 
+use std::ops::Range;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -11,10 +12,11 @@ use rayon::prelude::*;
 use super::spool::Spool;
 use super::tables::Tables;
 use crate::brick::BrickGrid;
-use crate::format::SourceHeader;
+use crate::format::{SourceHeader, VolumeSource};
 use crate::space::Geometry;
 use crate::store::error::StoreError;
-use crate::store::pyramid::{Pyramid, Under};
+use crate::store::profile::gathered_file;
+use crate::store::pyramid::{Pyramid, TILED, Under};
 use crate::store::tiles::Tile;
 use crate::store::voxel::{StoredType, Voxel};
 
@@ -45,6 +47,22 @@ impl Under for Finest {
 }
 
 impl Finest {
+    const BYTES: usize = 8 + 8 + 2 + 2;
+
+    /// Little endian, in the order of the fields.
+    fn to_bytes(self) -> [u8; Self::BYTES] {
+        let (sum, count) = (self.sum.to_le_bytes(), self.count.to_le_bytes());
+        let all = sum.into_iter().chain(count).chain(self.low.to_le_bytes()).chain(self.high.to_le_bytes());
+        let mut bytes = [0; Self::BYTES];
+        bytes.iter_mut().zip(all).for_each(|(byte, value)| *byte = value);
+        bytes
+    }
+
+    fn of_bytes(bytes: &[u8; Self::BYTES]) -> Self {
+        let number = |range: Range<usize>| bytes[range].iter().rev().fold(0, |n, byte| n << 8 | u64::from(*byte));
+        Self { sum: number(0..8), count: number(8..16), low: number(16..18) as u16, high: number(18..20) as u16 }
+    }
+
     #[inline(always)]
     fn take(&mut self, ordinal: u16) {
         self.join(&Self { sum: ordinal.into(), count: 1, low: ordinal, high: ordinal });
@@ -64,19 +82,43 @@ impl Finest {
     }
 }
 
-/// A level whose voxels lie in a scratch file, still to be written.
+/// A level whose voxels lie in scratch files, still to be written.
 #[derive(Debug)]
 pub(crate) struct RawLevel {
     pub(crate) level: u8,
     pub(crate) tables: Tables,
-    pub(crate) voxels: Spool,
+    /// Stands at its first voxel.
+    pub(crate) voxels: Box<dyn VolumeSource>,
 }
+
+/// A level that is being gathered.
+#[derive(Debug)]
+struct Gathering {
+    level: u8,
+    tables: Tables,
+    /// From `first` on.
+    voxels: Spool,
+    first: u32,
+}
+
+/// What a part has gathered of coarser levels, beside their voxels.
+pub(crate) struct LevelsOfPart {
+    /// Of each level that lies in one part.
+    pub(crate) tables: Vec<(u8, Tables)>,
+    /// The bytes of what is under its voxels of level 8, where there are coarser levels.
+    pub(crate) seam: Option<Vec<u8>>,
+}
+
+/// The levels, from level 1 on, whose voxels lie in one part each.
+pub(crate) const LEVELS_OF_PART: u8 = TILED as u8;
 
 /// Gathers all coarser levels, tile by tile and slab by slab.
 #[derive(Debug)]
 pub(crate) struct Coarser {
     pyramid: Pyramid<Finest>,
-    levels: Vec<RawLevel>,
+    levels: Vec<Gathering>,
+    /// The finest planes that come.
+    finest: Range<u32>,
     /// The ordinal of voxels without data.
     no_data: Option<u16>,
     planes: Planes,
@@ -102,20 +144,46 @@ impl Coarser {
         no_data: Option<u16>,
         scratch: &Path,
     ) -> Result<Self, StoreError> {
-        let stored_type = StoredType::of(header.voxel_type);
         let dims = levels.iter().map(Geometry::dims);
-        let raw = |(level, geometry): (u8, &Geometry)| {
-            let header = SourceHeader::new(header.format, *geometry, stored_type.voxel_type());
-            let voxels = Spool::create(header, scratch, &format!("voxels-{level}"))?;
+        let pyramid = Pyramid::new(dims, has_several_tiles);
+        let of_levels = (1, levels, 0..header.geometry.dims().z);
+        Self::with(pyramid, header, of_levels, brick_size, no_data, scratch)
+    }
+
+    /// Of one part of it, `finest` planes; what it gathers stays in `folder`.
+    pub(crate) fn of_part(
+        header: &SourceHeader,
+        levels: &[Geometry],
+        brick_size: u32,
+        no_data: Option<u16>,
+        (folder, finest): (&Path, &Range<u32>),
+    ) -> Result<Self, StoreError> {
+        let pyramid = Pyramid::new(levels.iter().map(Geometry::dims), true);
+        let own = &levels[..levels.len().min(TILED)];
+        Self::with(pyramid, header, (1, own, finest.clone()), brick_size, no_data, folder)
+    }
+
+    /// `levels` from level `first` on, as far as they lie above `finest` planes.
+    fn with(
+        pyramid: Pyramid<Finest>,
+        header: &SourceHeader,
+        (first, levels, finest): (u8, &[Geometry], Range<u32>),
+        brick_size: u32,
+        no_data: Option<u16>,
+        folder: &Path,
+    ) -> Result<Self, StoreError> {
+        let stored_type = StoredType::of(header.voxel_type);
+        let gathering = |(level, geometry): (u8, &Geometry)| {
+            let planes = finest.start >> level..finest.end.div_ceil(1 << level);
+            let held = geometry.cut_to(planes.len() as u32);
+            let header = SourceHeader::new(header.format, held, stored_type.voxel_type());
+            let voxels = Spool::create(header, folder, &gathered_file(level))?;
             let tables = Tables::new(BrickGrid::new(geometry.dims(), brick_size)?, level, None);
-            Ok(RawLevel { level, tables, voxels })
+            Ok(Gathering { level, tables, voxels, first: planes.start })
         };
-        Ok(Self {
-            pyramid: Pyramid::new(dims, has_several_tiles),
-            levels: (1..).zip(levels).map(raw).collect::<Result<_, StoreError>>()?,
-            no_data,
-            planes: Planes { stored_type, bytes: Vec::new(), low: Vec::new(), high: Vec::new() },
-        })
+        let levels = (first..).zip(levels).map(gathering).collect::<Result<_, StoreError>>()?;
+        let planes = Planes { stored_type, bytes: Vec::new(), low: Vec::new(), high: Vec::new() };
+        Ok(Self { pyramid, levels, finest, no_data, planes })
     }
 
     /// Takes a slab of a tile, from `z0` on.
@@ -123,7 +191,7 @@ impl Coarser {
         if self.pyramid.is_empty() {
             return Ok(());
         }
-        let Self { pyramid, levels, no_data, planes } = self;
+        let Self { pyramid, levels, no_data, planes, .. } = self;
         let mut take =
             |at: usize, tile: &Tile, z: u32, plane: &[Finest]| planes.take(&mut levels[at], tile, z, plane, *no_data);
         match no_data.map(T::at) {
@@ -134,13 +202,45 @@ impl Coarser {
 
     /// All levels, once every tile has passed.
     pub(crate) fn finish(self) -> Result<Vec<RawLevel>, StoreError> {
-        let Self { pyramid, mut levels, no_data, mut planes } = self;
-        pyramid.finish(&mut |at: usize, tile: &Tile, z: u32, plane: &[Finest]| {
-            planes.take(&mut levels[at], tile, z, plane, no_data)
-        })?;
-        levels.iter_mut().try_for_each(|raw| raw.voxels.start_over())?;
-        Ok(levels)
+        self.finish_from(0)
     }
+
+    /// The first level that is gathered is that at `from`.
+    fn finish_from(self, from: usize) -> Result<Vec<RawLevel>, StoreError> {
+        let Self { pyramid, mut levels, no_data, mut planes, .. } = self;
+        pyramid.finish(&mut |at: usize, tile: &Tile, z: u32, plane: &[Finest]| {
+            planes.take(&mut levels[at - from], tile, z, plane, no_data)
+        })?;
+        let raw = |Gathering { level, tables, mut voxels, .. }| {
+            voxels.start_over()?;
+            Ok(RawLevel { level, tables, voxels: Box::new(voxels) })
+        };
+        levels.into_iter().map(raw).collect()
+    }
+
+    /// What a part has gathered; the voxels of its levels are on the disk then.
+    pub(crate) fn finish_part(self) -> Result<LevelsOfPart, StoreError> {
+        let Self { pyramid, levels, finest, .. } = self;
+        let settled = |Gathering { level, tables, voxels, .. }| voxels.settle().map(|()| (level, tables));
+        let tables = levels.into_iter().map(settled).collect::<Result<_, StoreError>>()?;
+        let seam = pyramid.into_seam(finest.start >> TILED..finest.end.div_ceil(1 << TILED));
+        Ok(LevelsOfPart { tables, seam: seam.map(|seam| seam.into_iter().flat_map(Finest::to_bytes).collect()) })
+    }
+}
+
+/// The levels that lie above several parts, from the bytes of what is under all voxels of level 8; nothing where these
+/// are not so many.
+pub(crate) fn above_parts(
+    header: &SourceHeader,
+    levels: &[Geometry],
+    brick_size: u32,
+    no_data: Option<u16>,
+    (scratch, seam): (&Path, &[u8]),
+) -> Result<Option<Vec<RawLevel>>, StoreError> {
+    let seam = seam.as_chunks::<{ Finest::BYTES }>().0.iter().map(Finest::of_bytes).collect();
+    let Some(pyramid) = Pyramid::above(levels.iter().map(Geometry::dims), seam) else { return Ok(None) };
+    let of_levels = (LEVELS_OF_PART + 1, &levels[TILED..], 0..header.geometry.dims().z);
+    Coarser::with(pyramid, header, of_levels, brick_size, no_data, scratch)?.finish_from(TILED).map(Some)
 }
 
 /// Adds a row of the finest voxels to a row of half the length.
@@ -156,7 +256,7 @@ fn gather<T: Voxel>(row: &[T], out: &mut [Finest], holds_data: impl Fn(T) -> boo
 impl Planes {
     fn take(
         &mut self,
-        raw: &mut RawLevel,
+        raw: &mut Gathering,
         tile: &Tile,
         z: u32,
         plane: &[Finest],
@@ -177,7 +277,7 @@ impl Planes {
                 (*low, *high) = (under.low, under.high);
             }
         });
-        raw.voxels.put(tile, z, &self.bytes)?;
+        raw.voxels.put(tile, z - raw.first, &self.bytes)?;
         raw.tables.add_bounds(tile, z, &self.low, &self.high);
         Ok(())
     }

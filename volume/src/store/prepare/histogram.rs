@@ -39,6 +39,10 @@ impl Histogram {
         &self.counts
     }
 
+    pub(crate) fn counts_mut(&mut self) -> &mut [u64] {
+        &mut self.counts
+    }
+
     /// Leaves an ordinal out, as if it had never been counted; how often it was.
     pub(crate) fn leave_out(&mut self, ordinal: u16) -> u64 {
         std::mem::take(&mut self.counts[usize::from(ordinal)])

@@ -1,12 +1,11 @@
 //! From an input volume to a store, in one pass (two for voxels of 32 and 64 bits), holding a layer of inner chunks of
 //! a tile at a time.
 
+use std::ops::Range;
 use std::path::Path;
-use std::time::Instant;
 
-use super::coarser::{Coarser, RawLevel};
+use super::coarser::Coarser;
 use super::fill::Fill;
-use super::finish::Finished;
 use super::memory;
 use super::missing::Missing;
 use super::options::{PrepareOptions, PrepareSummary};
@@ -17,8 +16,6 @@ use super::statistics::Statistics;
 use super::tables::Tables;
 use crate::brick::BrickGrid;
 use crate::format::{SourceHeader, VolumeSource};
-use crate::ids::StoreHash;
-use crate::regions::code::{MAX_DENSITY, density_of_code};
 use crate::space::Geometry;
 use crate::store::error::StoreError;
 use crate::store::files::root::StoreRoot;
@@ -26,25 +23,17 @@ use crate::store::files::workdir::{self, WorkDir};
 use crate::store::halo::reach::{VOXEL_HALO, has_halos};
 use crate::store::halo::write::VoxelHalos;
 use crate::store::halo::writer::WrittenHalos;
-use crate::store::hash::ContentHash;
-use crate::store::level::{LevelArray, coarser};
-use crate::store::manifest::levels::LevelEntry;
+use crate::store::level::coarser;
 use crate::store::manifest::{Manifest, notes};
 use crate::store::profile::{CHUNK_EDGE, HALOS_FILE, StoreArray};
 use crate::store::progress::{Phase, Progress};
-use crate::store::read::planes::CodePlanes;
-use crate::store::regions::label_planes::LabelPlanes;
-use crate::store::regions::segment::{self, Segmenter};
-use crate::store::regions::write::{Written, write_regions};
+use crate::store::regions::segment;
 use crate::store::shard::grid::ShardGrid;
-use crate::store::shard::read::Shards;
 use crate::store::shard::record::ShardRecord;
-use crate::store::shard::tail::TailLayout;
 use crate::store::shard::write::ShardWriter;
 use crate::store::tiles::{Tile, Tiles};
 use crate::store::value_map::check_range;
 use crate::store::voxel::{StoredType, Voxel, read_le};
-use crate::store::zarr_json;
 
 /// Makes the store `out` of an input that stands at its first plane. The same input and options give the same bytes.
 ///
@@ -136,27 +125,28 @@ pub(super) struct Job<'a> {
     pub(super) fill: &'a Fill,
     pub(super) options: &'a PrepareOptions,
     pub(super) grid: BrickGrid,
-    shards: ShardGrid,
-    tiles: Tiles,
+    pub(super) shards: ShardGrid,
+    pub(super) tiles: Tiles,
     pub(super) mapping: Option<(Scan, Quantiser)>,
     /// The stored numbers of voxels without data.
     pub(super) no_data: Missing,
     pub(super) level: u8,
+    /// Which are written: whole layers of shards and bricks, but at the volume's end.
+    pub(super) planes: Range<u32>,
 }
 
 /// What the pass over all voxels of a level gathers.
 pub(super) struct Gathered {
-    /// Voxels without data are in none of its counts.
-    statistics: Statistics,
-    no_data: u64,
+    /// Of all voxels.
+    pub(super) statistics: Statistics,
     pub(super) shards: Vec<ShardRecord>,
     /// Nothing where bricks are smaller than inner chunks.
     pub(super) halos: Option<WrittenHalos>,
 }
 
 impl<'a> Job<'a> {
-    /// Of the finest level.
-    fn new(
+    /// Of the finest level, all of it.
+    pub(super) fn new(
         header: &'a SourceHeader,
         fill: &'a Fill,
         options: &'a PrepareOptions,
@@ -165,7 +155,8 @@ impl<'a> Job<'a> {
     ) -> Self {
         let stored_type = StoredType::of(header.voxel_type);
         let no_data = Missing::new(fill, stored_type, mapping.as_ref().map(|(scan, _)| scan));
-        Self { header, fill, options, grid, shards, tiles, mapping, no_data, level: 0 }
+        let planes = 0..header.geometry.dims().z;
+        Self { header, fill, options, grid, shards, tiles, mapping, no_data, level: 0, planes }
     }
 
     /// Makes all levels of the store in one pass over the input. `convert` takes an input's bytes to stored voxels.
@@ -186,67 +177,12 @@ impl<'a> Job<'a> {
             raw.add(tile, z0, slab)
         })?;
         let raw = raw.finish()?;
-        let mut whole = self.manifest(&gathered.statistics, gathered.no_data)?;
-        whole.levels = levels.iter().map(LevelEntry::unwritten).collect();
-        let group = zarr_json::group(&whole);
-        whole.files.group = ContentHash::of(&group);
-        let started = Instant::now();
-        let mut regions = self.regions(&gathered, (&whole, &whole), levels, None, (&root, &scratch), pass.progress)?;
-        let mut region_seconds = started.elapsed().as_secs_f64();
-        whole.regions = regions.as_ref().map(|r| r.entry.clone());
-        let mut labels =
-            regions.as_mut().map(|r| std::mem::take(&mut r.labels_of_levels)).unwrap_or_default().into_iter();
-        let mut store_bytes = 0;
-        for raw in raw {
-            let (level, place) = (raw.level, usize::from(raw.level) - 1);
-            let given = labels.next();
-            let (finished, seconds) = self.coarser::<T>(raw, given, (&whole, &group), work, pass.progress)?;
-            whole.levels[place].hash = ContentHash::of(&finished.manifest);
-            // What was just written must be readable: the same checks that every reader makes.
-            whole.level_from_bytes(level, &finished.manifest)?;
-            (store_bytes, region_seconds) = (store_bytes + finished.store_bytes, region_seconds + seconds);
-        }
-        pass.report(Phase::Finish, 0);
-        let finished = self.finish((gathered, tables), whole, regions, (&root, &group))?;
-        let manifest = Manifest::from_bytes(&finished.manifest)?;
-        let (hash, store_bytes) = (StoreHash::of(&finished.manifest), store_bytes + finished.store_bytes);
-        Ok(PrepareSummary { hash, manifest, store_bytes, region_seconds })
-    }
-
-    /// Makes a coarser level of its voxels and, where labels are given, of its labels; how long its regions took.
-    fn coarser<T: Voxel>(
-        &self,
-        raw: RawLevel,
-        labels: Option<Spool>,
-        (whole, group): (&Manifest, &[u8]),
-        work: &WorkDir,
-        progress: &mut dyn FnMut(Progress),
-    ) -> Result<(Finished, f64), StoreError> {
-        let RawLevel { level, tables, mut voxels } = raw;
-        let header = voxels.header().clone();
-        let grid = BrickGrid::new(header.geometry.dims(), self.grid.brick_size())?;
-        let job = Job {
-            header: &header,
-            grid,
-            shards: ShardGrid::new(header.geometry.dims())?,
-            tiles: Tiles::new(&grid, self.options.tile_voxels),
-            no_data: self.no_data.on_level(),
-            level,
-            ..*self
-        };
-        let (root, scratch) = (StoreRoot::create(&work.store(), level)?, work.scratch());
-        let mut pass = Pass::new(&mut voxels, &header, progress);
-        let gathered = job.write(&mut pass, &root, &scratch, read_le::<T>, |_, _, _| Ok(()))?;
-        let mut manifest = job.level_manifest(whole, &gathered.statistics.histogram, gathered.no_data);
-        let started = Instant::now();
-        let regions = job.regions(&gathered, (&manifest, whole), &[], labels, (&root, &scratch), pass.progress)?;
-        let seconds = started.elapsed().as_secs_f64();
-        manifest.regions = regions.as_ref().map(|r| r.entry.clone());
-        Ok((job.finish((gathered, tables), manifest, regions, (&root, group))?, seconds))
+        self.complete::<T>((gathered, tables, raw), levels, work, pass.progress)
     }
 
     /// Reads every tile of a level, and writes all shards; `seen` is given each slab, with its tile and first plane.
-    fn write<T: Voxel>(
+    /// All of it is of the planes that are to be written alone; halos reach beyond them.
+    pub(super) fn write<T: Voxel>(
         &self,
         pass: &mut Pass<'_>,
         root: &StoreRoot,
@@ -267,16 +203,23 @@ impl<'a> Job<'a> {
             _ => (Statistics::of_coarser_level(), Phase::Levels),
         };
         let halo_path = if one_tile { root.path(HALOS_FILE) } else { scratch.join(HALOS_FILE) };
-        let mut halos = has_halos.then(|| VoxelHalos::create(&halo_path, self.grid)).transpose()?;
-        let mut done = 0;
+        let mut halos = has_halos.then(|| VoxelHalos::create(&halo_path, self.grid, &self.planes)).transpose()?;
+        let Range { start, end } = self.planes;
+        let (before, behind) = (start.saturating_sub(reach)..start, end..(end + reach).min(d.z));
+        let mut done = u64::from(start) * u64::from(d.x) * u64::from(d.y);
         for tile in self.tiles.iter() {
             let held = tile.grown(reach, d);
             halos.iter_mut().for_each(|h| h.start(tile));
-            for (cz, z0) in (0..d.z).step_by(CHUNK_EDGE as usize).enumerate() {
-                let planes = z0..(z0 + CHUNK_EDGE).min(d.z);
+            let layers = (start..end).step_by(CHUNK_EDGE as usize).map(|z0| z0..(z0 + CHUNK_EDGE).min(end));
+            let all = std::iter::once(before.clone()).chain(layers).chain([behind.clone()]);
+            for planes in all.filter(|planes| !planes.is_empty()) {
                 let wide = &mut wide[..held.voxels() * planes.len()];
                 pass.read_slab(&held, planes.clone(), wide, &convert)?;
                 no_data.make_one(wide);
+                if !self.planes.contains(&planes.start) {
+                    halos.as_mut().map(|h| h.add(planes, wide)).transpose()?;
+                    continue;
+                }
                 let slab = if held == tile {
                     &*wide
                 } else {
@@ -286,8 +229,8 @@ impl<'a> Job<'a> {
                 };
                 // A slab: a tile's voxels of a layer of inner chunks, x fastest. Each voxel of the volume is in one.
                 statistics.add(tile.size(), slab, no_data.ordinal());
-                seen(&tile, z0, slab)?;
-                writer.add(&tile, cz as u32, slab)?;
+                seen(&tile, planes.start, slab)?;
+                writer.add(&tile, planes.start / CHUNK_EDGE, slab)?;
                 halos.as_mut().map(|h| h.add(planes, wide)).transpose()?;
                 done += slab.len() as u64;
                 pass.report(phase, done);
@@ -297,8 +240,8 @@ impl<'a> Job<'a> {
             true => h.finish(),
             false => h.finish_sorted(self.tiles, &root.path(HALOS_FILE)),
         });
-        let (halos, no_data) = (halos.transpose()?, no_data.leave_out(&mut statistics.histogram)?);
-        Ok(Gathered { statistics, no_data, shards: writer.finish(), halos })
+        let shards = writer.finish_part(self.shards.places(&self.planes));
+        Ok(Gathered { statistics, shards, halos: halos.transpose()? })
     }
 
     /// Reads every voxel for its histogram only, in pieces that may end anywhere: noise is told by what differs between
@@ -318,37 +261,5 @@ impl<'a> Job<'a> {
             Ok(())
         })?;
         Ok(statistics)
-    }
-
-    /// Finds regions in the voxels of a level just written, where they were asked for: in `labels`, where labels are
-    /// given and this is a coarser level. Those that the coarser `levels` will need come with them.
-    fn regions(
-        &self,
-        gathered: &Gathered,
-        (manifest, whole): (&Manifest, &Manifest),
-        levels: &[Geometry],
-        labels: Option<Spool>,
-        (root, scratch): (&StoreRoot, &Path),
-        progress: &mut dyn FnMut(Progress),
-    ) -> Result<Option<Written>, StoreError> {
-        let Some(options) = &self.options.regions else { return Ok(None) };
-        let map = manifest.value_map();
-        let written = (gathered.shards.clone(), TailLayout::WRITTEN);
-        let array = LevelArray { array: StoreArray::Voxels, level: self.level };
-        let shards = Shards::new(root.objects(), array, self.shards, written, manifest.stored_type.bytes());
-        let mut histogram = vec![0; usize::from(MAX_DENSITY) + 1];
-        for (code, count) in map.code_of_ordinal_table().into_iter().zip(gathered.statistics.histogram.counts()) {
-            histogram[usize::from(density_of_code(code))] += count;
-        }
-        let code_of_bits = map.code_of_bits_table();
-        let voxels = CodePlanes { shards: &shards, volume_dims: manifest.geometry.dims(), code_of_bits: &code_of_bits };
-        let (placement, has_holes) = (self.header.placement, manifest.no_data.is_some());
-        let geometry = manifest.geometry;
-        let labels = labels.map(LabelPlanes::of_level);
-        let mut segmenter = Segmenter { options, geometry, placement, scratch, voxels, labels, has_holes, progress };
-        let found = segmenter.find(&histogram)?;
-        let mut written = write_regions(&mut segmenter, found, segment::checked(options)?, (manifest, whole), root)?;
-        written.labels_of_levels = segmenter.labels_of_levels(levels)?;
-        Ok(Some(written))
     }
 }

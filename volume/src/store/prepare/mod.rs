@@ -1,6 +1,7 @@
 //! From an input volume to a store.
 
 mod coarser;
+mod complete;
 mod describe;
 mod fill;
 mod finish;
@@ -10,6 +11,7 @@ mod memory;
 mod missing;
 mod noise;
 pub(super) mod options;
+pub(super) mod parts;
 mod pass;
 mod quantise;
 pub(super) mod spool;

@@ -46,6 +46,14 @@ impl NoiseHistogram {
         Self { counts: vec![0; MEANS * DIFFERENCES], shift: if stored_type.bytes() == 1 { 0 } else { 8 } }
     }
 
+    pub(crate) fn counts(&self) -> &[u64] {
+        &self.counts
+    }
+
+    pub(crate) fn counts_mut(&mut self) -> &mut [u64] {
+        &mut self.counts
+    }
+
     /// Counts the cubes of a box of `[nx, ny]` voxels a plane, x fastest, whose lowest corner has even coordinates in
     /// the volume. Cubes with a voxel that is not `known` are left out, and so is what is over where a side is odd.
     pub(crate) fn add<T: Voxel>(&mut self, [nx, ny]: [usize; 2], voxels: &[T], known: impl Fn(T) -> bool + Sync) {

@@ -62,32 +62,50 @@ impl<'a> Pass<'a> {
         if voxel_type.is_lossless() {
             return Ok(None);
         }
-        let mut scan = Scan::EMPTY;
-        self.each_piece(Phase::Scan, |_, piece| {
+        let scan = self.scan(0..self.header.geometry.dims().z, fill)?;
+        self.rewind()?;
+        Ok(Some((scan, Quantiser::new(&scan, range)?)))
+    }
+
+    /// Looks at all voxels of 32 or 64 bits of these planes.
+    pub(crate) fn scan(&mut self, planes: Range<u32>, fill: &Fill) -> Result<Scan, StoreError> {
+        let (voxel_type, mut scan) = (self.header.voxel_type, Scan::EMPTY);
+        self.each_piece_of(planes, Phase::Scan, |_, piece| {
             scan = scan.add(voxel_type, fill, piece);
             Ok(())
         })?;
-        self.rewind()?;
-        Ok(Some((scan, Quantiser::new(&scan, range)?)))
+        Ok(scan)
     }
 
     /// Calls `take` with all voxels in order: where a piece starts, in voxels, and its bytes.
     pub(crate) fn each_piece(
         &mut self,
         phase: Phase,
+        take: impl FnMut(u64, &[u8]) -> Result<(), StoreError>,
+    ) -> Result<(), StoreError> {
+        self.each_piece_of(0..self.header.geometry.dims().z, phase, take)
+    }
+
+    /// The same with those of these planes.
+    fn each_piece_of(
+        &mut self,
+        planes: Range<u32>,
+        phase: Phase,
         mut take: impl FnMut(u64, &[u8]) -> Result<(), StoreError>,
     ) -> Result<(), StoreError> {
-        let voxels = self.header.geometry.voxel_count();
-        while self.next < voxels {
+        let d = self.header.geometry.dims();
+        let [start, end] = [planes.start, planes.end].map(|z| u64::from(z) * u64::from(d.x) * u64::from(d.y));
+        self.go_to(start)?;
+        while self.next < end {
             self.report(phase, self.next);
             let start = self.next;
-            self.next_piece(voxels - start)?;
+            self.next_piece(end - start)?;
             take(start, &self.piece)?;
         }
         Ok(())
     }
 
-    /// Reads a tile of the planes `planes` into `out`, through `convert`. A source that cannot seek must stand there.
+    /// Reads a tile of the planes `planes` into `out`, through `convert`. A source that cannot seek should stand there.
     pub(crate) fn read_slab<T: Voxel>(
         &mut self,
         tile: &Tile,
@@ -115,12 +133,20 @@ impl<'a> Pass<'a> {
         Ok(())
     }
 
+    /// A source that goes in order only is read up to there, from its start where that is behind.
     fn go_to(&mut self, voxel: u64) -> Result<(), StoreError> {
-        if voxel != self.next {
-            if !self.source.seek(voxel)? {
-                return Err(self.wrong_length(0, 1));
-            }
+        if voxel == self.next {
+            return Ok(());
+        }
+        if self.source.seek(voxel)? {
             self.next = voxel;
+            return Ok(());
+        }
+        if voxel < self.next {
+            self.rewind()?;
+        }
+        while self.next < voxel {
+            self.next_piece(voxel - self.next)?;
         }
         Ok(())
     }

@@ -56,7 +56,22 @@ impl Scan {
         self
     }
 
-    fn joined(self, other: Self) -> Self {
+    /// For a file.
+    pub(crate) fn numbers(&self) -> [u64; 8] {
+        let NotFinite { nan, negative_infinity, positive_infinity } = self.not_finite;
+        let Self { whole, rounded, no_data, .. } = *self;
+        let [min, max] = [self.min, self.max].map(f64::to_bits);
+        [min, max, whole.into(), rounded, nan, negative_infinity, positive_infinity, no_data]
+    }
+
+    pub(crate) fn of_numbers(numbers: [u64; 8]) -> Self {
+        let [min, max, whole, rounded, nan, negative_infinity, positive_infinity, no_data] = numbers;
+        let not_finite = NotFinite { nan, negative_infinity, positive_infinity };
+        let [min, max] = [min, max].map(f64::from_bits);
+        Self { min, max, whole: whole == 1, rounded, not_finite, no_data }
+    }
+
+    pub(crate) fn joined(self, other: Self) -> Self {
         let (a, b) = (self.not_finite, other.not_finite);
         Self {
             min: self.min.min(other.min),

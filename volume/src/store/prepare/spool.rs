@@ -15,7 +15,7 @@ use crate::store::tiles::Tile;
 const HOLE: usize = 1 << 16;
 static ZEROS: [u8; HOLE] = [0; HOLE];
 
-/// Little-endian voxels in file order; the file is removed with this, or with its directory.
+/// Little-endian voxels in file order; unless it was settled, the file is removed with this, or with its directory.
 #[derive(Debug)]
 pub(crate) struct Spool {
     header: SourceHeader,
@@ -23,6 +23,8 @@ pub(crate) struct Spool {
     file: File,
     /// Bytes before the next voxel.
     done: u64,
+    /// Set where others read it later.
+    stays: bool,
 }
 
 impl Spool {
@@ -31,7 +33,7 @@ impl Spool {
         let path = dir.join(name);
         let file = File::options().read(true).write(true).create_new(true).open(&path);
         let file = file.map_err(StoreError::io("create", &path))?;
-        let spool = Self { header, path, file, done: 0 };
+        let spool = Self { header, path, file, done: 0, stays: false };
         spool.file.set_len(spool.bytes()).map_err(StoreError::io("write", &spool.path))?;
         Ok(spool)
     }
@@ -51,6 +53,12 @@ impl Spool {
             written.map_err(StoreError::io("write", &self.path))?;
         }
         Ok(())
+    }
+
+    /// Brings the file to the disk, where it stays.
+    pub(crate) fn settle(mut self) -> Result<(), StoreError> {
+        self.stays = true;
+        self.file.sync_all().map_err(StoreError::io("write", &self.path))
     }
 
     /// Stands at the first voxel again.
@@ -89,8 +97,10 @@ impl Spool {
 
 impl Drop for Spool {
     fn drop(&mut self) {
-        // What is left goes with the directory.
-        let _ = fs::remove_file(&self.path);
+        if !self.stays {
+            // What is left goes with the directory.
+            let _ = fs::remove_file(&self.path);
+        }
     }
 }
 

@@ -19,6 +19,23 @@ impl Statistics {
         Self { histogram: Histogram::new(), noise: None }
     }
 
+    /// All counts, u64 little endian.
+    pub(crate) fn to_bytes(&self) -> Vec<u8> {
+        self.counts().flat_map(|count| count.to_le_bytes()).collect()
+    }
+
+    /// Adds what was counted elsewhere, which are as many bytes as is returned.
+    pub(crate) fn join(&mut self, bytes: &[u8]) -> usize {
+        let noise = self.noise.iter_mut().flat_map(NoiseHistogram::counts_mut);
+        let counts = self.histogram.counts_mut().iter_mut().chain(noise);
+        counts.zip(bytes.as_chunks::<8>().0).for_each(|(sum, count)| *sum += u64::from_le_bytes(*count));
+        self.counts().count() * size_of::<u64>()
+    }
+
+    fn counts(&self) -> impl Iterator<Item = u64> {
+        self.histogram.counts().iter().chain(self.noise.iter().flat_map(NoiseHistogram::counts)).copied()
+    }
+
     /// Counts whole planes of `nx * ny` voxels, the first of which has an even z. Noise leaves out what stands for no
     /// data.
     pub(crate) fn add<T: Voxel>(&mut self, plane: [usize; 2], voxels: &[T], no_data: Option<u16>) {

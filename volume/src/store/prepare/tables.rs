@@ -1,5 +1,7 @@
 //! The tables of ranges of one level, as its voxels pass by.
 
+use std::ops::Range;
+
 use crate::brick::BrickGrid;
 use crate::store::brick_ranges::{BrickRanges, Cubes, RangeBuilder};
 use crate::store::cell_ranges::{CellRanges, cells_of};
@@ -32,6 +34,19 @@ impl Tables {
     pub(crate) fn add_bounds(&mut self, tile: &Tile, z: u32, low: &[u16], high: &[u16]) {
         self.of_bricks.add_bounds(tile, z, low, high);
         self.of_cells.add_bounds(tile, z, low, high);
+    }
+
+    /// What voxels of these planes say, u16 little endian.
+    pub(crate) fn part(&self, planes: Range<u32>) -> Vec<u8> {
+        let ranges = [&self.of_bricks, &self.of_cells].map(|of| of.part(&planes));
+        ranges.into_iter().flatten().flatten().flat_map(|ordinal| ordinal.to_le_bytes()).collect()
+    }
+
+    /// Takes what voxels of these planes say from elsewhere, which are as many bytes as is returned.
+    pub(crate) fn join(&mut self, planes: Range<u32>, bytes: &[u8]) -> usize {
+        let mut ranges = bytes.as_chunks::<4>().0.iter().map(|b| [[b[0], b[1]], [b[2], b[3]]].map(u16::from_le_bytes));
+        let taken = [&mut self.of_bricks, &mut self.of_cells].map(|of| of.join(&planes, &mut ranges));
+        taken.iter().sum::<usize>() * size_of::<[u16; 2]>()
     }
 
     /// The bytes of `bricks.bin` and of `cells.bin`.

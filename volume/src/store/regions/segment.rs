@@ -7,6 +7,8 @@
 use std::collections::HashMap;
 use std::path::Path;
 
+use rayon::prelude::*;
+
 use super::error::RegionsError;
 use super::label_planes::LabelPlanes;
 use super::scratch::Scratch;
@@ -128,7 +130,7 @@ impl Segmenter<'_> {
                     // A label of their own, so that distances end at them.
                     window[usize::from(NO_DATA_CODE)] = windows.count();
                 }
-                let tables = CodeTables { window, density };
+                let tables = CodeTables { window };
                 let mut distances = self.window_distances(&tables.window)?;
                 let (kept, finder) = self.components(&tables, &mut distances, min_region)?;
                 return Ok(Found { kept, tables, distances, finder });
@@ -139,22 +141,33 @@ impl Segmenter<'_> {
                 None => LabelPlanes::open(path, hints, (&self.geometry, self.placement))?,
             },
         };
-        let tables = CodeTables { window: Vec::new(), density };
+        let tables = CodeTables { window: Vec::new() };
         let mut distances = self.given_distances(&mut planes)?;
-        let (labels, kept) = self.given(&mut planes, &tables, &mut distances)?.finish(min_region);
+        let (labels, kept) = self.given(&mut planes, &mut distances)?.finish(min_region);
         let kept_of_label = labels.into_iter().zip(0..).collect();
         Ok(Found { kept, tables, distances, finder: Finder::Given { planes, kept_of_label } })
     }
 
     fn window_distances(&mut self, window: &[u16]) -> Result<Scratch, StoreError> {
-        let (mut codes, plane) = (Vec::new(), self.voxels.plane());
+        let (mut codes, mut next, plane) = (Vec::new(), Vec::new(), self.voxels.plane());
         let mut forward = Forward::new(self)?;
-        for (z0, z1) in self.slabs() {
+        let mut slabs = self.slabs().peekable();
+        if let Some((z0, z1)) = slabs.peek() {
+            self.voxels.read(*z0, *z1, &mut codes)?;
+        }
+        while let Some((z0, _)) = slabs.next() {
             self.report(Phase::Distances, z0 / 2);
-            self.voxels.read(z0, z1, &mut codes)?;
-            for codes in codes.chunks_exact(plane) {
-                forward.push(codes.iter().map(|c| window[usize::from(*c)]).collect())?;
-            }
+            // A sweep goes from row to row: meanwhile the next slab is read.
+            let voxels = &self.voxels;
+            let (read, swept) = rayon::join(
+                || slabs.peek().map_or(Ok(()), |(z0, z1)| voxels.read(*z0, *z1, &mut next)),
+                || {
+                    let labels = |codes: &[u16]| codes.par_iter().map(|c| window[usize::from(*c)]).collect();
+                    codes.chunks_exact(plane).try_for_each(|codes| forward.push(labels(codes)))
+                },
+            );
+            swept.and(read)?;
+            std::mem::swap(&mut codes, &mut next);
         }
         self.backward(forward.finish()?)
     }
@@ -242,12 +255,7 @@ impl Segmenter<'_> {
         Ok((components.finish(), Finder::Records { file, slabs }))
     }
 
-    fn given(
-        &mut self,
-        planes: &mut LabelPlanes,
-        tables: &CodeTables,
-        distances: &mut Scratch,
-    ) -> Result<GivenParts, StoreError> {
+    fn given(&mut self, planes: &mut LabelPlanes, distances: &mut Scratch) -> Result<GivenParts, StoreError> {
         let (mut parts, mut labels) = (GivenParts::new(MAX_GIVEN_LABELS), Vec::new());
         planes.rewind()?;
         self.each_slab(Phase::Regions, distances, |this, _, (z0, z1), slab| {
@@ -255,7 +263,7 @@ impl Segmenter<'_> {
             if this.has_holes {
                 clear_holes(slab.codes, &mut labels);
             }
-            parts.add(slab, &labels, tables).map_err(|TooManyParts| planes.too_many(MAX_GIVEN_LABELS).into())
+            parts.add(slab, &labels).map_err(|TooManyParts| planes.too_many(MAX_GIVEN_LABELS).into())
         })?;
         Ok(parts)
     }

@@ -151,7 +151,7 @@ fn write_once(
                 let fates = Finder::read_fates(file, &slabs[i])?;
                 labels.resize(slab.codes.len(), NO_REGION);
                 paint(slab, &mut labels, |block, space| {
-                    let nodes = space.find(slab, block, tables).nodes.len();
+                    let nodes = space.find_again(slab, block, tables);
                     let fates = &fates[slabs[i].layout.blocks[block] as usize..][..nodes];
                     let kept = |part: usize| match space.node_of_part[part] {
                         0 => None,
@@ -174,8 +174,8 @@ fn write_once(
                 });
             }
         }
-        near.clear();
-        near.extend(slab.distances.iter().zip(&labels).map(|(d, label)| if *label == NO_REGION { 0 } else { *d }));
+        let all = slab.distances.par_iter().zip(&labels);
+        all.map(|(d, label)| if *label == NO_REGION { 0 } else { *d }).collect_into_vec(&mut near);
         facts.add(&FinalSlab { z0, codes: slab.codes, labels: &labels, distances: &near });
         halos.as_mut().map(|h| h.add(z0..z1, &labels, &near)).transpose()?;
         let layer = CHUNK_EDGE as usize * this.voxels.plane();

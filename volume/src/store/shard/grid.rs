@@ -1,5 +1,7 @@
 //! Which shards and inner chunks a volume has.
 
+use std::ops::Range;
+
 use glam::UVec3;
 
 use crate::store::error::StoreError;
@@ -44,6 +46,13 @@ impl ShardGrid {
     pub(crate) fn at(&self, linear: usize) -> ShardIndex {
         let (dx, dy) = (self.dims().x as usize, self.dims().y as usize);
         ShardIndex([(linear % dx) as u32, (linear / dx % dy) as u32, (linear / dx / dy) as u32])
+    }
+
+    /// The places in the shard table of those that begin in `planes`.
+    pub(crate) fn places(&self, planes: &Range<u32>) -> Range<usize> {
+        let d = self.dims();
+        let at = |z: u32| z.div_ceil(SHARD_EDGE) as usize * d.x as usize * d.y as usize;
+        at(planes.start)..at(planes.end)
     }
 
     /// True where the inner chunk holds at least one voxel of the volume.

@@ -3,6 +3,7 @@
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
+use std::ops::Range;
 use std::path::PathBuf;
 
 use rayon::prelude::*;
@@ -79,8 +80,15 @@ impl ShardWriter {
 
     /// The table of all shards, once every layer was added.
     pub(crate) fn finish(self) -> Vec<ShardRecord> {
-        debug_assert!(self.table.iter().all(Option::is_some), "a shard was in no tile");
-        self.table.into_iter().flatten().collect()
+        let all = 0..self.table.len();
+        self.finish_part(all)
+    }
+
+    /// The same of those at these places, where only their layers were added.
+    pub(crate) fn finish_part(mut self, places: Range<usize>) -> Vec<ShardRecord> {
+        let records = self.table.drain(places);
+        debug_assert!(records.as_slice().iter().all(Option::is_some), "a shard was in no tile");
+        records.flatten().collect()
     }
 
     fn start_row(&mut self, tile: &Tile, z: u32) -> Result<(), StoreError> {

@@ -12,6 +12,7 @@ mod mutations;
 mod no_data;
 mod objects;
 mod outcome;
+mod parts;
 mod regions;
 mod rescale;
 mod round_trip;
