@@ -8,8 +8,9 @@ use brickcast_volume::store::PrepareOptions;
 
 use crate::cli::args::PrepareArgs;
 use crate::cli::failure::Failure;
+use crate::cli::input::prepare_input;
 use crate::cli::say::{region_words, say};
-use crate::cli::source::{local, prepare_input};
+use crate::cli::source::{local, place};
 use crate::words::{bytes, short};
 
 /// # Errors
@@ -27,7 +28,7 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
         levels: args.levels,
         ..PrepareOptions::default()
     };
-    let (input, store) = (local(&args.input)?, local(&args.store)?);
+    let (input, store) = (place(&args.input)?, local(&args.store)?);
     let started = Instant::now();
     let summary = prepare_input(&input, &hints, &store, &options)?;
     let seconds = started.elapsed().as_secs_f64();
