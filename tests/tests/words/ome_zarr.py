@@ -154,7 +154,7 @@ for time, channel in [(None, None), (2, 1), (0, 1)]:
 how = {"chunks": (1, 2, 16, 20, 32), "shards": (3, 2, 16, 40, 32)}
 write("five-sharded", five, 3, axes="tczyx", tell={"time": 1, "channel": 1}, expected=five[1, 1], **how)
 # Axes in other orders.
-write("xyz", words.transpose(2, 1, 0), 2, axes="xyz", chunks=(32, 20, 16))
+write("xyz", words.transpose(2, 1, 0), 2, axes="xyz", chunks=(32, 20, 16), expected=words)
 write("yzcx", words.transpose(1, 0, 2)[:, :, None, :], 3, axes="yzcx", chunks=(20, 16, 1, 32), expected=words)
 # What was never written has the fill value; so has what is gone.
 for version in [2, 3]:
