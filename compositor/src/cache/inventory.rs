@@ -140,7 +140,7 @@ fn is_name(name: &str) -> bool {
     hash.len() == 16 && hash.bytes().all(|b| b.is_ascii_digit() || (b'a'..=b'f').contains(&b))
 }
 
-/// The files of a key, as it has them: `file "/a/b", 12 bytes, ...`.
+/// The files and folders of a key, as it has them: `file "/a/b", 12 bytes, modified ...`.
 fn files_of(key: &str) -> Vec<String> {
     let quoted = |line: &str| {
         let (name, _) = line.strip_prefix("file ")?.rsplit_once(", modified ")?.0.rsplit_once(", ")?;

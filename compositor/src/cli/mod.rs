@@ -5,6 +5,7 @@ pub mod args;
 pub mod command;
 pub mod config_file;
 pub mod failure;
+pub mod input;
 pub mod interrupts;
 pub mod invocation;
 mod meant;

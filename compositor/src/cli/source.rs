@@ -1,19 +1,16 @@
 //! What PATH means: a store, an input that is prepared on the way, or a name that the nodes know.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 
 use anyhow::anyhow;
 use brickcast_remote::{Address, Place, PlaceError};
 use brickcast_volume::StoreHash;
 use brickcast_volume::brick::BrickGrid;
-use brickcast_volume::format::{self, RawHints, VolumeSource};
-use brickcast_volume::store::{
-    Manifest, Phase, PrepareOptions, PrepareSummary, Progress, STORE_VERSION, Store, StoreError, prepare, survey,
-};
+use brickcast_volume::store::{MANIFEST_FILE, Manifest, PrepareOptions, STORE_VERSION, Store, survey};
 
 use super::args::{DEFAULT_SEGMENTATION_RANGE, OnTheWayArgs, RawArgs};
 use super::failure::Failure;
+use super::input::{is_input, open_input, prepare_input, tell};
 use super::progress::Bar;
 use super::say::say;
 use crate::cache::{Key, Wanted};
@@ -44,18 +41,23 @@ pub struct Surveyed {
 /// Neither an input nor a store; what the reader finds wrong.
 pub fn surveyed(path: &Path, raw: &RawArgs) -> Result<Surveyed, Failure> {
     let place = place(path)?;
-    let path = match &place {
-        Place::Folder(path) if !path.is_dir() => path,
-        place => {
-            let store = Store::open_objects(place.objects())?;
-            return Ok(Surveyed { manifest: store.manifest().clone(), store: Some(store) });
+    if is_place_of_many_files(&place) {
+        match Store::open_objects(place.objects()) {
+            Ok(store) => return Ok(Surveyed { manifest: store.manifest().clone(), store: Some(store) }),
+            Err(error) if is_input(&place, &error)? => {}
+            Err(error) => return Err(error.into()),
         }
-    };
-    let mut source = format::open(path, &raw.hints()?)?;
+    }
+    let mut source = open_input(&place, &raw.hints()?)?;
     let bar = Bar::new(&format!("reading {}", path.display()));
     let manifest = survey(source.as_mut(), &mut |p| bar.at(p.done, p.total))?;
     bar.finish();
     Ok(Surveyed { manifest, store: None })
+}
+
+/// A folder, or a place behind a network: a store, or an input of many files.
+fn is_place_of_many_files(place: &Place) -> bool {
+    !matches!(place, Place::Folder(path) if !path.is_dir())
 }
 
 /// Where `path` leads; an address that is none is wrong usage.
@@ -77,8 +79,8 @@ pub fn local(path: &Path) -> Result<PathBuf, Failure> {
     match place(path)? {
         Place::Folder(path) => Ok(path),
         Place::Far(root) => {
-            let why = "lies behind a network, where stores are read, but neither inputs read nor stores written; name \
-                       a file or folder of this machine";
+            let why = "lies behind a network, where stores are read, but none are written; name a folder of this \
+                       machine";
             Err(Failure::usage(anyhow!("{} {why}", root.address())))
         }
     }
@@ -91,7 +93,8 @@ impl OnTheWayArgs {
     /// # Errors
     /// stderr cannot be written.
     pub fn with_regions_for(mut self, path: &Path, asked: Option<&str>, quiet: bool) -> Result<Self, Failure> {
-        if let (Some(asked), true, true) = (asked, self.regions.is_silent(), path.is_file()) {
+        let is_input = || path.is_file() || (path.is_dir() && !path.join(MANIFEST_FILE).exists());
+        if let (Some(asked), true, true) = (asked, self.regions.is_silent(), is_input()) {
             let range = DEFAULT_SEGMENTATION_RANGE;
             self.regions.segmentation_range = Some(range);
             let shown = path.display();
@@ -117,17 +120,30 @@ impl OnTheWayArgs {
         BrickGrid::new(glam::UVec3::ONE, self.brick).map_err(Failure::usage)?;
         let place = place(path)?;
         let path = if let Place::Folder(path) = &place { path } else { path };
-        if matches!(place, Place::Far(_)) || path.is_dir() {
+        if is_place_of_many_files(&place) {
+            let store = match (Store::open_objects(place.objects()), &place) {
+                (Err(error), place) if is_input(place, &error)? => {
+                    return match place {
+                        Place::Folder(_) => Ok(Source::Store(self.prepared(place, path)?)),
+                        Place::Far(root) => {
+                            let why = "is OME-Zarr behind a network, which is prepared first: brickcast prepare";
+                            let address = root.address();
+                            Err(Failure::usage(anyhow!("{address} {why} {address} {}", root.address().name())))
+                        }
+                    };
+                }
+                (store, _) => store?,
+            };
             if self.regions.segmentation_range.is_some() || self.regions.labels.is_some() {
                 let why = "is a store, with the regions that it was prepared with: leave --segmentation-range and \
                            --labels out, or prepare it anew";
                 return Err(Failure::usage(anyhow!("{} {why}", path.display())));
             }
-            return Ok(Source::Store(Store::open_objects(place.objects())?));
+            return Ok(Source::Store(store));
         }
         // What is there but no regular file is refused by name, not taken for a name that nodes know.
         if path.exists() {
-            return Ok(Source::Store(self.prepared(path)?));
+            return Ok(Source::Store(self.prepared(&place, path)?));
         }
         match path.to_str() {
             Some(name) if nodes_know => Ok(Source::Name(name.to_owned())),
@@ -135,13 +151,13 @@ impl OnTheWayArgs {
         }
     }
 
-    fn prepared(&self, input: &Path) -> Result<Store, Failure> {
+    fn prepared(&self, place: &Place, input: &Path) -> Result<Store, Failure> {
         let hints = self.raw.hints()?;
         let range = self.range.map(|[lo, hi]| (lo, hi));
         let regions = self.regions.options(self.raw.dims)?;
         let options =
             PrepareOptions { brick_size: self.brick, range, force: true, regions, ..PrepareOptions::default() };
-        let source = format::open(input, &hints)?;
+        let source = open_input(place, &hints)?;
         let header = source.header();
         // As if nothing could be compressed; what is wider is mapped to 16 bits. Coarser levels are a seventh more.
         let finest = header.geometry.voxel_count().saturating_mul(header.voxel_type.bytes().min(2) as u64);
@@ -153,94 +169,12 @@ impl OnTheWayArgs {
             input,
             bytes,
             key: &|| {
-                let files = options.inputs(format::open(input, &hints)?.as_ref())?;
+                let files = options.inputs(open_input(place, &hints)?.as_ref())?;
                 Key::new(input, &files, &words)
             },
-            make: &|target| prepare_input(input, &hints, target, &options).map(drop),
+            make: &|target| prepare_input(place, &hints, target, &options).map(drop),
         })?;
         Ok(store)
-    }
-}
-
-/// Tells what is known of how a volume became a store, once a run, however often it is opened. The notes are harmless:
-/// see [`Manifest::notes`].
-pub fn tell(path: &Path, manifest: &Manifest) {
-    static TOLD: Mutex<Vec<String>> = Mutex::new(Vec::new());
-    let mut told = TOLD.lock().unwrap_or_else(PoisonError::into_inner);
-    for note in &manifest.notes {
-        let text = format!("{}: {note}", path.display());
-        if !told.contains(&text) {
-            tracing::warn!("{text}");
-            told.push(text);
-        }
-    }
-}
-
-/// Prepares `input` into `target`, showing progress and telling what the reader noticed.
-///
-/// # Errors
-/// As [`format::open`] and [`prepare`].
-pub fn prepare_input(
-    input: &Path,
-    hints: &RawHints,
-    target: &Path,
-    options: &PrepareOptions,
-) -> anyhow::Result<PrepareSummary> {
-    let (mut source, options) = opened_input(input, hints, options)?;
-    let summary = with_bar(input, |progress| prepare(source.as_mut(), target, &options, progress))?;
-    tell(input, &summary.manifest);
-    Ok(summary)
-}
-
-/// An input that is to be prepared, and `options` with what is said of it.
-///
-/// # Errors
-/// As [`format::open`].
-pub fn opened_input(
-    input: &Path,
-    hints: &RawHints,
-    options: &PrepareOptions,
-) -> anyhow::Result<(Box<dyn VolumeSource>, PrepareOptions)> {
-    let source = format::open(input, hints)?;
-    let options = PrepareOptions {
-        source_name: input.file_name().and_then(|n| n.to_str()).map(str::to_owned),
-        source_bytes: input.metadata().ok().map(|m| m.len()),
-        ..options.clone()
-    };
-    Ok((source, options))
-}
-
-/// Shows the progress of `work` on an input.
-///
-/// # Errors
-/// That of `work`.
-pub fn with_bar<T>(
-    input: &Path,
-    work: impl FnOnce(&mut dyn FnMut(Progress)) -> Result<T, StoreError>,
-) -> anyhow::Result<T> {
-    let bar = Bar::new(&format!("preparing {}", input.display()));
-    let mut phase = None;
-    let done = work(&mut |p| {
-        if phase.replace(p.phase) != Some(p.phase) {
-            bar.say(&format!("{} {}", words(p.phase), input.display()));
-        }
-        bar.at(p.done, p.total);
-    })?;
-    bar.finish();
-    Ok(done)
-}
-
-/// A phase, before the name of what is prepared.
-fn words(phase: Phase) -> &'static str {
-    match phase {
-        Phase::Unpack => "unpacking",
-        Phase::Scan | Phase::Write | Phase::Finish => "preparing",
-        Phase::Levels => "coarser levels of",
-        Phase::Flood => "flood filling",
-        Phase::Distances => "distances of",
-        Phase::Regions => "regions of",
-        Phase::Labels => "writing regions of",
-        Phase::Verify => "verifying",
     }
 }
 

@@ -21,6 +21,7 @@ mod interrupts;
 #[cfg(target_os = "linux")]
 mod kept;
 mod levels;
+mod ome_zarr;
 #[cfg(target_os = "linux")]
 mod parts;
 #[cfg(unix)]

@@ -12,7 +12,7 @@ use crate::space::GeometryError;
 pub enum FormatError {
     #[error("{path}: cannot {action} this file: {reason}")]
     Io { path: PathBuf, action: &'static str, reason: io::Error },
-    #[error("{path} is a directory; give one file. Read are: {}", supported())]
+    #[error("{path} is a directory, but no OME-Zarr; give one file. Read are: {}", supported())]
     Directory { path: PathBuf },
     #[error("{path} is {kind}; copy its content to a regular file first, which is read more than once")]
     NotRegular { path: PathBuf, kind: FileKind },

@@ -20,10 +20,17 @@ pub(super) const RAW: Known = Known {
     reads: "with --dims X,Y,Z --type uint16, or named like part_512x512x400_uint16.raw",
 };
 
-/// In the order of the table.
-pub(super) const ALL: [Known; 2] = [NRRD, RAW];
+/// Read by a crate of its own, through objects.
+pub(super) const OME_ZARR: Known = Known {
+    name: "OME-Zarr",
+    extensions: &["zarr"],
+    reads: "a folder or an address; 0.1 to 0.5, compressed and sharded as is usual",
+};
 
-/// The formats that [`super::open`] reads, for people.
+/// In the order of the table, then what others read.
+pub(super) const ALL: [Known; 3] = [NRRD, RAW, OME_ZARR];
+
+/// The formats that are read, for people.
 #[must_use]
 pub fn supported() -> String {
     let list: Vec<String> = ALL

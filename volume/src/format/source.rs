@@ -96,6 +96,17 @@ pub trait VolumeSource: Send + std::fmt::Debug {
         let _ = voxel;
         Ok(false)
     }
+
+    /// Replaces `voxels` by those of the box `[lo, hi)`, x fastest, where the source has boxes rather than rows: what
+    /// lies in chunks is then taken out of each at once. False where it has none; then nothing has changed. What
+    /// [`VolumeSource::read_piece`] gives next stays the same.
+    ///
+    /// # Errors
+    /// As [`VolumeSource::read_planes`].
+    fn read_box(&mut self, lo: [u32; 3], hi: [u32; 3], voxels: &mut Vec<u8>) -> Result<bool, FormatError> {
+        let _ = (lo, hi, voxels);
+        Ok(false)
+    }
 }
 
 /// Opens a regular file; anything else is refused, never waited for.

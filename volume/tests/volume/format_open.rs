@@ -84,7 +84,7 @@ fn hints_win_over_the_name() {
         skip: 4,
         spacing: Some([0.5, 1.0, 2.0]),
         origin: Some([1.0, 2.0, 3.0]),
-        no_data: None,
+        ..RawHints::default()
     };
     let mut source = format::open(&path, &hints).unwrap();
     let mut planes = Vec::new();

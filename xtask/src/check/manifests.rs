@@ -26,6 +26,7 @@ struct Law {
 
 const VOLUME: &str = "brickcast-volume";
 const REMOTE: &str = "brickcast-remote";
+const ZARR: &str = "brickcast-zarr";
 const SHADERS: &str = "brickcast-shaders";
 const PROTO: &str = "brickcast-proto";
 const CPU: &str = "brickcast-cpu";
@@ -33,18 +34,19 @@ const NODE: &str = "brickcast-node";
 const HARNESS: &str = "brickcast-harness";
 const ATTRIBUTE: &str = "brickcast-harness-attribute";
 
-const LAWS: [Law; 11] = [
+const LAWS: [Law; 12] = [
     Law {
         package: VOLUME,
         ours: Some(&[]),
         banned: &["wgpu", "naga", "tokio", "tonic", "prost", "hyper", "axum", "futures-util", "async-trait"],
     },
     Law { package: REMOTE, ours: Some(&[VOLUME]), banned: &["wgpu", "naga", "tonic", "prost"] },
+    Law { package: ZARR, ours: Some(&[VOLUME]), banned: &["wgpu", "naga", "tokio", "tonic", "prost"] },
     Law { package: SHADERS, ours: Some(&[VOLUME]), banned: &["wgpu", "tokio", "tonic", "prost"] },
     Law { package: PROTO, ours: Some(&[VOLUME]), banned: &["wgpu", "naga"] },
     Law { package: CPU, ours: Some(&[VOLUME, SHADERS]), banned: &["wgpu", "naga", "tokio", "tonic", "prost"] },
     Law { package: NODE, ours: Some(&[VOLUME, REMOTE, SHADERS, CPU, PROTO, HARNESS]), banned: &[] },
-    Law { package: "brickcast", ours: Some(&[VOLUME, REMOTE, PROTO, NODE]), banned: &["wgpu", "naga"] },
+    Law { package: "brickcast", ours: Some(&[VOLUME, REMOTE, ZARR, PROTO, NODE]), banned: &["wgpu", "naga"] },
     Law { package: HARNESS, ours: Some(&[ATTRIBUTE]), banned: &["wgpu", "tokio"] },
     Law { package: ATTRIBUTE, ours: Some(&[]), banned: &["wgpu", "tokio"] },
     Law { package: "brickcast-tests", ours: None, banned: &[] },

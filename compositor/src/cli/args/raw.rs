@@ -1,4 +1,4 @@
-//! How a raw file is read.
+//! How a raw file is read, and which volume of an image.
 
 use brickcast_volume::format::RawHints;
 use clap::Args;
@@ -6,7 +6,7 @@ use clap::Args;
 use super::values::triple;
 use crate::cli::failure::Failure;
 
-/// How to read a raw file; other formats say it themselves.
+/// How to read a raw file; other formats say it themselves. Which volume of an image that holds several.
 #[derive(Debug, Clone, Default, Args)]
 #[command(next_help_heading = "Raw input")]
 pub struct RawArgs {
@@ -28,6 +28,12 @@ pub struct RawArgs {
     /// A voxel of this value holds no data and shows nothing, in files of any format; NaN never does
     #[arg(long, value_name = "VALUE", allow_hyphen_values = true)]
     pub no_data: Option<f64>,
+    /// Channel of an OME-Zarr image that has several, counted from 0 [default: 0]
+    #[arg(long, value_name = "N")]
+    pub channel: Option<u64>,
+    /// Point in time of an OME-Zarr image that has several, counted from 0 [default: 0]
+    #[arg(long, value_name = "N")]
+    pub time: Option<u64>,
 }
 
 impl RawArgs {
@@ -39,6 +45,7 @@ impl RawArgs {
         let voxel_type = self.voxel_type.as_deref().map(str::parse).transpose().map_err(Failure::usage)?;
         let endian = self.endian.as_deref().map(str::parse).transpose().map_err(Failure::usage)?;
         let (skip, spacing, no_data) = (self.skip, self.spacing, self.no_data);
-        Ok(RawHints { dims: self.dims, voxel_type, endian, skip, spacing, origin: None, no_data })
+        let (channel, time) = (self.channel, self.time);
+        Ok(RawHints { dims: self.dims, voxel_type, endian, skip, spacing, origin: None, no_data, channel, time })
     }
 }

@@ -3,6 +3,7 @@
 use std::cell::Cell;
 use std::path::Path;
 
+use brickcast_remote::Place;
 use brickcast_volume::PictureSize;
 use brickcast_volume::camera::{Camera, Orbit};
 use brickcast_volume::format::RawHints;
@@ -18,10 +19,10 @@ use crate::cli::args::DemoArgs;
 use crate::cli::command::next;
 use crate::cli::command::render::{Origin, manifest};
 use crate::cli::failure::Failure;
+use crate::cli::input::prepare_input;
 use crate::cli::progress::Bar;
 use crate::cli::say::say;
 use crate::cli::scene::SceneChoice;
-use crate::cli::source::prepare_input;
 use crate::embedded::{Backend, EmbeddedNodes};
 use crate::output::{FrameOptions, FrameWriter, OutputFormat, hatched, write_manifest};
 use crate::session::{Session, StoreChoice};
@@ -106,7 +107,7 @@ fn make(target: &Path, phantom: &PhantomOptions) -> anyhow::Result<u64> {
     write_phantom(nrrd, phantom, &mut |done, total| bar.at(done, total))?;
     bar.finish();
     let options = PrepareOptions { force: true, ..PrepareOptions::default() };
-    let summary = prepare_input(nrrd, &RawHints::default(), target, &options)?;
+    let summary = prepare_input(&Place::Folder(nrrd.clone()), &RawHints::default(), target, &options)?;
     Ok(summary.manifest.grid.brick_count())
 }
 

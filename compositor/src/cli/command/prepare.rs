@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
+use brickcast_remote::Place;
 use brickcast_volume::brick::BrickGrid;
 use brickcast_volume::format::{RawHints, VolumeSource};
 use brickcast_volume::shown::shown;
@@ -12,8 +13,9 @@ use brickcast_volume::store::{
 
 use crate::cli::args::{PartArgs, PrepareArgs};
 use crate::cli::failure::Failure;
+use crate::cli::input::{opened_input, prepare_input, shown as shown_place, tell, with_bar};
 use crate::cli::say::{region_words, say};
-use crate::cli::source::{local, opened_input, prepare_input, tell, with_bar};
+use crate::cli::source::{local, place};
 use crate::words::{bytes, short};
 
 /// # Errors
@@ -31,15 +33,16 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
         levels: args.levels,
         ..PrepareOptions::default()
     };
-    let (input, store) = (local(&args.input)?, local(&args.store)?);
+    let (input, store) = (place(&args.input)?, local(&args.store)?);
     let started = Instant::now();
     let summary = match &args.parts {
         PartArgs { shard: Some(part), scan, .. } => {
             let (mut source, options) = opened_input(&input, &hints, &options)?;
-            return make_part((&input, source.as_mut()), (&store, &options), (*part, *scan), quiet);
+            return make_part((&shown_place(&input), source.as_mut()), (&store, &options), (*part, *scan), quiet);
         }
         PartArgs { merge: true, .. } => {
             let (source, options) = opened_input(&input, &hints, &options)?;
+            let input = shown_place(&input);
             let summary = with_bar(&input, |progress| merge_parts(source.as_ref(), &store, &options, progress))?;
             tell(&input, &summary.manifest);
             summary
@@ -105,7 +108,7 @@ fn make_part(
 
 /// Prepares in parts of its own, and says what an earlier run left of them.
 fn resumed(
-    input: &Path,
+    input: &Place,
     hints: &RawHints,
     store: &Path,
     options: &PrepareOptions,
@@ -122,8 +125,9 @@ fn resumed(
         };
         said = say(quiet, &format!("{name}: {found}"));
     };
-    let summary = with_bar(input, |p| resume(source.as_mut(), store, &options, &mut say_found, p))?;
+    let input = shown_place(input);
+    let summary = with_bar(&input, |p| resume(source.as_mut(), store, &options, &mut say_found, p))?;
     said?;
-    tell(input, &summary.manifest);
+    tell(&input, &summary.manifest);
     Ok(summary)
 }

@@ -35,6 +35,7 @@ pub(super) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
         .map_err(|reason| FormatError::io(&path, "read", reason))?;
     let parsed = NrrdHeader::parse(&start).map_err(|reason| FormatError::header(&path, reason))?;
     let mut notes = parsed.notes.clone();
+    notes.extend(hints.of_one_volume());
     if !hints.is_empty() {
         notes.push(
             "--dims, --type, --endian, --skip, --spacing are for raw files; the NRRD header's own were used".into(),

@@ -13,7 +13,8 @@ use name::RawName;
 
 pub use error::RawError;
 
-/// What the user says of a raw file; the file's name fills in what is missing.
+/// What the user says of a raw file, whose name fills in what is missing, and of what an image of several volumes
+/// holds.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RawHints {
     /// Voxels per axis, x fastest.
@@ -28,13 +29,23 @@ pub struct RawHints {
     pub origin: Option<[f64; 3]>,
     /// A value that stands for no data, in files of any format.
     pub no_data: Option<f64>,
+    /// Which channel of an image that has several, counted from 0.
+    pub channel: Option<u64>,
+    /// Which point in time of an image that has several, counted from 0.
+    pub time: Option<u64>,
 }
 
 impl RawHints {
     /// True where the user said nothing that is for raw files alone.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        Self { no_data: None, ..self.clone() } == Self::default()
+        Self { no_data: None, channel: None, time: None, ..self.clone() } == Self::default()
+    }
+
+    /// What is said of the flags of images, in formats that have one channel and one point in time.
+    pub(super) fn of_one_volume(&self) -> Option<String> {
+        (self.channel.is_some() || self.time.is_some())
+            .then(|| "--channel and --time are for OME-Zarr; this format has one volume, which was taken".into())
     }
 }
 
@@ -42,7 +53,7 @@ pub(super) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
     let Input { path, file, files, .. } = input;
     let file_bytes = file.metadata().map_err(|reason| FormatError::io(&path, "read", reason))?.len();
     let name = RawName::of(&path);
-    let mut notes = Vec::new();
+    let mut notes: Vec<String> = hints.of_one_volume().into_iter().collect();
     if hints.dims.is_none()
         && let Some([x, y, z]) = name.dims
     {

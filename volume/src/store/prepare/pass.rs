@@ -12,6 +12,8 @@ use crate::store::voxel::Voxel;
 
 /// Bytes that are read at once, in whole rows where a row is not longer.
 const PIECE_BYTES: u64 = 4 << 20;
+/// Bytes of a box that is read at once, whole planes of a tile.
+const BOX_BYTES: usize = 64 << 20;
 
 pub(crate) struct Pass<'a> {
     source: &'a mut dyn VolumeSource,
@@ -113,6 +115,9 @@ impl<'a> Pass<'a> {
         out: &mut [T],
         convert: &impl Fn(&[u8], &mut [T]),
     ) -> Result<(), StoreError> {
+        if self.read_boxes(tile, planes.clone(), out, convert)? {
+            return Ok(());
+        }
         let d = self.header.geometry.dims();
         let [width, _] = tile.size();
         // Rows that follow each other in the input are read as one.
@@ -131,6 +136,30 @@ impl<'a> Pass<'a> {
             }
         }
         Ok(())
+    }
+
+    /// As [`Pass::read_slab`], of a source that has boxes; false of another.
+    fn read_boxes<T: Voxel>(
+        &mut self,
+        tile: &Tile,
+        planes: Range<u32>,
+        out: &mut [T],
+        convert: &impl Fn(&[u8], &mut [T]),
+    ) -> Result<bool, StoreError> {
+        let plane = tile.voxels();
+        let at_once = (BOX_BYTES / (plane * self.header.voxel_type.bytes())).max(1);
+        for (z, out) in planes.clone().step_by(at_once).zip(out.chunks_mut(plane * at_once)) {
+            let (lo, hi) = ([tile.lo[0], tile.lo[1], z], [tile.hi[0], tile.hi[1], z + (out.len() / plane) as u32]);
+            if !self.source.read_box(lo, hi, &mut self.piece)? {
+                return Ok(false);
+            }
+            let (got, want) = (self.piece.len(), out.len() * self.header.voxel_type.bytes());
+            if got != want {
+                return Err(StoreError::SourceLength { plane: z, got, want });
+            }
+            convert(&self.piece, out);
+        }
+        Ok(true)
     }
 
     /// A source that goes in order only is read up to there, from its start where that is behind.

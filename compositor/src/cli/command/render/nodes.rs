@@ -7,8 +7,9 @@ use anyhow::anyhow;
 
 use crate::cli::args::{AccessArgs, NodeArgs};
 use crate::cli::failure::Failure;
+use crate::cli::input::tell;
 use crate::cli::say::say;
-use crate::cli::source::{self, Source};
+use crate::cli::source::Source;
 use crate::cluster::Dial;
 use crate::embedded::{Backend, BackendChoice, EmbeddedNodes, parse_size};
 use crate::session::Session;
@@ -68,7 +69,7 @@ impl NodePlan {
     ) -> Result<(Session, Option<EmbeddedNodes>), Failure> {
         if self.are_elsewhere() {
             let session = Session::open_through(self.dial()?, &self.elsewhere, source.choice_elsewhere()).await?;
-            source::tell(path, &session.store().manifest);
+            tell(path, &session.store().manifest);
             return Ok((session, None));
         }
         let Source::Store(store) = source else { return Err(anyhow!("{}: no such store", path.display()).into()) };

@@ -1,0 +1,286 @@
+//! An image as an input volume: boxes of voxels, cut from the chunks that lie there.
+
+use std::collections::HashMap;
+use std::ops::Range;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use brickcast_volume::format::{FormatError, RawHints, SourceHeader, VolumeSource};
+use brickcast_volume::memory::available;
+use brickcast_volume::store::Objects;
+use bytes::Bytes;
+use rayon::ThreadPool;
+use rayon::prelude::*;
+
+use crate::array::Array;
+use crate::axes::Axes;
+use crate::chunks::Chunks;
+use crate::error::OmeZarrError;
+use crate::image;
+use crate::space::Space;
+
+/// What is read in order comes in bands of rows, bytes.
+const BAND_BYTES: u64 = 64 << 20;
+/// Chunks are decoded at the same time up to so many bytes, but one at least.
+const AT_ONCE_BYTES: usize = 256 << 20;
+/// Decoded chunks that reach into the next planes are kept up to so many bytes, and a quarter of the memory that is
+/// left.
+const KEPT_BYTES: usize = 512 << 20;
+/// Chunks behind a network are waited for, not computed: so many at a time.
+const FAR_THREADS: usize = 32;
+
+/// A place in the grid of chunks along x, y, z.
+type Place = [u64; 3];
+
+/// Memory: a band of 64 MiB where voxels are read in order; a chunk, or as many as are 256 MiB, being decoded; 512 MiB
+/// of decoded chunks, or a quarter of what is left of the memory. A chunk has at most [`crate::MAX_CHUNK_BYTES`].
+#[derive(Debug)]
+pub struct OmeZarrSource {
+    header: SourceHeader,
+    files: Vec<PathBuf>,
+    chunks: Chunks,
+    axes: Axes,
+    /// Of chunks that are waited for; others are decoded by the threads that all share.
+    pool: Option<ThreadPool>,
+    /// The most bytes of chunks that are kept, and those that are.
+    most_kept: usize,
+    kept: HashMap<Place, Option<Bytes>>,
+    has_found_any: bool,
+    /// The voxel that comes next, x fastest.
+    next: u64,
+    /// Voxels that were read ahead, and the first of them.
+    band: (u64, Vec<u8>),
+}
+
+pub(crate) fn open(objects: Arc<dyn Objects>, hints: &RawHints) -> Result<OmeZarrSource, OmeZarrError> {
+    let image = image::find(objects.as_ref())?;
+    let array = Array::of(&image.node, &image.array)?;
+    let axes = Axes::of(&image, &array, hints)?;
+    let space = Space::of(&image, &array, &axes)?;
+    let mut notes = [&image.notes[..], &axes.notes, &space.notes].concat();
+    if !hints.is_empty() {
+        notes.push("--dims, --type, --endian, --skip, --spacing are for raw files; the image's own were used".into());
+    }
+    let header = SourceHeader {
+        placement: space.placement,
+        space_unit: space.unit,
+        no_data: hints.no_data.into_iter().collect(),
+        notes,
+        ..SourceHeader::new(image.format(), space.geometry, array.voxel_type)
+    };
+    // What lies behind a network is no file; of a folder, all that is in it counts.
+    let files = match objects.is_far() {
+        true => Vec::new(),
+        false => vec![objects.place().to_path_buf()],
+    };
+    let pool = objects.is_far().then(|| rayon::ThreadPoolBuilder::new().num_threads(FAR_THREADS).build());
+    let pool = pool.transpose().map_err(|reason| array.json.problem(format!("no threads to read it: {reason}")))?;
+    let left = available().map_or(u64::MAX, |limit| limit.bytes / 4);
+    Ok(OmeZarrSource {
+        header,
+        files,
+        chunks: Chunks::new(objects, array),
+        axes,
+        pool,
+        most_kept: KEPT_BYTES.min(usize::try_from(left).unwrap_or(usize::MAX)),
+        kept: HashMap::new(),
+        has_found_any: false,
+        next: 0,
+        band: (0, Vec::new()),
+    })
+}
+
+impl OmeZarrSource {
+    fn array(&self) -> &Array {
+        &self.chunks.array
+    }
+
+    /// Voxels of a chunk along x, y, z.
+    fn chunk_size(&self) -> [u64; 3] {
+        self.axes.space.map(|axis| axis.map_or(1, |axis| self.array().chunk[axis]))
+    }
+
+    /// Replaces `out` by a box of voxels `[lo, hi)`, x fastest.
+    fn fill_box(&mut self, lo: [u32; 3], hi: [u32; 3], out: &mut Vec<u8>) -> Result<(), OmeZarrError> {
+        let voxel = self.array().voxel_type.bytes();
+        let size: [usize; 3] = std::array::from_fn(|a| (hi[a] - lo[a]) as usize);
+        let bytes = size.iter().try_fold(voxel, |bytes, n| bytes.checked_mul(*n)).unwrap_or(usize::MAX);
+        out.clear();
+        out.try_reserve_exact(bytes).map_err(|_| OmeZarrError::Memory { bytes: bytes as u64 })?;
+        out.resize(bytes, 0);
+        let chunk = self.chunk_size();
+        let [xs, ys, zs]: [Range<u64>; 3] =
+            std::array::from_fn(|a| u64::from(lo[a]) / chunk[a]..u64::from(hi[a]).div_ceil(chunk[a]));
+        self.kept.retain(|[x, y, z], _| xs.contains(x) && ys.contains(y) && zs.contains(z));
+        let (mut kept, mut kept_bytes) = (HashMap::new(), 0);
+        let chunk_bytes = self.array().chunk_bytes();
+        let at_once = (AT_ONCE_BYTES / chunk_bytes).clamp(1, 4096);
+        let mut places = zs.flat_map(|z| {
+            let xs = xs.clone();
+            ys.clone().flat_map(move |y| xs.clone().map(move |x| [x, y, z]))
+        });
+        loop {
+            let batch: Vec<Place> = places.by_ref().take(at_once).collect();
+            if batch.is_empty() {
+                break;
+            }
+            let (chunks, before) = (&self.chunks, &self.kept);
+            let load = |place: &Place| match before.get(place) {
+                Some(kept) => Ok(kept.clone()),
+                None => chunks.load(&self.chunk_at(place)),
+            };
+            let all = || batch.par_iter().map(load).collect::<Result<Vec<_>, OmeZarrError>>();
+            let loaded = self.pool.as_ref().map_or_else(all, |pool| pool.install(all))?;
+            for (place, data) in batch.into_iter().zip(loaded) {
+                self.has_found_any |= data.is_some();
+                self.copy(place, data.as_deref(), (lo, hi), out);
+                let held = data.as_ref().map_or(0, Bytes::len);
+                if (place[2] + 1) * chunk[2] > u64::from(hi[2]) && kept_bytes + held <= self.most_kept {
+                    kept_bytes += held;
+                    kept.insert(place, data);
+                }
+            }
+        }
+        self.kept = kept;
+        match hi == self.header.geometry.dims().to_array() && !self.has_found_any {
+            true => Err(OmeZarrError::NoChunks {
+                array: self.array().json.file.clone(),
+                example: self.array().key(&vec![0; self.array().shape.len()]),
+            }),
+            false => Ok(()),
+        }
+    }
+
+    /// Where a chunk lies along every axis of the array.
+    fn chunk_at(&self, place: &Place) -> Vec<u64> {
+        let mut at: Vec<u64> = self.axes.at.iter().zip(&self.array().chunk).map(|(at, chunk)| at / chunk).collect();
+        for (axis, place) in self.axes.space.iter().zip(place) {
+            if let Some(axis) = axis {
+                at[*axis] = *place;
+            }
+        }
+        at
+    }
+
+    /// Copies what a chunk has of a box; a chunk that is not there has its fill value.
+    fn copy(&self, place: Place, data: Option<&[u8]>, (lo, hi): ([u32; 3], [u32; 3]), out: &mut [u8]) {
+        let array = self.array();
+        let (voxel, chunk) = (array.voxel_type.bytes(), self.chunk_size());
+        let own: [Range<u64>; 3] = std::array::from_fn(|a| {
+            let start = place[a] * chunk[a];
+            start.max(u64::from(lo[a]))..(start + chunk[a]).min(u64::from(hi[a]))
+        });
+        let stride = self.axes.space.map(|axis| axis.map_or(0, |axis| array.strides[axis]));
+        // Where the volume lies within a chunk along the other axes.
+        let others = self.axes.at.iter().zip(&array.chunk).zip(&array.strides);
+        let base: usize = others.map(|((at, chunk), stride)| (at % chunk) as usize * stride).sum();
+        let within = |a: usize, at: u64| (at - place[a] * chunk[a]) as usize * stride[a];
+        let width = (hi[0] - lo[0]) as usize;
+        let height = (hi[1] - lo[1]) as usize;
+        let run = (own[0].end - own[0].start) as usize;
+        for z in own[2].clone() {
+            for y in own[1].clone() {
+                let row = ((z - u64::from(lo[2])) as usize * height + (y - u64::from(lo[1])) as usize) * width;
+                let start = row + (own[0].start - u64::from(lo[0])) as usize;
+                let out = &mut out[start * voxel..][..run * voxel];
+                let Some(data) = data else {
+                    out.chunks_exact_mut(voxel).for_each(|out| out.copy_from_slice(&array.fill));
+                    continue;
+                };
+                let first = base + within(0, own[0].start) + within(1, y) + within(2, z);
+                let data = &data[first * voxel..];
+                match stride[0] {
+                    1 => out.copy_from_slice(&data[..run * voxel]),
+                    stride => {
+                        let voxels = data.chunks(voxel).step_by(stride);
+                        out.chunks_exact_mut(voxel).zip(voxels).for_each(|(out, voxel)| out.copy_from_slice(voxel));
+                    }
+                }
+                if array.is_big_endian {
+                    out.chunks_exact_mut(voxel).for_each(<[u8]>::reverse);
+                }
+            }
+        }
+    }
+
+    /// The band that `voxel` lies in becomes the one that was read ahead: whole planes, or rows of one.
+    fn read_band(&mut self, voxel: u64) -> Result<(), OmeZarrError> {
+        let d = self.header.geometry.dims();
+        let row = u64::from(d.x) * self.array().voxel_type.bytes() as u64;
+        let plane = row * u64::from(d.y);
+        let (y, z) =
+            ((voxel / u64::from(d.x) % u64::from(d.y)) as u32, (voxel / u64::from(d.x) / u64::from(d.y)) as u32);
+        let chunk = self.chunk_size();
+        // To where the chunks end, if that is not too far.
+        let to_end = |at: u32, axis: usize, most: u64| {
+            let end = (u64::from(at) / chunk[axis] + 1) * chunk[axis];
+            end.min(u64::from(at) + most.max(1)).min(u64::from(d[axis])) as u32
+        };
+        let (lo, hi) = match plane <= BAND_BYTES {
+            true => ([0, 0, z], [d.x, d.y, to_end(z, 2, BAND_BYTES / plane)]),
+            false => ([0, y, z], [d.x, to_end(y, 1, BAND_BYTES / row), z + 1]),
+        };
+        let mut voxels = std::mem::take(&mut self.band.1);
+        self.fill_box(lo, hi, &mut voxels)?;
+        self.band = (u64::from(d.x) * (u64::from(lo[1]) + u64::from(d.y) * u64::from(lo[2])), voxels);
+        Ok(())
+    }
+
+    fn read(&mut self, most: u64, out: &mut Vec<u8>) -> Result<(), FormatError> {
+        out.clear();
+        let voxel = self.array().voxel_type.bytes() as u64;
+        let end = self.header.geometry.voxel_count().min(self.next.saturating_add(most));
+        while self.next < end {
+            let there = self.band.0..self.band.0 + self.band.1.len() as u64 / voxel;
+            if !there.contains(&self.next) {
+                if let Err(reason) = self.read_band(self.next) {
+                    self.band.1.clear();
+                    return Err(self.failed(reason));
+                }
+                continue;
+            }
+            let stop = end.min(there.end);
+            let part = ((self.next - there.start) * voxel) as usize..((stop - there.start) * voxel) as usize;
+            out.extend_from_slice(&self.band.1[part]);
+            self.next = stop;
+        }
+        Ok(())
+    }
+
+    fn failed(&self, reason: OmeZarrError) -> FormatError {
+        crate::failed(self.chunks.objects.as_ref(), reason)
+    }
+}
+
+impl VolumeSource for OmeZarrSource {
+    fn header(&self) -> &SourceHeader {
+        &self.header
+    }
+
+    fn files(&self) -> &[PathBuf] {
+        &self.files
+    }
+
+    fn rewind(&mut self) -> Result<(), FormatError> {
+        self.next = 0;
+        Ok(())
+    }
+
+    fn read_planes(&mut self, count: u32, planes: &mut Vec<u8>) -> Result<(), FormatError> {
+        let d = self.header.geometry.dims();
+        self.read(u64::from(d.x) * u64::from(d.y) * u64::from(count), planes)
+    }
+
+    fn read_piece(&mut self, most: usize, piece: &mut Vec<u8>) -> Result<(), FormatError> {
+        self.read((most / self.header.voxel_type.bytes()).max(1) as u64, piece)
+    }
+
+    fn seek(&mut self, voxel: u64) -> Result<bool, FormatError> {
+        self.next = voxel;
+        Ok(true)
+    }
+
+    fn read_box(&mut self, lo: [u32; 3], hi: [u32; 3], voxels: &mut Vec<u8>) -> Result<bool, FormatError> {
+        self.fill_box(lo, hi, voxels).map(|()| true).map_err(|reason| self.failed(reason))
+    }
+}
