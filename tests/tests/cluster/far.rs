@@ -204,8 +204,10 @@ fn servers_that_cannot_serve_a_store_are_told_what_is_wrong_with_them() {
         (Manners { status: Some(302), ..Manners::default() }, stage.address(), "tries failed"),
     ] {
         stage.server.set(manners.clone());
-        for command in ["info", "verify"] {
-            let output = ends(brickcast_command(stage.at()).args([command, &path]), PATIENCE);
+        // A store's array is an input like any other of Zarr: `info` tells of it.
+        let commands = if path.ends_with("/part/0") { &["verify"][..] } else { &["info", "verify"] };
+        for command in commands {
+            let output = ends(brickcast_command(stage.at()).args([*command, &path]), PATIENCE);
             let said = String::from_utf8_lossy(&output.stderr).into_owned();
             assert!(output.status.code() == Some(1) && said.contains(words), "{manners:?} {command}: {said}");
             assert!(said.contains(&path), "{said}");
