@@ -1,5 +1,6 @@
 //! Which value ranges are empty in a scene: under every table that a sample may be read by.
 
+use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use brickcast_volume::PixelKind;
@@ -30,9 +31,12 @@ pub(crate) fn is_same(known: &Weak<Emptiness>, emptiness: &Arc<Emptiness>) -> bo
     std::ptr::eq(known.as_ptr(), Arc::as_ptr(emptiness))
 }
 
-/// The emptiness of the last scene that skipped: maps are built anew only when it changes.
+/// How many scenes' are kept, half a megabyte each: one for each level of a picture, of which few have more.
+const KEPT: usize = 8;
+
+/// The emptiness of the last scenes that skipped, the last first: maps are built anew only when it changes.
 #[derive(Debug, Default)]
-pub(crate) struct EmptinessCache(Mutex<Option<Arc<Emptiness>>>);
+pub(crate) struct EmptinessCache(Mutex<VecDeque<Arc<Emptiness>>>);
 
 impl EmptinessCache {
     /// `None` where the scene does not skip.
@@ -48,13 +52,14 @@ impl EmptinessCache {
                 && known.tables.len() == tables.len()
                 && known.tables.iter().zip(&tables).all(|(a, b)| Arc::ptr_eq(a, b) || a == b)
         };
-        let mut last = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(known) = last.as_ref().filter(|known| same(known)) {
-            return Some(known.clone());
-        }
-        let counts = counts(&tables, also);
-        let emptiness = Arc::new(Emptiness { counts, tables, also });
-        *last = Some(emptiness.clone());
+        let mut kept = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = kept.iter().position(|known| same(known)).and_then(|place| kept.remove(place));
+        let emptiness = known.unwrap_or_else(|| {
+            let counts = counts(&tables, also);
+            Arc::new(Emptiness { counts, tables, also })
+        });
+        kept.push_front(emptiness.clone());
+        kept.truncate(KEPT);
         Some(emptiness)
     }
 }
