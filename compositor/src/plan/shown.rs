@@ -108,12 +108,12 @@ impl Shown {
     /// what is shown of it, the finest first. A chunk of a coarser level is shown in the first of this level's chunks
     /// in it.
     #[must_use]
-    pub fn of_levels(selection: &Selection, levels: &[(StoreFacts, Self)]) -> Self {
+    pub fn of_levels(selection: &Selection, levels: &[(&StoreFacts, &Self)]) -> Self {
         let tree = *selection.levels().finest();
         let mut all = Self::of(tree, vec![false; tree.grid().brick_count() as usize]);
         let part = |level: u8| {
             let (store, shown) = levels.get(usize::from(level))?;
-            LevelShown::new(selection, level, (store, shown))
+            LevelShown::new(selection, level, (*store, *shown))
         };
         let parts: Vec<LevelShown> = selection.used().filter_map(part).collect();
         for (part, (chunk, of_level)) in parts.iter().flat_map(|part| part.chunks.iter().map(move |c| (part, c))) {

@@ -70,8 +70,8 @@ pub struct LevelSessions {
 struct Seen {
     look: Arc<ShownLook>,
     content: Content,
-    /// Of each level.
-    levels: Vec<(StoreFacts, Shown)>,
+    /// What is shown of each level, were all of it drawn on that.
+    levels: Vec<Arc<Shown>>,
 }
 
 impl LevelSessions {
@@ -132,8 +132,9 @@ impl LevelSessions {
             self.dealt = None;
             let shows = look.shown.per_chunk().values().map(|&bricks| bricks > 0).collect();
             let content = Content::new(self.levels.finest(), scene, self.stores[0].bricks(), shows);
-            let shown = |store: &StoreFacts| (store.clone(), Shown::in_scene(store, scene));
-            Seen { look, content, levels: self.stores.iter().map(shown).collect() }
+            let coarser = self.stores[1..].iter().map(|store| Arc::new(Shown::in_scene(store, scene)));
+            let levels = std::iter::once(look.shown.clone()).chain(coarser).collect();
+            Seen { look, content, levels }
         });
         (&self.levels, &self.seen.insert(seen).content)
     }
@@ -143,8 +144,9 @@ impl LevelSessions {
         self.seen(scene);
         let known = self.dealt.take().filter(|(known, _)| known == selection);
         let (_, shown) = self.dealt.insert(known.unwrap_or_else(|| {
-            let levels = self.seen.as_ref().map_or(&[][..], |seen| &seen.levels);
-            (selection.clone(), Arc::new(Shown::of_levels(selection, levels)))
+            let shown = self.seen.iter().flat_map(|seen| &seen.levels).map(|shown| &**shown);
+            let levels: Vec<_> = self.stores.iter().zip(shown).collect();
+            (selection.clone(), Arc::new(Shown::of_levels(selection, &levels)))
         }));
         let shown = shown.clone();
         // All of level 0 is an ordinary frame.

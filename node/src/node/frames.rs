@@ -41,6 +41,7 @@ impl Node {
         let started = Instant::now();
         self.accepting()?;
         let place = self.places.clone().try_acquire_owned().map_err(|_| NodeError::Busy(MAX_WAITING))?;
+        let order = Arc::new(order);
         let opened = order.clone();
         let open = move |node: &Self| node.open_all(&opened);
         let (root, parts) = self.aside(&caller, open).await.inspect_err(|error| self.life.failed(error))?;
@@ -50,7 +51,6 @@ impl Node {
         tokio::spawn(async move {
             // Free before the stream ends: the next order may come at once.
             let _places = (place, caller);
-            let order = Arc::new(order);
             let coming = async {
                 tokio::select! {
                     turn = turn => Some(turn),
@@ -143,7 +143,7 @@ impl Node {
             Ok(()) => Ok(meter.receipt()),
             Err(NodeError::Cancelled) if self.stopped() => Err(NodeError::Draining),
             Err(error) => {
-                self.note_broken(&error, sources.root);
+                sources.stores().for_each(|store| self.note_broken(&error, store));
                 Err(error)
             }
         }

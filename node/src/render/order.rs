@@ -19,15 +19,16 @@ pub(super) fn by_levels(chunks: &[Seen]) -> Vec<usize> {
     let mut waits_for: Vec<usize> = (0..chunks.len()).map(in_front).collect();
     let mut is_done = vec![false; chunks.len()];
     let mut order = Vec::with_capacity(chunks.len());
+    let levels = chunks.iter().map(|chunk| chunk.level + 1).max().unwrap_or(0);
     let mut level = None;
     while order.len() < chunks.len() {
         let ready = |i: &usize| !is_done[*i] && waits_for[*i] == 0;
         let next = (0..chunks.len()).filter(ready).find(|&i| Some(chunks[i].level) == level);
         let Some(next) = next else {
             // The level of which most can be drawn now; there is one, since the first that is left waits for none.
-            let count = |level| (0..chunks.len()).filter(ready).filter(|&i| chunks[i].level == level).count();
-            let levels = (0..chunks.len()).filter(ready).map(|i| chunks[i].level);
-            level = levels.max_by_key(|&level| (count(level), std::cmp::Reverse(level)));
+            let mut count = vec![0; levels];
+            (0..chunks.len()).filter(ready).for_each(|i| count[chunks[i].level] += 1);
+            level = (0..levels).max_by_key(|&level| (count[level], std::cmp::Reverse(level)));
             continue;
         };
         is_done[next] = true;

@@ -312,7 +312,10 @@ impl FramePlan {
         }
         let at: HashMap<BrickIndex, usize> = all.map(|p| (self.bricks[p].index, p)).collect();
         let mut indices: Vec<BrickIndex> = at.keys().copied().collect();
-        sort_front_to_back(&mut indices, self.tree.grid().brick_size(), self.from);
+        // The one level, which may be a coarser one than the order's store: from where its own voxels are seen.
+        if let Some(level) = self.levels.first() {
+            sort_front_to_back(&mut indices, level.tree.grid().brick_size(), level.scene.view.viewpoint());
+        }
         indices.iter().map(|index| at[index]).collect()
     }
 

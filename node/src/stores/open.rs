@@ -36,6 +36,12 @@ impl<'a> Sources<'a> {
     pub fn of(root: &'a OpenStore) -> Self {
         Self { root, parts: vec![Source::of(root)] }
     }
+
+    /// All of them; some twice.
+    pub fn stores(&self) -> impl Iterator<Item = &'a OpenStore> + '_ {
+        let of_parts = self.parts.iter().flat_map(|part| std::iter::once(part.store).chain(part.coarser));
+        std::iter::once(self.root).chain(of_parts)
+    }
 }
 
 impl<'a> Source<'a> {

@@ -90,12 +90,12 @@ pub(crate) fn made(
     Store::open(&target).unwrap()
 }
 
-fn store(folder: &Path, brick_size: u32) -> Store {
+pub(crate) fn store(folder: &Path, brick_size: u32) -> Store {
     let options = PrepareOptions { brick_size, ..PrepareOptions::default() };
     made(folder, &format!("field-{brick_size}"), (finest(), field()), &options)
 }
 
-fn scene(store: &Store, style: Style) -> Scene {
+pub(crate) fn scene(store: &Store, style: Style) -> Scene {
     let (lo, hi) = store.manifest().range;
     let at = |t: f64| lo + (hi - lo) * t;
     let colors = [(0.0, [0.9, 0.2, 0.1]), (0.5, [0.2, 0.9, 0.3]), (1.0, [0.1, 0.3, 1.0])];

@@ -16,6 +16,7 @@ mod integral;
 mod intervals;
 mod leaping;
 mod levels;
+mod levels_alone;
 mod levels_continue;
 mod levels_mean;
 mod levels_meet;
