@@ -12,4 +12,5 @@ pub mod output;
 pub mod picture;
 pub mod plan;
 pub mod session;
+mod stored;
 mod words;

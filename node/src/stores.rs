@@ -3,6 +3,7 @@
 
 pub(crate) mod far;
 mod open;
+mod view;
 
 use std::collections::hash_map::Entry;
 use std::collections::{HashMap, HashSet};
@@ -36,6 +37,8 @@ const LISTED: usize = 20;
 #[derive(Debug)]
 pub struct Stores {
     place: Place,
+    /// Decoded chunks of arrays that views are of, bytes for each.
+    room: u64,
     index: Mutex<Index>,
     /// Held while the disk is looked at, which may take long; the index is not.
     scanning: Mutex<()>,
@@ -97,7 +100,7 @@ impl Stores {
             brickcast_remote::Place::Folder(path) => path,
             brickcast_remote::Place::Far(root) => {
                 let far = FarRoot::new(root, matches!(data, DataRoot::Single(_)));
-                return Ok(Self { place: Place::Far(far), index: Mutex::default(), scanning: Mutex::default() });
+                return Ok(Self::at(Place::Far(far)));
             }
         };
         let fail = |source| NodeError::DataRoot { path: path.clone(), source };
@@ -110,7 +113,11 @@ impl Stores {
                 Place::Single { name, folder: StoreFolder::free(&path) }
             }
         };
-        Ok(Self { place, index: Mutex::default(), scanning: Mutex::default() })
+        Ok(Self::at(place))
+    }
+
+    fn at(place: Place) -> Self {
+        Self { place, room: 0, index: Mutex::default(), scanning: Mutex::default() }
     }
 
     /// What is there, by name.
@@ -147,7 +154,7 @@ impl Stores {
     fn level(&self, hash: StoreHash) -> Result<Arc<OpenStore>, NodeError> {
         let unknown = || NodeError::UnknownStore { hash, there: self.listing() };
         let Level { of: StoreName { name, hash: root }, level } = self.find_level(hash).ok_or_else(unknown)?;
-        let store = Store::open_objects(self.folder(&name)?).map_err(|error| NodeError::of_store(&name, error))?;
+        let store = self.opened(&name, self.folder(&name)?)?;
         if store.hash() != root {
             self.forget(root);
             return Err(NodeError::OtherContent { name, got: store.hash(), want: root });
@@ -251,7 +258,7 @@ impl Stores {
     }
 
     fn open(&self, name: String, objects: Arc<dyn Objects>) -> Result<Arc<OpenStore>, NodeError> {
-        let store = Store::open_objects(objects).map_err(|error| NodeError::of_store(&name, error))?;
+        let store = self.opened(&name, objects)?;
         let coarser = store.level(1).map(Store::hash);
         Ok(self.keep(name, store, coarser))
     }

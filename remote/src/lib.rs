@@ -6,6 +6,8 @@
 //! what was wrong and where; and no read waits without end (`docs/adr/0020-where-data-lies.md`).
 
 mod address;
+mod beside;
+mod destination;
 mod error;
 mod failed;
 mod fetch;
@@ -15,6 +17,7 @@ mod root;
 mod runtime;
 
 pub use address::{Address, AddressError, is_address};
+pub use beside::{beside, seen_from};
 pub use error::RemoteError;
 pub use objects::RemoteObjects;
 pub use place::{Place, PlaceError};

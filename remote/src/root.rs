@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use brickcast_volume::store::StoreError;
+use brickcast_volume::store::{Destination, StoreError};
 use object_store::aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey};
 use object_store::http::HttpBuilder;
 use object_store::list::{PaginatedListOptions, PaginatedListStore};
@@ -16,6 +16,7 @@ use tokio::time::timeout;
 use url::Url;
 
 use crate::address::{Address, Kind};
+use crate::destination::Bucket;
 use crate::error::RemoteError;
 use crate::failed::{Outcome, outcome_of};
 use crate::fetch::{AT_ONCE, Server};
@@ -124,6 +125,14 @@ impl Root {
     #[must_use]
     pub fn itself(&self) -> RemoteObjects {
         RemoteObjects::new(self.server.clone(), PathBuf::from(self.address.to_string()), self.prefix.clone())
+    }
+
+    /// The place itself, for a store to be put to; nothing where the server only gives.
+    #[must_use]
+    pub fn destination(&self) -> Option<Arc<dyn Destination>> {
+        self.lister.as_ref()?;
+        let (server, prefix) = (self.server.clone(), self.prefix.clone());
+        Some(Arc::new(Bucket { root: self.clone(), server, prefix }))
     }
 
     /// The store of this name, which is a path below the root. Whether there is one is not looked at.

@@ -10,6 +10,7 @@ mod blosc;
 mod blosclz;
 mod chunks;
 mod codec;
+mod cut;
 mod error;
 mod image;
 mod json;
@@ -17,6 +18,7 @@ mod node;
 mod shards;
 mod source;
 mod space;
+mod view;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -26,6 +28,7 @@ use brickcast_volume::store::Objects;
 
 pub use error::{ChunkFault, MAX_CHUNK_BYTES, OmeZarrError};
 pub use source::OmeZarrSource;
+pub use view::whole;
 
 /// True where something of Zarr lies at the root of `objects`.
 ///

@@ -1,7 +1,6 @@
 //! An image as an input volume: boxes of voxels, cut from the chunks that lie there.
 
 use std::collections::HashMap;
-use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -15,6 +14,7 @@ use rayon::prelude::*;
 use crate::array::Array;
 use crate::axes::Axes;
 use crate::chunks::Chunks;
+use crate::cut::{Cut, Place};
 use crate::error::OmeZarrError;
 use crate::image;
 use crate::space::Space;
@@ -29,17 +29,13 @@ const KEPT_BYTES: usize = 512 << 20;
 /// Chunks behind a network are waited for, not computed: so many at a time.
 const FAR_THREADS: usize = 32;
 
-/// A place in the grid of chunks along x, y, z.
-type Place = [u64; 3];
-
 /// Memory: a band of 64 MiB where voxels are read in order; a chunk, or as many as are 256 MiB, being decoded; 512 MiB
 /// of decoded chunks, or a quarter of what is left of the memory. A chunk has at most [`crate::MAX_CHUNK_BYTES`].
 #[derive(Debug)]
 pub struct OmeZarrSource {
     header: SourceHeader,
     files: Vec<PathBuf>,
-    chunks: Chunks,
-    axes: Axes,
+    cut: Cut,
     /// Of chunks that are waited for; others are decoded by the threads that all share.
     pool: Option<ThreadPool>,
     /// The most bytes of chunks that are kept, and those that are.
@@ -79,8 +75,7 @@ pub(crate) fn open(objects: Arc<dyn Objects>, hints: &RawHints) -> Result<OmeZar
     Ok(OmeZarrSource {
         header,
         files,
-        chunks: Chunks::new(objects, array),
-        axes,
+        cut: Cut { chunks: Chunks::new(objects, array), axes },
         pool,
         most_kept: KEPT_BYTES.min(usize::try_from(left).unwrap_or(usize::MAX)),
         kept: HashMap::new(),
@@ -90,27 +85,22 @@ pub(crate) fn open(objects: Arc<dyn Objects>, hints: &RawHints) -> Result<OmeZar
     })
 }
 
+/// The chunks of the image, and voxels of the volume along x, y, z.
+pub(crate) fn found(objects: Arc<dyn Objects>, hints: &RawHints) -> Result<(Cut, [u32; 3]), OmeZarrError> {
+    let OmeZarrSource { cut, header, .. } = open(objects, hints)?;
+    Ok((cut, header.geometry.dims().to_array()))
+}
+
 impl OmeZarrSource {
     fn array(&self) -> &Array {
-        &self.chunks.array
-    }
-
-    /// Voxels of a chunk along x, y, z.
-    fn chunk_size(&self) -> [u64; 3] {
-        self.axes.space.map(|axis| axis.map_or(1, |axis| self.array().chunk[axis]))
+        self.cut.array()
     }
 
     /// Replaces `out` by a box of voxels `[lo, hi)`, x fastest.
     fn fill_box(&mut self, lo: [u32; 3], hi: [u32; 3], out: &mut Vec<u8>) -> Result<(), OmeZarrError> {
-        let voxel = self.array().voxel_type.bytes();
-        let size: [usize; 3] = std::array::from_fn(|a| (hi[a] - lo[a]) as usize);
-        let bytes = size.iter().try_fold(voxel, |bytes, n| bytes.checked_mul(*n)).unwrap_or(usize::MAX);
-        out.clear();
-        out.try_reserve_exact(bytes).map_err(|_| OmeZarrError::Memory { bytes: bytes as u64 })?;
-        out.resize(bytes, 0);
-        let chunk = self.chunk_size();
-        let [xs, ys, zs]: [Range<u64>; 3] =
-            std::array::from_fn(|a| u64::from(lo[a]) / chunk[a]..u64::from(hi[a]).div_ceil(chunk[a]));
+        self.cut.clear(lo, hi, out)?;
+        let chunk = self.cut.chunk_size();
+        let [xs, ys, zs] = self.cut.chunks_of(lo, hi);
         self.kept.retain(|[x, y, z], _| xs.contains(x) && ys.contains(y) && zs.contains(z));
         let (mut kept, mut kept_bytes) = (HashMap::new(), 0);
         let chunk_bytes = self.array().chunk_bytes();
@@ -124,16 +114,16 @@ impl OmeZarrSource {
             if batch.is_empty() {
                 break;
             }
-            let (chunks, before) = (&self.chunks, &self.kept);
+            let (cut, before) = (&self.cut, &self.kept);
             let load = |place: &Place| match before.get(place) {
                 Some(kept) => Ok(kept.clone()),
-                None => chunks.load(&self.chunk_at(place)),
+                None => cut.chunks.load(&cut.chunk_at(place)),
             };
             let all = || batch.par_iter().map(load).collect::<Result<Vec<_>, OmeZarrError>>();
             let loaded = self.pool.as_ref().map_or_else(all, |pool| pool.install(all))?;
             for (place, data) in batch.into_iter().zip(loaded) {
                 self.has_found_any |= data.is_some();
-                self.copy(place, data.as_deref(), (lo, hi), out);
+                self.cut.copy(place, data.as_deref(), (lo, hi), out);
                 let held = data.as_ref().map_or(0, Bytes::len);
                 if (place[2] + 1) * chunk[2] > u64::from(hi[2]) && kept_bytes + held <= self.most_kept {
                     kept_bytes += held;
@@ -151,58 +141,6 @@ impl OmeZarrSource {
         }
     }
 
-    /// Where a chunk lies along every axis of the array.
-    fn chunk_at(&self, place: &Place) -> Vec<u64> {
-        let mut at: Vec<u64> = self.axes.at.iter().zip(&self.array().chunk).map(|(at, chunk)| at / chunk).collect();
-        for (axis, place) in self.axes.space.iter().zip(place) {
-            if let Some(axis) = axis {
-                at[*axis] = *place;
-            }
-        }
-        at
-    }
-
-    /// Copies what a chunk has of a box; a chunk that is not there has its fill value.
-    fn copy(&self, place: Place, data: Option<&[u8]>, (lo, hi): ([u32; 3], [u32; 3]), out: &mut [u8]) {
-        let array = self.array();
-        let (voxel, chunk) = (array.voxel_type.bytes(), self.chunk_size());
-        let own: [Range<u64>; 3] = std::array::from_fn(|a| {
-            let start = place[a] * chunk[a];
-            start.max(u64::from(lo[a]))..(start + chunk[a]).min(u64::from(hi[a]))
-        });
-        let stride = self.axes.space.map(|axis| axis.map_or(0, |axis| array.strides[axis]));
-        // Where the volume lies within a chunk along the other axes.
-        let others = self.axes.at.iter().zip(&array.chunk).zip(&array.strides);
-        let base: usize = others.map(|((at, chunk), stride)| (at % chunk) as usize * stride).sum();
-        let within = |a: usize, at: u64| (at - place[a] * chunk[a]) as usize * stride[a];
-        let width = (hi[0] - lo[0]) as usize;
-        let height = (hi[1] - lo[1]) as usize;
-        let run = (own[0].end - own[0].start) as usize;
-        for z in own[2].clone() {
-            for y in own[1].clone() {
-                let row = ((z - u64::from(lo[2])) as usize * height + (y - u64::from(lo[1])) as usize) * width;
-                let start = row + (own[0].start - u64::from(lo[0])) as usize;
-                let out = &mut out[start * voxel..][..run * voxel];
-                let Some(data) = data else {
-                    out.chunks_exact_mut(voxel).for_each(|out| out.copy_from_slice(&array.fill));
-                    continue;
-                };
-                let first = base + within(0, own[0].start) + within(1, y) + within(2, z);
-                let data = &data[first * voxel..];
-                match stride[0] {
-                    1 => out.copy_from_slice(&data[..run * voxel]),
-                    stride => {
-                        let voxels = data.chunks(voxel).step_by(stride);
-                        out.chunks_exact_mut(voxel).zip(voxels).for_each(|(out, voxel)| out.copy_from_slice(voxel));
-                    }
-                }
-                if array.is_big_endian {
-                    out.chunks_exact_mut(voxel).for_each(<[u8]>::reverse);
-                }
-            }
-        }
-    }
-
     /// The band that `voxel` lies in becomes the one that was read ahead: whole planes, or rows of one.
     fn read_band(&mut self, voxel: u64) -> Result<(), OmeZarrError> {
         let d = self.header.geometry.dims();
@@ -210,7 +148,7 @@ impl OmeZarrSource {
         let plane = row * u64::from(d.y);
         let (y, z) =
             ((voxel / u64::from(d.x) % u64::from(d.y)) as u32, (voxel / u64::from(d.x) / u64::from(d.y)) as u32);
-        let chunk = self.chunk_size();
+        let chunk = self.cut.chunk_size();
         // To where the chunks end, if that is not too far.
         let to_end = |at: u32, axis: usize, most: u64| {
             let end = (u64::from(at) / chunk[axis] + 1) * chunk[axis];
@@ -248,7 +186,7 @@ impl OmeZarrSource {
     }
 
     fn failed(&self, reason: OmeZarrError) -> FormatError {
-        crate::failed(self.chunks.objects.as_ref(), reason)
+        crate::failed(self.cut.chunks.objects.as_ref(), reason)
     }
 }
 

@@ -13,6 +13,7 @@ use brickcast_volume::unfinished::Unfinished;
 use super::key::Key;
 use super::lock::{Lock, Wait};
 use super::opened::Cache;
+use crate::stored;
 
 /// Entries that are used, until the process ends: frames, nodes inside this process and further passes open files of a
 /// store again and again.
@@ -108,7 +109,7 @@ impl Cache {
                 wanted.input.display()
             ));
         }
-        let store = Store::open(&target)?;
+        let store = stored::open_folder(&target)?;
         self.write_key(key, entry_text(key, store.hash()).as_bytes())?;
         self.keep_limit(&key.name)
     }
@@ -125,7 +126,7 @@ impl Cache {
         if text.is_empty() {
             return Ok(None);
         }
-        let store = Store::open(&target).map_err(|e| e.to_string())?;
+        let store = stored::open_folder(&target).map_err(|e| e.to_string())?;
         if text != entry_text(key, store.hash()) {
             return Err(format!("{} is not made of {}", target.display(), wanted.input.display()));
         }

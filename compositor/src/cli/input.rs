@@ -3,11 +3,15 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use anyhow::anyhow;
-use brickcast_remote::Place;
+use anyhow::{Context as _, anyhow};
+use brickcast_remote::{Place, Root, seen_from};
 use brickcast_volume::format::{self, RawHints, VolumeSource};
-use brickcast_volume::store::{Manifest, Phase, PrepareOptions, PrepareSummary, Progress, StoreError, prepare};
+use brickcast_volume::store::{
+    Manifest, Phase, PrepareOptions, PrepareSummary, Progress, ScratchFolder, StoreError, ViewInput, prepare,
+    prepare_to,
+};
 
+use super::failure::Failure;
 use super::progress::Bar;
 
 /// Opens the input volume at `place`.
@@ -60,6 +64,70 @@ pub fn prepare_input(
     let summary = with_bar(&input, |progress| prepare(source.as_mut(), target, &options, progress))?;
     tell(&input, &summary.manifest);
     Ok(summary)
+}
+
+/// The same, put to a place behind a network as it is made.
+///
+/// # Errors
+/// As [`prepare_input`] and [`prepare_to`]; a server that only gives, an input that lies where the store would.
+pub fn prepare_input_to(
+    place: &Place,
+    hints: &RawHints,
+    target: &Root,
+    options: &PrepareOptions,
+) -> Result<PrepareSummary, Failure> {
+    let at = target.address().to_string();
+    let Some(destination) = target.destination() else {
+        let why = "is a web server, which only gives; name a folder of this machine, or s3://bucket/prefix";
+        return Err(Failure::usage(anyhow!("{at} {why}")));
+    };
+    let input = shown(place);
+    if input.starts_with(&at) {
+        return Err(StoreError::InputInside { input, target: at.into() }.into());
+    }
+    let (mut source, options) = opened_input(place, hints, options)?;
+    let scratch = ScratchFolder::beside(&std::env::temp_dir().join("brickcast-prepare"))?;
+    let summary =
+        with_bar(&input, |progress| prepare_to(source.as_mut(), &destination, &scratch.path(), &options, progress))?;
+    tell(&input, &summary.manifest);
+    Ok(summary)
+}
+
+/// Where the voxels of the OME-Zarr at `place` lie, in words of a view of them that will lie at `view`, or
+/// anywhere.
+///
+/// # Errors
+/// No OME-Zarr; a place that cannot be looked at; an array on this machine for a view elsewhere.
+pub fn view_of(place: &Place, hints: &RawHints, view: Option<&Place>) -> anyhow::Result<ViewInput> {
+    let is_file = matches!(place, Place::Folder(path) if !path.is_dir());
+    if is_file || !brickcast_zarr::is_zarr(place.objects().as_ref())? {
+        let why = "is no OME-Zarr, and of other formats there are no views; leave --in-place out";
+        return Err(anyhow!("{} {why}", shown(place).display()));
+    }
+    let at = match place {
+        Place::Far(root) => root.address().to_string(),
+        Place::Folder(path) => {
+            let looked_up =
+                |path: &Path| path.canonicalize().with_context(|| format!("{}: cannot be looked at", path.display()));
+            let array = looked_up(path)?;
+            let beside = |view: &Path| {
+                let parent = view.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+                let name = view.file_name().unwrap_or_default();
+                anyhow::Ok(seen_from(&looked_up(parent)?.join(name), &array))
+            };
+            let at = match view {
+                None => array.clone(),
+                Some(Place::Folder(view)) => beside(view)?,
+                Some(Place::Far(root)) => {
+                    let why = "would be a view of what lies on this machine; copy the array there first";
+                    return Err(anyhow!("{} {why}", root.address()));
+                }
+            };
+            let why = || anyhow!("{}: a path that is no text cannot be written down in a view", path.display());
+            at.to_str().ok_or_else(why)?.to_owned()
+        }
+    };
+    Ok(ViewInput { place: at, channel: hints.channel, time: hints.time })
 }
 
 /// An input that is to be prepared, and `options` with what is said of it.

@@ -1,20 +1,22 @@
 //! What PATH means: a store, an input that is prepared on the way, or a name that the nodes know.
 
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::anyhow;
 use brickcast_remote::{Address, Place, PlaceError};
 use brickcast_volume::StoreHash;
 use brickcast_volume::brick::BrickGrid;
-use brickcast_volume::store::{MANIFEST_FILE, Manifest, PrepareOptions, STORE_VERSION, Store, survey};
+use brickcast_volume::store::{MANIFEST_FILE, Manifest, PrepareOptions, STORE_VERSION, Store, ViewFile, survey};
 
 use super::args::{DEFAULT_SEGMENTATION_RANGE, OnTheWayArgs, RawArgs};
 use super::failure::Failure;
-use super::input::{is_input, open_input, prepare_input, tell};
+use super::input::{is_input, open_input, prepare_input, tell, view_of};
 use super::progress::Bar;
 use super::say::say;
 use crate::cache::{Key, Wanted};
 use crate::session::StoreChoice;
+use crate::stored;
 
 /// A path that was understood.
 #[derive(Debug)]
@@ -33,6 +35,8 @@ pub struct Surveyed {
     pub manifest: Manifest,
     /// Where the path is a store.
     pub store: Option<Store>,
+    /// Where the voxels of a view lie, in its words.
+    pub view: Option<String>,
 }
 
 /// Reads a store's manifest, or an input once from end to end; nothing is prepared.
@@ -42,8 +46,11 @@ pub struct Surveyed {
 pub fn surveyed(path: &Path, raw: &RawArgs) -> Result<Surveyed, Failure> {
     let place = place(path)?;
     if is_place_of_many_files(&place) {
-        match Store::open_objects(place.objects()) {
-            Ok(store) => return Ok(Surveyed { manifest: store.manifest().clone(), store: Some(store) }),
+        match stored::open(&place) {
+            Ok(store) => {
+                let view = ViewFile::read(place.objects().as_ref())?.map(|file| file.input.place);
+                return Ok(Surveyed { manifest: store.manifest().clone(), store: Some(store), view });
+            }
             Err(error) if is_input(&place, &error)? => {}
             Err(error) => return Err(error.into()),
         }
@@ -52,7 +59,7 @@ pub fn surveyed(path: &Path, raw: &RawArgs) -> Result<Surveyed, Failure> {
     let bar = Bar::new(&format!("reading {}", path.display()));
     let manifest = survey(source.as_mut(), &mut |p| bar.at(p.done, p.total))?;
     bar.finish();
-    Ok(Surveyed { manifest, store: None })
+    Ok(Surveyed { manifest, store: None, view: None })
 }
 
 /// A folder, or a place behind a network: a store, or an input of many files.
@@ -121,18 +128,9 @@ impl OnTheWayArgs {
         let place = place(path)?;
         let path = if let Place::Folder(path) = &place { path } else { path };
         if is_place_of_many_files(&place) {
-            let store = match (Store::open_objects(place.objects()), &place) {
-                (Err(error), place) if is_input(place, &error)? => {
-                    return match place {
-                        Place::Folder(_) => Ok(Source::Store(self.prepared(place, path)?)),
-                        Place::Far(root) => {
-                            let why = "is OME-Zarr behind a network, which is prepared first: brickcast prepare";
-                            let address = root.address();
-                            Err(Failure::usage(anyhow!("{address} {why} {address} {}", root.address().name())))
-                        }
-                    };
-                }
-                (store, _) => store?,
+            let store = match stored::open(&place) {
+                Err(error) if is_input(&place, &error)? => return Ok(Source::Store(self.prepared(&place, path)?)),
+                store => store?,
             };
             if self.regions.segmentation_range.is_some() || self.regions.labels.is_some() {
                 let why = "is a store, with the regions that it was prepared with: leave --segmentation-range and \
@@ -155,16 +153,27 @@ impl OnTheWayArgs {
         let hints = self.raw.hints()?;
         let range = self.range.map(|[lo, hi]| (lo, hi));
         let regions = self.regions.options(self.raw.dims)?;
-        let options =
-            PrepareOptions { brick_size: self.brick, range, force: true, regions, ..PrepareOptions::default() };
         let source = open_input(place, &hints)?;
         let header = source.header();
+        // What lies in chunks already is shown where it is.
+        let view = is_place_of_many_files(place).then(|| view_of(place, &hints, None)).transpose()?;
+        let options =
+            PrepareOptions { brick_size: self.brick, range, force: true, regions, view, ..PrepareOptions::default() };
         // As if nothing could be compressed; what is wider is mapped to 16 bits. Coarser levels are a seventh more.
         let finest = header.geometry.voxel_count().saturating_mul(header.voxel_type.bytes().min(2) as u64);
-        let bytes = finest.saturating_add(finest / 7);
+        let bytes = match &options.view {
+            None => finest.saturating_add(finest / 7),
+            // Coarser levels, and halos.
+            Some(_) => finest / 2,
+        };
         let version = env!("CARGO_PKG_VERSION");
-        let PrepareOptions { brick_size: brick, regions, levels, .. } = &options;
-        let words = format!("{brick}|{range:?}|{:?}|{regions:?}|{levels:?}|{version}|{STORE_VERSION}", self.raw);
+        let PrepareOptions { brick_size: brick, regions, levels, view, .. } = &options;
+        let how = format!("{range:?}|{:?}|{regions:?}|{levels:?}", self.raw);
+        let mut words = format!("{brick}|{how}|{version}|{STORE_VERSION}|{view:?}");
+        if let Place::Far(root) = place {
+            // No file tells whether voxels were changed: that is seen chunk by chunk, where they are read.
+            write!(words, "|{}|{header:?}", root.address()).map_err(anyhow::Error::new)?;
+        }
         let store = self.cache.open()?.obtain(&Wanted {
             input,
             bytes,

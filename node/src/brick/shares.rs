@@ -8,6 +8,8 @@
 const CACHE: u64 = 8;
 /// ... so many bytes: bricks that have halos share none.
 const MOST_CACHE: u64 = 256 << 20;
+/// One such part of that is for decoded chunks of arrays that views are of.
+const VIEWS: u64 = 4;
 /// One such part of what bricks have is for loading them, unless a single one needs more.
 const LOADING: u64 = 4;
 /// Where a frame's bricks do not fit at once, a pass takes one such part of them: another is fetched for the next pass
@@ -19,6 +21,8 @@ const PASSES: u64 = 4;
 pub struct MemoryShares {
     /// Decoded chunks that are kept.
     pub cache: u64,
+    /// Those of somebody else's array, of a view of it; a chunk may be larger.
+    pub views: u64,
     /// Resident bricks, and what loading them holds.
     pub residency: u64,
 }
@@ -28,7 +32,8 @@ impl MemoryShares {
     #[must_use]
     pub fn of(budget: u64) -> Self {
         let cache = (budget / CACHE).min(MOST_CACHE);
-        Self { cache, residency: budget - cache }
+        let views = cache / VIEWS;
+        Self { cache: cache - views, views, residency: budget - cache }
     }
 
     /// The smallest budget that has `bytes` for bricks.
@@ -98,8 +103,8 @@ mod tests {
     #[test]
     fn shares_are_the_budget_together() {
         for budget in [0, 1, 7, 8, 9, 2 * MIB, 300 * MIB, 4 << 30, u64::MAX] {
-            let MemoryShares { cache, residency } = MemoryShares::of(budget);
-            assert_eq!(cache + residency, budget);
+            let MemoryShares { cache, views, residency } = MemoryShares::of(budget);
+            assert_eq!(cache + views + residency, budget);
             for largest in [(0, 0), (80 * KIB, 200 * KIB), (5, 0), (MIB, 3 * MIB), (1 << 40, 1 << 40)] {
                 let largest = Need { bytes: largest.0, loading: largest.1 };
                 for threads in [0, 1, 2, 64] {

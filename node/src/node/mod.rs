@@ -74,7 +74,7 @@ impl Node {
     /// # Errors
     /// A data root that is not there.
     pub fn sharing(config: NodeConfig, raycaster: Arc<dyn Raycaster>, cache: ChunkCache) -> Result<Self, NodeError> {
-        let stores = Stores::new(&config.data)?;
+        let stores = Stores::new(&config.data)?.with_room(MemoryShares::of(config.memory_budget).views);
         let pace = Pace::new(config.throttle, raycaster.info().is_on_processor);
         Ok(Self {
             residency: Residency::new(MemoryShares::of(config.memory_budget).residency),

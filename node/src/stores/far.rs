@@ -60,7 +60,11 @@ impl FarRoot {
         }))
     }
 
-    fn is_store(&self) -> bool {
+    pub(super) fn root(&self) -> &Root {
+        &self.root
+    }
+
+    pub(super) fn is_store(&self) -> bool {
         if let Some(is_store) = self.is_store.get() {
             return *is_store;
         }

@@ -22,8 +22,10 @@ mod interrupts;
 mod kept;
 mod levels;
 mod ome_zarr;
+mod ome_zarr_views;
 #[cfg(target_os = "linux")]
 mod parts;
+mod prepare_far;
 #[cfg(unix)]
 mod project;
 mod quality;

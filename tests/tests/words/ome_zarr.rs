@@ -13,7 +13,7 @@ use brickcast_tests::process::{brickcast, brickcast_command, brickcast_ok};
 use brickcast_tests::s3::S3Server;
 use brickcast_tests::web::WebServer;
 use brickcast_volume::format::{self, RawHints, VolumeSource};
-use brickcast_volume::store::{PrepareOptions, StoreFolder, prepare};
+use brickcast_volume::store::{Objects, PrepareOptions, Store, StoreFolder, ViewInput, prepare};
 use serde_json::Value;
 
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -32,11 +32,12 @@ fn written(folder: &Path) -> Vec<Value> {
 }
 
 /// Of a store, all that its manifest says but what its input was.
-fn prepared(source: &mut dyn VolumeSource, store: &Path, tile_voxels: u64) -> Value {
+fn prepared(source: &mut dyn VolumeSource, store: &Path, tile_voxels: u64, view: Option<ViewInput>) -> Value {
     let options = PrepareOptions {
         brick_size: 16,
         source_name: Some("volume".to_owned()),
         force: true,
+        view,
         tile_voxels,
         ..PrepareOptions::default()
     };
@@ -83,12 +84,22 @@ fn every_codec_layout_and_type_gives_the_store_of_the_same_voxels() {
             "{image}"
         );
         let all = PrepareOptions::default().tile_voxels;
-        let want = prepared(nrrd.as_mut(), &at.join("want"), all);
+        let want = prepared(nrrd.as_mut(), &at.join("want"), all, None);
         // In boxes of whole planes, and of tiles with what halos need of their neighbours.
         for tile_voxels in [all, 1] {
             zarr.rewind().unwrap();
-            assert!(prepared(zarr.as_mut(), &at.join("got"), tile_voxels) == want, "another store: {image}");
+            assert!(prepared(zarr.as_mut(), &at.join("got"), tile_voxels, None) == want, "another store: {image}");
         }
+        // Where it lies: every byte that the store has is made of the array.
+        let place = path("zarr").display().to_string();
+        let view = ViewInput { place, channel: hints.channel, time: hints.time };
+        zarr.rewind().unwrap();
+        assert!(prepared(zarr.as_mut(), &at.join("view"), all, Some(view)) == want, "another view: {image}");
+        let free = |path: &Path| Arc::new(StoreFolder::free(path));
+        let find = |array: &str| Ok(free(Path::new(array)) as Arc<dyn Objects>);
+        let view = Store::open_objects(brickcast_zarr::whole(free(&at.join("view")), find, 1 << 16).unwrap()).unwrap();
+        assert_eq!(view.hash(), Store::open(&at.join("got")).unwrap().hash(), "{image}");
+        view.verify(&mut |_| ()).unwrap();
         // In order, in pieces that end anywhere, from anywhere.
         let (mut in_order, mut want, mut piece) = (Vec::new(), Vec::new(), Vec::new());
         nrrd.rewind().unwrap();
@@ -107,22 +118,22 @@ fn every_codec_layout_and_type_gives_the_store_of_the_same_voxels() {
 }
 
 /// The images that tests of the command line take, in a folder of their own.
-struct Stage {
+pub(crate) struct Stage {
     folder: tempfile::TempDir,
 }
 
 impl Stage {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         written(folder.path());
         Self { folder }
     }
 
-    fn at(&self) -> &Path {
+    pub(crate) fn at(&self) -> &Path {
         self.folder.path()
     }
 
-    fn fails(&self, args: &[&str]) -> (i32, String) {
+    pub(crate) fn fails(&self, args: &[&str]) -> (i32, String) {
         let output = brickcast(self.at(), args);
         assert!(!output.status.success(), "{args:?} ended well");
         (output.status.code().unwrap(), String::from_utf8_lossy(&output.stderr).into_owned())
@@ -301,8 +312,6 @@ fn ome_zarr_behind_a_network_is_prepared_where_it_lies() {
     }
     let (code, said) = run(&["info", "s3://scans/v3-sharded.zarr", "--json"]);
     assert!(code == Some(0) && said.contains("OME-Zarr (Zarr v3)"), "{said}");
-    let (code, said) = run(&["render", "s3://scans/v3-sharded.zarr", "-o", "o.png"]);
-    assert!(code == Some(2) && said.contains("brickcast prepare s3://scans/v3-sharded.zarr"), "{said}");
     let (code, said) = run(&["prepare", "s3://scans/nothing.zarr", "out", "--force"]);
     assert!(code == Some(1) && said.contains("s3://scans/nothing.zarr is no OME-Zarr"), "{said}");
     let (code, said) = run(&["prepare", "v3-zstd.zarr", "s3://scans/out"]);

@@ -176,6 +176,21 @@ pub enum StoreError {
     TooLittleMemory { need: u64, available: u64, by: String },
     #[error("zstd: {0}")]
     Compress(io::Error),
+    #[error("{}: {why}; make the view again", path.display())]
+    ViewFile { path: PathBuf, why: String },
+    #[error(
+        "it is a view of voxels at {array}, which lies outside of the node's --data; put both below one folder or prefix \
+         that is --data"
+    )]
+    ViewOutside { array: String },
+    #[error("the voxels at {place} are {got}, and were {want} when the view of them was made; make the view again")]
+    ViewType { place: String, got: &'static str, want: String },
+    #[error(
+        "inner chunk {chunk} ({}) is a view of voxels at {place} that are not those that it was made of: they were \
+         changed since, or the view is another version's; make the view again",
+        path.display()
+    )]
+    ViewChanged { path: PathBuf, chunk: InnerChunk, place: String },
     #[error(transparent)]
     Parts(#[from] PartsError),
 }
@@ -184,6 +199,12 @@ impl StoreError {
     /// `map_err` for everything that touches files.
     pub(super) fn io<'a>(action: &'static str, path: &'a Path) -> impl FnOnce(io::Error) -> Self + use<'a> {
         move |source| Self::Io { action, path: path.to_path_buf(), source }
+    }
+
+    /// True where nothing is at the place that was looked at.
+    #[must_use]
+    pub fn is_missing(&self) -> bool {
+        matches!(self, Self::Io { source, .. } if source.kind() == io::ErrorKind::NotFound)
     }
 
     /// True where the same call may succeed later with nothing changed: the system failed, not the data.

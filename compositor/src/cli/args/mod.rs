@@ -178,6 +178,9 @@ pub struct PrepareArgs {
     /// Replace an existing store
     #[arg(long)]
     pub force: bool,
+    /// Of OME-Zarr: leave the finest voxels where they lie, and make a view, which has all else that a store has
+    #[arg(long, conflicts_with_all = ["shard", "merge", "resume"])]
+    pub in_place: bool,
     #[command(flatten)]
     pub parts: PartArgs,
     #[command(flatten)]

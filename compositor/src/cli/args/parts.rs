@@ -22,3 +22,11 @@ pub struct PartArgs {
     #[arg(long)]
     pub resume: bool,
 }
+
+impl PartArgs {
+    /// True where a store is not made in one go.
+    #[must_use]
+    pub fn is_some(&self) -> bool {
+        self.shard.is_some() || self.merge || self.resume
+    }
+}

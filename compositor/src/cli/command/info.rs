@@ -15,8 +15,11 @@ use crate::cli::source::{Surveyed, surveyed};
 /// # Errors
 /// Neither an input nor a store; what the reader finds wrong.
 pub fn run(args: &InfoArgs) -> Result<(), Failure> {
-    let Surveyed { manifest, store } = surveyed(&args.path, &args.raw)?;
-    let value = describe(&manifest, store.as_ref());
+    let Surveyed { manifest, store, view } = surveyed(&args.path, &args.raw)?;
+    let mut value = describe(&manifest, store.as_ref());
+    if let Some(view) = view {
+        value["store"]["view_of"] = json!(view);
+    }
     if args.json {
         print(&format!("{value:#}\n"))
     } else {
@@ -164,6 +167,9 @@ fn text(path: &str, m: &Manifest, value: &Value) -> String {
         ));
         let how = if m.lossless { "exact" } else { "mapped to 16 bits" };
         lines.push(format!("  store      {} ({how}, {})", store["hash"].as_str().unwrap_or_default(), m.writer));
+        if let Some(array) = store.get("view_of").and_then(Value::as_str) {
+            lines.push(format!("  voxels     stay where they lie: it is a view of {}", shown(array)));
+        }
     }
     if let Some(levels) = value["levels"].as_array() {
         let dims = levels.iter().filter_map(Value::as_array).map(|dims| words(dims)).collect::<Vec<_>>();

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
+use anyhow::anyhow;
 use brickcast_remote::Place;
 use brickcast_volume::brick::BrickGrid;
 use brickcast_volume::format::{RawHints, VolumeSource};
@@ -13,9 +14,9 @@ use brickcast_volume::store::{
 
 use crate::cli::args::{PartArgs, PrepareArgs};
 use crate::cli::failure::Failure;
-use crate::cli::input::{opened_input, prepare_input, shown as shown_place, tell, with_bar};
+use crate::cli::input::{opened_input, prepare_input, prepare_input_to, shown as shown_place, tell, view_of, with_bar};
 use crate::cli::say::{region_words, say};
-use crate::cli::source::{local, place};
+use crate::cli::source::place;
 use crate::words::{bytes, short};
 
 /// # Errors
@@ -25,7 +26,10 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
     let hints = args.raw.hints()?;
     let range = args.range.map(|[lo, hi]| (lo, hi));
     let regions = args.regions.options(args.raw.dims)?;
+    let (input, target) = (place(&args.input)?, place(&args.store)?);
+    let view = args.in_place.then(|| view_of(&input, &hints, Some(&target))).transpose()?;
     let options = PrepareOptions {
+        view,
         brick_size: args.brick,
         range,
         force: args.force,
@@ -33,8 +37,18 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
         levels: args.levels,
         ..PrepareOptions::default()
     };
-    let (input, store) = (place(&args.input)?, local(&args.store)?);
     let started = Instant::now();
+    let store = match &target {
+        Place::Folder(store) => store.clone(),
+        Place::Far(root) => {
+            if args.parts.is_some() {
+                let why = "lies behind a network, where parts cannot be joined; prepare it in one go, or name a folder";
+                return Err(Failure::usage(anyhow!("{} {why}", root.address())));
+            }
+            let summary = prepare_input_to(&input, &hints, root, &options)?;
+            return said(&root.address().to_string(), &summary, started, quiet);
+        }
+    };
     let summary = match &args.parts {
         PartArgs { shard: Some(part), scan, .. } => {
             let (mut source, options) = opened_input(&input, &hints, &options)?;
@@ -50,6 +64,11 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
         PartArgs { resume: true, .. } => resumed(&input, &hints, &store, &options, quiet)?,
         _ => prepare_input(&input, &hints, &store, &options)?,
     };
+    said(&store.display().to_string(), &summary, started, quiet)
+}
+
+/// Says what was made.
+fn said(store: &str, summary: &PrepareSummary, started: Instant, quiet: bool) -> Result<(), Failure> {
     let seconds = started.elapsed().as_secs_f64();
     let m = &summary.manifest;
     let d = m.geometry.dims();
@@ -57,7 +76,7 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
         quiet,
         &format!(
             "{}: {} x {} x {} voxels, {} bricks of {}^3, values {} to {}, {} on disk, {seconds:.1} s, store {}",
-            shown(&store.display().to_string()),
+            shown(store),
             d.x,
             d.y,
             d.z,

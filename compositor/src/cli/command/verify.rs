@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use anyhow::anyhow;
 use brickcast_remote::Place;
-use brickcast_volume::store::{Fault, FaultKind, Inspected, Progress, inspect, inspect_objects};
+use brickcast_volume::store::{Fault, FaultKind, Inspected, Progress, inspect_objects};
 use serde_json::json;
 
 use crate::cli::args::VerifyArgs;
@@ -12,6 +12,7 @@ use crate::cli::failure::Failure;
 use crate::cli::progress::Bar;
 use crate::cli::say::{answer, print, tell};
 use crate::cli::source::place;
+use crate::stored;
 use crate::words::{bytes, short};
 
 /// Broken parts of one file that are told one by one, unless `--json` asks for all.
@@ -22,10 +23,12 @@ const TOLD: usize = 8;
 pub fn run(args: &VerifyArgs, quiet: bool) -> Result<(), Failure> {
     let bar = Bar::new(&format!("reading {}", args.store.display()));
     let mut at = |p: Progress| bar.at(p.done, p.total);
-    let found = match place(&args.store)? {
-        Place::Folder(folder) => inspect(&folder, &mut at)?,
-        far => inspect_objects(far.objects(), &mut at)?,
+    let place = place(&args.store)?;
+    let folder = match &place {
+        Place::Folder(folder) => Some(folder.as_path()),
+        Place::Far(_) => None,
     };
+    let found = inspect_objects(stored::objects(&place)?, folder, &mut at)?;
     bar.finish();
     let name = args.store.display().to_string();
     if args.json {

@@ -2,8 +2,10 @@
 //! none.
 
 pub(super) mod abandoned;
+pub(super) mod destination;
 pub(super) mod position;
 pub(super) mod root;
 pub(super) mod shape;
+pub(super) mod target;
 pub(super) mod walk;
 pub(super) mod workdir;

@@ -19,10 +19,11 @@ use crate::store::profile::{
     ARRAY_FILE, CELLS_FILE, DISTANCE_ARRAY_FILE, DISTANCE_SHARDS_FILE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE,
     LABEL_ARRAY_FILE, LABEL_IMAGE_FILE, LABEL_SHARDS_FILE, LABELS_GROUP_FILE, MANIFEST_FILE, PART_FILE, RANGES_FILE,
     REGION_BRICKS_FILE, REGION_HALO_INDEX_FILE, REGION_HALOS_FILE, REGIONS_FILE, SEAM_FILE, SHARD_EDGE, SHARDS_FILE,
-    STATISTICS_FILE, StoreArray, gathered_file, tables_file,
+    STATISTICS_FILE, ShardIndex, StoreArray, gathered_file, tables_file,
 };
 use crate::store::regions::facts_table::{FACTS_BYTES, REGION_BYTES};
 use crate::store::shard::table::RECORD_BYTES;
+use crate::store::view::VIEW_FILE;
 
 /// A file that is read whole, with its length and hash as the manifest has them.
 #[derive(Debug, Clone)]
@@ -108,7 +109,9 @@ impl StoreShape {
             arrays.extend([StoreArray::Labels, StoreArray::Distances]);
         }
         let dims = std::iter::once(manifest.geometry.dims()).chain(manifest.levels.iter().map(|level| level.dims));
-        Self::on_levels(&files, &arrays, dims.map(|dims| dims.map(|n| n.div_ceil(SHARD_EDGE))))
+        let mut shape = Self::on_levels(&files, &arrays, dims.map(|dims| dims.map(|n| n.div_ceil(SHARD_EDGE))));
+        shape.files.push(VIEW_FILE.into());
+        shape
     }
 
     /// The files and arrays of a store on its levels, which have so many `shards` per axis: all levels have the same.
@@ -149,7 +152,7 @@ impl StoreShape {
         let arrays = [StoreArray::Voxels, StoreArray::Labels, StoreArray::Distances];
         let levels = usize::from(MAX_COARSER) + 1;
         let mut shape = Self::on_levels(&files.map(Cow::from), &arrays, std::iter::repeat_n(UVec3::MAX, levels));
-        shape.files.extend([PART_FILE, STATISTICS_FILE, SEAM_FILE].map(Cow::from));
+        shape.files.extend([PART_FILE, STATISTICS_FILE, SEAM_FILE, VIEW_FILE].map(Cow::from));
         shape.files.extend((0..=MAX_COARSER).flat_map(|l| [tables_file(l), gathered_file(l)]).map(Cow::from));
         shape
     }
@@ -166,6 +169,16 @@ impl StoreShape {
     pub(crate) fn small() -> Self {
         let files = [MANIFEST_FILE, LABEL_IMAGE_FILE].map(Cow::from);
         Self::on_levels(&files, &[StoreArray::Labels], [UVec3::new(2, 1, 11), UVec3::ONE].into_iter())
+    }
+
+    /// Every file that there may be; shards only where it is known how many.
+    pub(crate) fn keys(&self) -> Vec<String> {
+        let shards = self.arrays.iter().filter(|array| array.shards != UVec3::MAX).flat_map(|array| {
+            let UVec3 { x, y, z } = array.shards;
+            let row = move |z| (0..y).flat_map(move |y| (0..x).map(move |x| ShardIndex([x, y, z])));
+            (0..z).flat_map(row).map(|shard| format!("{}/{}", array.path, shard.key()))
+        });
+        self.files.iter().map(|file| file.clone().into_owned()).chain(shards).collect()
     }
 
     /// `path` is below the store's folder, `/` between names.

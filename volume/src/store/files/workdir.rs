@@ -62,11 +62,7 @@ impl WorkDir {
                 made => Some(made.map_err(StoreError::io("create", &dir))?.1),
             };
             let mut work = Self { target: target.to_path_buf(), parent, dir, force, lock: None, keep: false, listed };
-            let lock_path = work.dir.join("lock");
-            let lock = File::create(&lock_path).map_err(StoreError::io("create", &lock_path))?;
-            // File systems without locks: the directory is then never taken for a dead one either.
-            let _ = lock.try_lock();
-            work.lock = Some(lock);
+            work.lock = Some(locked(&work.dir)?);
             fs::create_dir(work.store()).map_err(StoreError::io("create", &work.store()))?;
             return Ok(work);
         }
@@ -129,6 +125,16 @@ impl Drop for WorkDir {
             clear(&self.dir);
         }
     }
+}
+
+/// The lock of a working directory. It gets its name once it is held: whoever finds a free one has found a dead writer's.
+fn locked(dir: &Path) -> Result<File, StoreError> {
+    let (begun, path) = (dir.join("lock-begun"), dir.join("lock"));
+    let lock = File::create(&begun).map_err(StoreError::io("create", &begun))?;
+    // File systems without locks: the directory is then never taken for a dead one either.
+    let _ = lock.try_lock();
+    fs::rename(&begun, &path).map_err(StoreError::io("create", &path))?;
+    Ok(lock)
 }
 
 /// True where there is a folder at `target` that may be replaced if it is a store, false where there is nothing.
@@ -292,6 +298,21 @@ mod tests {
         first.publish().unwrap();
         assert!(matches!(second.publish(), Err(StoreError::Exists { .. })));
         assert_eq!(names(dir.path()), ["s"]);
+    }
+
+    #[test]
+    fn writers_that_begin_at_once_leave_each_other_alone() {
+        let dir = tempfile::tempdir().unwrap();
+        let target = dir.path().join("s");
+        let begin = || {
+            for _ in 0..400 {
+                let work = WorkDir::create(&target, false).unwrap();
+                std::thread::yield_now();
+                assert!(work.store().is_dir() && work.dir.join("lock").is_file());
+            }
+        };
+        std::thread::scope(|scope| (0..6).for_each(|_| drop(scope.spawn(begin))));
+        assert!(names(dir.path()).is_empty(), "{:?}", names(dir.path()));
     }
 
     #[test]

@@ -54,6 +54,12 @@ impl Jail {
         })
     }
 
+    /// The path of `absolute` below the root; nothing where it is elsewhere by its name.
+    #[must_use]
+    pub fn below(&self, absolute: &Path) -> Option<PathBuf> {
+        absolute.strip_prefix(&self.inner.root).ok().map(Path::to_path_buf)
+    }
+
     pub(crate) fn path(&self, relative: &Path) -> PathBuf {
         self.inner.root.join(relative)
     }

@@ -143,6 +143,6 @@ impl dyn Objects + '_ {
 }
 
 /// A range that ends behind the object's last byte.
-fn beyond_end(path: &Path) -> StoreError {
+pub(in crate::store) fn beyond_end(path: &Path) -> StoreError {
     StoreError::io("read", path)(io::Error::new(io::ErrorKind::UnexpectedEof, "failed to fill whole buffer"))
 }

@@ -16,7 +16,7 @@ use crate::regions::code::{MAX_DENSITY, density_of_code};
 use crate::space::Geometry;
 use crate::store::error::StoreError;
 use crate::store::files::root::StoreRoot;
-use crate::store::files::workdir::WorkDir;
+use crate::store::files::target::Target;
 use crate::store::hash::ContentHash;
 use crate::store::level::LevelArray;
 use crate::store::manifest::Manifest;
@@ -31,6 +31,7 @@ use crate::store::shard::grid::ShardGrid;
 use crate::store::shard::read::Shards;
 use crate::store::shard::tail::TailLayout;
 use crate::store::tiles::Tiles;
+use crate::store::view::cut_to_ends;
 use crate::store::voxel::{Voxel, read_le};
 use crate::store::zarr_json;
 
@@ -41,10 +42,10 @@ impl Job<'_> {
         &self,
         (mut gathered, tables, raw): (Gathered, Tables, Vec<RawLevel>),
         levels: &[Geometry],
-        work: &WorkDir,
+        work: &Target,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<PrepareSummary, StoreError> {
-        let (root, scratch) = (StoreRoot::create(&work.store(), 0)?, work.scratch());
+        let (root, scratch) = (work.root(0)?, work.scratch());
         let no_data = self.no_data.leave_out(&mut gathered.statistics.histogram)?;
         let mut whole = self.manifest(&gathered.statistics, no_data)?;
         whole.levels = levels.iter().map(LevelEntry::unwritten).collect();
@@ -53,6 +54,9 @@ impl Job<'_> {
         let started = Instant::now();
         let mut regions = self.regions(&gathered, (&whole, &whole), levels, None, (&root, &scratch), progress)?;
         let mut region_seconds = started.elapsed().as_secs_f64();
+        if self.is_view() && regions.is_some() {
+            cut_to_ends(&root, self.shards)?;
+        }
         whole.regions = regions.as_ref().map(|r| r.entry.clone());
         let mut labels =
             regions.as_mut().map(|r| std::mem::take(&mut r.labels_of_levels)).unwrap_or_default().into_iter();
@@ -79,7 +83,7 @@ impl Job<'_> {
         raw: RawLevel,
         labels: Option<Spool>,
         (whole, group): (&Manifest, &[u8]),
-        work: &WorkDir,
+        work: &Target,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<(Finished, f64), StoreError> {
         let RawLevel { level, tables, mut voxels } = raw;
@@ -95,7 +99,7 @@ impl Job<'_> {
             planes: 0..header.geometry.dims().z,
             ..*self
         };
-        let (root, scratch) = (StoreRoot::create(&work.store(), level)?, work.scratch());
+        let (root, scratch) = (work.root(level)?, work.scratch());
         let mut pass = Pass::new(voxels.as_mut(), &header, progress);
         let mut gathered = job.write(&mut pass, &root, &scratch, read_le::<T>, |_, _, _| Ok(()))?;
         let no_data = job.no_data.leave_out(&mut gathered.statistics.histogram)?;

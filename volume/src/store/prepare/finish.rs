@@ -15,6 +15,7 @@ use crate::store::profile::{
 };
 use crate::store::regions::write::Written;
 use crate::store::shard::table as shard_table;
+use crate::store::shard::tail::TailLayout;
 use crate::store::zarr_json;
 
 /// A level that is on the disk.
@@ -54,7 +55,10 @@ impl Job<'_> {
         let of_volume = if self.level == 0 { self.notes(&manifest) } else { Vec::new() };
         manifest.notes = notes::kept(of_volume.into_iter().chain(regions.as_mut().and_then(|r| r.note.take())));
         let bytes = manifest.to_bytes()?;
-        let mut store_bytes: u64 = shards.iter().map(|s| s.bytes).sum();
+        let mut store_bytes: u64 = match self.is_view() {
+            true => (shards.len() * TailLayout::WRITTEN.bytes()) as u64,
+            false => shards.iter().map(|s| s.bytes).sum(),
+        };
         let mut files = vec![(GROUP_FILE, group.to_vec()), (ARRAY_FILE, array), (RANGES_FILE, ranges)];
         files.extend([(SHARDS_FILE, table), (CELLS_FILE, cells)]);
         if let Some(regions) = regions {

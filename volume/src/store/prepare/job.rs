@@ -3,6 +3,7 @@
 
 use std::ops::Range;
 use std::path::Path;
+use std::sync::Arc;
 
 use super::coarser::Coarser;
 use super::fill::Fill;
@@ -18,8 +19,10 @@ use crate::brick::BrickGrid;
 use crate::format::{SourceHeader, VolumeSource};
 use crate::space::Geometry;
 use crate::store::error::StoreError;
+use crate::store::files::destination::Destination;
 use crate::store::files::root::StoreRoot;
-use crate::store::files::workdir::{self, WorkDir};
+use crate::store::files::target::Target;
+use crate::store::files::workdir;
 use crate::store::halo::reach::{VOXEL_HALO, has_halos};
 use crate::store::halo::write::VoxelHalos;
 use crate::store::halo::writer::WrittenHalos;
@@ -30,9 +33,10 @@ use crate::store::progress::{Phase, Progress};
 use crate::store::regions::segment;
 use crate::store::shard::grid::ShardGrid;
 use crate::store::shard::record::ShardRecord;
-use crate::store::shard::write::ShardWriter;
+use crate::store::shard::write::{Kept, ShardWriter};
 use crate::store::tiles::{Tile, Tiles};
 use crate::store::value_map::check_range;
+use crate::store::view::{self, VIEW_FILE};
 use crate::store::voxel::{StoredType, Voxel, read_le};
 
 /// Makes the store `out` of an input that stands at its first plane. The same input and options give the same bytes.
@@ -51,6 +55,32 @@ pub fn prepare(
     options: &PrepareOptions,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<PrepareSummary, StoreError> {
+    workdir::check_inputs(out, &options.inputs(source)?)?;
+    made(source, &|| Target::folder(out, options.force), options, progress)
+}
+
+/// As [`prepare`], with every file put to another place as soon as it is finished, the manifest last. What is not there
+/// yet is in the folder `scratch`: the shards of one layer, halos, and the voxels of coarser levels.
+///
+/// # Errors
+/// As [`prepare`]; the place is not there, refuses, or holds something else. What was put is taken away then. Of a store
+/// that is replaced there, the manifest goes when the first file comes.
+pub fn prepare_to(
+    source: &mut dyn VolumeSource,
+    to: &Arc<dyn Destination>,
+    scratch: &Path,
+    options: &PrepareOptions,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<PrepareSummary, StoreError> {
+    made(source, &|| Target::elsewhere(to.clone(), options.force, scratch), options, progress)
+}
+
+fn made(
+    source: &mut dyn VolumeSource,
+    target: &dyn Fn() -> Result<Target, StoreError>,
+    options: &PrepareOptions,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<PrepareSummary, StoreError> {
     let header = source.header().clone();
     let grid = BrickGrid::new(header.geometry.dims(), options.brick_size)?;
     let shards = ShardGrid::new(header.geometry.dims())?;
@@ -58,11 +88,10 @@ pub fn prepare(
         check_range(lo, hi)?;
     }
     options.regions.as_ref().map(segment::checked).transpose()?;
-    workdir::check_inputs(out, &options.inputs(source)?)?;
     let (tiles, stored_type) = (Tiles::new(&grid, options.tile_voxels), StoredType::of(header.voxel_type));
     let levels = coarser(&header.geometry, options.brick_size, options.levels.most());
     memory::check(&grid, &shards, &tiles, stored_type, (!levels.is_empty(), options.regions.is_some()))?;
-    let work = WorkDir::create(out, options.force)?;
+    let work = target()?;
     let fill = Fill::new(header.voxel_type, &header.no_data);
     let mut pass = Pass::new(source, &header, progress);
     let mut spool;
@@ -71,7 +100,8 @@ pub fn prepare(
         pass = pass.through(&mut spool);
     }
     let rescale = header.rescale;
-    let mapping = pass.mapping(options.range.map(|(lo, hi)| (rescale.number(lo), rescale.number(hi))), &fill)?;
+    let range = options.range.map(|(lo, hi)| (rescale.number(lo), rescale.number(hi)));
+    let mapping = pass.mapping(range, &fill)?;
     let job = Job::new(&header, &fill, options, (grid, shards, tiles), mapping);
     let summary = match StoredType::of(header.voxel_type) {
         StoredType::U8 => job.store(&mut pass, &work, &levels, read_le::<u8>)?,
@@ -84,6 +114,11 @@ pub fn prepare(
             }
         },
     };
+    if let Some(input) = &options.view {
+        let scan = mapping.as_ref().map(|(scan, _)| scan);
+        let file = view::written(input, header.voxel_type, &fill, range, scan)?;
+        workdir::write_synced(&work.store().join(VIEW_FILE), &file)?;
+    }
     work.publish()?;
     pass.report(Phase::Finish, header.geometry.voxel_count());
     Ok(summary)
@@ -159,15 +194,20 @@ impl<'a> Job<'a> {
         Self { header, fill, options, grid, shards, tiles, mapping, no_data, level: 0, planes }
     }
 
+    /// True where this level's voxels stay in the input.
+    pub(super) fn is_view(&self) -> bool {
+        self.options.view.is_some() && self.level == 0
+    }
+
     /// Makes all levels of the store in one pass over the input. `convert` takes an input's bytes to stored voxels.
     fn store<T: Voxel>(
         &self,
         pass: &mut Pass<'_>,
-        work: &WorkDir,
+        work: &Target,
         levels: &[Geometry],
         convert: impl Fn(&[u8], &mut [T]),
     ) -> Result<PrepareSummary, StoreError> {
-        let (root, scratch, no_data) = (StoreRoot::create(&work.store(), 0)?, work.scratch(), self.no_data.ordinal());
+        let (root, scratch, no_data) = (work.root(0)?, work.scratch(), self.no_data.ordinal());
         let mut tables = Tables::new(self.grid, 0, no_data);
         let has_several_tiles = self.tiles.count() > 1;
         let bricks = (self.grid.brick_size(), has_several_tiles);
@@ -196,7 +236,13 @@ impl<'a> Job<'a> {
         // What halos need of a tile's neighbours is read with each tile.
         let mut wide = memory::zeroed_slab::<T>(self.tiles.largest_slab(reach))?;
         let mut inner = if one_tile { Vec::new() } else { memory::zeroed_slab::<T>(self.tiles.largest_slab(0))? };
-        let mut writer = ShardWriter::new(root, StoreArray::Voxels, self.shards);
+        // Regions are found in what is written.
+        let kept = match (self.is_view(), self.options.regions.is_some()) {
+            (false, _) => Kept::Whole,
+            (true, true) => Kept::ForNow,
+            (true, false) => Kept::End,
+        };
+        let mut writer = ShardWriter::new(root, StoreArray::Voxels, self.shards, kept);
         let no_data = &self.no_data;
         let (mut statistics, phase) = match self.level {
             0 => (Statistics::new(StoredType::of(self.header.voxel_type)), Phase::Write),

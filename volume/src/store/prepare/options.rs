@@ -7,6 +7,7 @@ use crate::ids::StoreHash;
 use crate::store::error::StoreError;
 use crate::store::manifest::Manifest;
 use crate::store::tiles::MAX_TILE_VOXELS;
+use crate::store::view::ViewInput;
 
 /// How a store is made.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,6 +26,8 @@ pub struct PrepareOptions {
     pub regions: Option<RegionOptions>,
     /// Coarser levels of detail.
     pub levels: Levels,
+    /// The voxels lie here, and stay here: what is made is a view of them. The store's hash does not depend on it.
+    pub view: Option<ViewInput>,
     /// The most voxels of a plane that are held at once: planes of more are prepared in tiles. The store does not
     /// depend on it.
     pub tile_voxels: u64,
@@ -79,6 +82,7 @@ impl Default for PrepareOptions {
             source_bytes: None,
             regions: None,
             levels: Levels::Auto,
+            view: None,
             tile_voxels: MAX_TILE_VOXELS,
         }
     }

@@ -181,33 +181,27 @@ impl Quantiser {
     /// Maps little-endian voxels of 32 or 64 bits; `out` has one entry for each. Without data they become 0, -Inf the
     /// smallest of data, +Inf `top`.
     pub(crate) fn map(&self, voxel_type: VoxelType, fill: &Fill, bytes: &[u8], out: &mut [u16]) {
+        let pieces = out.par_chunks_mut(PIECE).zip(bytes.par_chunks(PIECE * voxel_type.bytes()));
+        pieces.for_each(|(out, bytes)| self.map_here(voxel_type, fill, bytes, out));
+    }
+
+    /// The same in this thread alone.
+    pub(crate) fn map_here(&self, voxel_type: VoxelType, fill: &Fill, bytes: &[u8], out: &mut [u16]) {
         let (offset, inverse, first, top) = (self.offset, 1.0 / self.scale, self.first, self.top);
         // `as` saturates, and takes NaN to 0.
         let stored = |value: f64| match fill.is_no_data(value) {
             true => 0,
             false => (((value - offset) * inverse + 0.5) as u16).clamp(first, top),
         };
-        out.par_chunks_mut(PIECE).zip(bytes.par_chunks(PIECE * voxel_type.bytes())).for_each(|(out, bytes)| {
-            let eights = bytes.as_chunks::<8>().0;
-            match voxel_type {
-                VoxelType::U64 => {
-                    return out.iter_mut().zip(eights).for_each(|(o, b)| *o = stored(u64::from_le_bytes(*b) as f64));
-                }
-                VoxelType::I64 => {
-                    return out.iter_mut().zip(eights).for_each(|(o, b)| *o = stored(i64::from_le_bytes(*b) as f64));
-                }
-                VoxelType::F64 => {
-                    return out.iter_mut().zip(eights).for_each(|(o, b)| *o = stored(f64::from_le_bytes(*b)));
-                }
-                _ => {}
-            }
-            let pairs = out.iter_mut().zip(bytes.as_chunks::<4>().0);
-            match voxel_type {
-                VoxelType::U32 => pairs.for_each(|(o, b)| *o = stored(f64::from(u32::from_le_bytes(*b)))),
-                VoxelType::I32 => pairs.for_each(|(o, b)| *o = stored(f64::from(i32::from_le_bytes(*b)))),
-                _ => pairs.for_each(|(o, b)| *o = stored(f64::from(f32::from_le_bytes(*b)))),
-            }
-        });
+        let (eights, fours) = (bytes.as_chunks::<8>().0, bytes.as_chunks::<4>().0);
+        match voxel_type {
+            VoxelType::U64 => out.iter_mut().zip(eights).for_each(|(o, b)| *o = stored(u64::from_le_bytes(*b) as f64)),
+            VoxelType::I64 => out.iter_mut().zip(eights).for_each(|(o, b)| *o = stored(i64::from_le_bytes(*b) as f64)),
+            VoxelType::F64 => out.iter_mut().zip(eights).for_each(|(o, b)| *o = stored(f64::from_le_bytes(*b))),
+            VoxelType::U32 => out.iter_mut().zip(fours).for_each(|(o, b)| *o = stored(u32::from_le_bytes(*b).into())),
+            VoxelType::I32 => out.iter_mut().zip(fours).for_each(|(o, b)| *o = stored(i32::from_le_bytes(*b).into())),
+            _ => out.iter_mut().zip(fours).for_each(|(o, b)| *o = stored(f32::from_le_bytes(*b).into())),
+        }
     }
 }
 

@@ -79,19 +79,15 @@ pub struct Inspected {
 /// # Errors
 /// There is no store of ours, or its folder cannot be listed.
 pub fn inspect(path: &Path, progress: &mut dyn FnMut(Progress)) -> Result<Inspected, StoreError> {
-    inspected(Arc::new(StoreFolder::free(path)), Some(path), progress)
+    inspect_objects(Arc::new(StoreFolder::free(path)), Some(path), progress)
 }
 
-/// The same, wherever the store's objects are kept: everything that the manifest names, and nothing else.
+/// The same, wherever the store's objects are kept: everything that the manifest names. What it does not name is looked
+/// for in `folder`.
 ///
 /// # Errors
-/// There is no store of ours.
-pub fn inspect_objects(objects: Arc<dyn Objects>, progress: &mut dyn FnMut(Progress)) -> Result<Inspected, StoreError> {
-    inspected(objects, None, progress)
-}
-
-/// What the manifest does not name is looked for in `folder`.
-fn inspected(
+/// There is no store of ours; a folder that cannot be listed.
+pub fn inspect_objects(
     objects: Arc<dyn Objects>,
     folder: Option<&Path>,
     progress: &mut dyn FnMut(Progress),

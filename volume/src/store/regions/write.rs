@@ -30,7 +30,7 @@ use crate::store::profile::{
 use crate::store::progress::Phase;
 use crate::store::shard::record::ShardRecord;
 use crate::store::shard::table as shard_table;
-use crate::store::shard::write::ShardWriter;
+use crate::store::shard::write::{Kept, ShardWriter};
 use crate::store::tiles::Tile;
 use crate::store::zarr_json;
 
@@ -135,8 +135,8 @@ fn write_once(
 ) -> Result<Attempt, StoreError> {
     let (dims, shards) = (segmenter.dims(), segmenter.voxels.shards.grid);
     let tile = Tile::whole(segmenter.geometry.dims());
-    let mut label_writer = ShardWriter::new(root, StoreArray::Labels, shards);
-    let mut distance_writer = ShardWriter::new(root, StoreArray::Distances, shards);
+    let mut label_writer = ShardWriter::new(root, StoreArray::Labels, shards, Kept::Whole);
+    let mut distance_writer = ShardWriter::new(root, StoreArray::Distances, shards, Kept::Whole);
     let mut facts = FactsBuilder::new(grid, table, segmenter.has_holes);
     let halos = has_halos(grid.brick_size());
     let mut halos = halos.then(|| RegionHalos::create(&root.path(REGION_HALOS_FILE), grid)).transpose()?;

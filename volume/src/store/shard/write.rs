@@ -26,6 +26,7 @@ use crate::store::voxel::Cell;
 /// Writes an array's shards in the order of their slabs.
 pub(crate) struct ShardWriter {
     root: StoreRoot,
+    kept: Kept,
     array: StoreArray,
     grid: ShardGrid,
     /// The shards being written, x fastest; empty between those of one z and the next.
@@ -34,8 +35,19 @@ pub(crate) struct ShardWriter {
     table: Vec<Option<ShardRecord>>,
 }
 
+/// What of a shard's bytes is written. Its record is the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kept {
+    Whole,
+    /// All of it, until it is cut to its end.
+    ForNow,
+    /// The end alone: see [`crate::store::view`].
+    End,
+}
+
 struct OpenShard {
     shard: ShardIndex,
+    kept: Kept,
     path: PathBuf,
     bytes: u64,
     hash: Xxh3Default,
@@ -46,8 +58,8 @@ struct OpenShard {
 }
 
 impl ShardWriter {
-    pub(crate) fn new(root: &StoreRoot, array: StoreArray, grid: ShardGrid) -> Self {
-        Self { root: root.clone(), array, grid, row: Vec::new(), table: vec![None; grid.count() as usize] }
+    pub(crate) fn new(root: &StoreRoot, array: StoreArray, grid: ShardGrid, kept: Kept) -> Self {
+        Self { root: root.clone(), kept, array, grid, row: Vec::new(), table: vec![None; grid.count() as usize] }
     }
 
     /// Takes a tile's planes of the `cz`-th layer of inner chunks, x fastest; all layers of a tile come in order before
@@ -70,9 +82,14 @@ impl ShardWriter {
         }
         let next = cz + 1;
         if next.is_multiple_of(CHUNKS_PER_EDGE) || next == grid.chunk_dims().z {
+            let mut keys = Vec::new();
             for open in self.row.drain(..) {
                 let place = grid.linear(open.shard);
+                keys.push(open.shard.path(self.array));
                 self.table[place] = Some(open.finish()?);
+            }
+            if self.kept != Kept::ForNow {
+                self.root.finished(&keys)?;
             }
         }
         Ok(())
@@ -101,7 +118,8 @@ impl ShardWriter {
                     leftovers::create_dir_all(dir).map_err(StoreError::io("create", dir))?;
                 }
                 let (index, sums) = (vec![[ABSENT; 2]; CHUNKS_PER_SHARD], vec![0; CHUNKS_PER_SHARD]);
-                self.row.push(OpenShard { shard, path, bytes: 0, hash: Xxh3Default::new(), index, sums });
+                let (kept, hash) = (self.kept, Xxh3Default::new());
+                self.row.push(OpenShard { shard, kept, path, bytes: 0, hash, index, sums });
             }
         }
         Ok(())
@@ -111,17 +129,19 @@ impl ShardWriter {
 impl OpenShard {
     /// Opened for each slab anew: a row may have more shards than a process may have open files.
     fn append(&mut self, chunks: Vec<(usize, Option<Vec<u8>>)>) -> Result<(), StoreError> {
-        let file = File::options().append(true).create(true).open(&self.path);
-        let mut file = BufWriter::with_capacity(1 << 20, file.map_err(StoreError::io("create", &self.path))?);
+        let open = || File::options().append(true).create(true).open(&self.path);
+        let file = (self.kept != Kept::End).then(open).transpose().map_err(StoreError::io("create", &self.path))?;
+        let mut file = file.map(|file| BufWriter::with_capacity(1 << 20, file));
         for (slot, bytes) in chunks {
             let Some(bytes) = bytes else { continue };
-            file.write_all(&bytes).map_err(StoreError::io("write", &self.path))?;
+            let written = file.as_mut().map_or(Ok(()), |file| file.write_all(&bytes));
+            written.map_err(StoreError::io("write", &self.path))?;
             self.hash.update(&bytes);
             self.index[slot] = [self.bytes, bytes.len() as u64];
             self.sums[slot] = codec::stated_sum(&bytes).unwrap_or_default();
             self.bytes += bytes.len() as u64;
         }
-        file.flush().map_err(StoreError::io("write", &self.path))
+        file.map_or(Ok(()), |mut file| file.flush()).map_err(StoreError::io("write", &self.path))
     }
 
     fn finish(mut self) -> Result<ShardRecord, StoreError> {
@@ -141,7 +161,7 @@ impl OpenShard {
 }
 
 /// Cuts an inner chunk out of its slab, padded with 0, and encodes it; nothing where it holds nothing but 0.
-fn encode_chunk<T: Cell>(chunk: InnerChunk, tile: &Tile, slab: &[T]) -> Result<Option<Vec<u8>>, StoreError> {
+pub(crate) fn encode_chunk<T: Cell>(chunk: InnerChunk, tile: &Tile, slab: &[T]) -> Result<Option<Vec<u8>>, StoreError> {
     let [nx, ny] = tile.size();
     let planes = slab.len() / (nx * ny);
     let edge = CHUNK_EDGE as usize;

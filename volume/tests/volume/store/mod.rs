@@ -18,3 +18,4 @@ mod rescale;
 mod round_trip;
 mod support;
 mod tiles;
+mod views;

@@ -23,6 +23,10 @@ pub(crate) struct MemorySource {
 }
 
 impl MemorySource {
+    pub(crate) fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
     fn give(&mut self, most: usize, out: &mut Vec<u8>) {
         let end = (self.next + most).min(self.bytes.len());
         out.clear();

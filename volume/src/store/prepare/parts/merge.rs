@@ -19,8 +19,8 @@ use crate::leftovers;
 use crate::store::error::StoreError;
 use crate::store::files::abandoned::remove_leftovers;
 use crate::store::files::root::StoreRoot;
+use crate::store::files::target::Target;
 use crate::store::files::walk::stored_bytes;
-use crate::store::files::workdir::WorkDir;
 use crate::store::halo::reach::{VOXEL_HALO, has_halos};
 use crate::store::halo::writer::{HaloWriter, WrittenHalos};
 use crate::store::manifest::Manifest;
@@ -103,7 +103,7 @@ pub(super) fn join(
         let (what, folder) = ("what was scanned".to_owned(), division.folder.path.clone());
         return Err(PartsError::Other { part: part.number, folder, what, got, want }.into());
     }
-    let work = WorkDir::create(out, division.options.force)?;
+    let work = Target::folder(out, division.options.force)?;
     let job = division.job(0..division.header.geometry.dims().z, division.mapping(scan)?);
     let joiner = Joiner { division, parts, work: &work, job };
     let summary = match division.stored_type {
@@ -122,7 +122,7 @@ pub(super) fn join(
 struct Joiner<'a> {
     division: &'a Division<'a>,
     parts: &'a [FoundPart],
-    work: &'a WorkDir,
+    work: &'a Target,
     job: Job<'a>,
 }
 
@@ -204,7 +204,7 @@ fn tables(parts: &[FoundPart], mut tables: Tables, level: u8) -> Result<Tables, 
 fn levels(
     division: &Division<'_>,
     parts: &[FoundPart],
-    work: &WorkDir,
+    work: &Target,
     no_data: Option<u16>,
 ) -> Result<Vec<RawLevel>, StoreError> {
     let Division { header, levels, grid, stored_type, .. } = division;
