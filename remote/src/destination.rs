@@ -6,6 +6,7 @@ use std::path::{Path as FilePath, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
+use brickcast_volume::small_file::{NotOpened, open_regular};
 use brickcast_volume::store::{Destination, Objects, StoreError};
 use bytes::Bytes;
 use futures_util::{StreamExt as _, stream};
@@ -63,8 +64,11 @@ fn slow<T>(_: T) -> Outcome {
 
 /// All of a file, or nothing.
 async fn put(server: &Server, key: &Path, path: &FilePath, bytes: u64) -> Result<(), Outcome> {
-    let unread = |error: io::Error| Outcome::Final(RemoteError::Setting(format!("{} : {error}", path.display())));
-    let mut file = File::open(path).map_err(unread)?;
+    let unread = |error: io::Error| Outcome::Final(RemoteError::Unread(format!("{}: {error}", path.display())));
+    let mut file = open_regular(path).map_err(|error| match error {
+        NotOpened::Io(error) => unread(error),
+        NotOpened::NotRegular(_) => unread(io::ErrorKind::InvalidInput.into()),
+    })?;
     let _turn = server.turns.acquire().await;
     if bytes <= PART {
         let payload = PutPayload::from_bytes(next(&mut file, PART).map_err(unread)?);

@@ -33,6 +33,8 @@ pub enum RemoteError {
     Length { got: u64, want: u64 },
     #[error("it ends before the bytes that were asked for")]
     BeyondEnd,
+    #[error("what was to be put there cannot be read: {0}")]
+    Unread(String),
     #[error("no threads for the network: {0}")]
     Threads(String),
 }
@@ -49,7 +51,7 @@ impl RemoteError {
             Self::NoRanges => io::ErrorKind::Unsupported,
             Self::BeyondEnd => io::ErrorKind::UnexpectedEof,
             Self::Setting(_) => io::ErrorKind::InvalidInput,
-            Self::Replaced | Self::Threads(_) => io::ErrorKind::Other,
+            Self::Replaced | Self::Unread(_) | Self::Threads(_) => io::ErrorKind::Other,
         };
         StoreError::Io { action, path, source: io::Error::new(kind, self) }
     }
