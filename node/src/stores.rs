@@ -206,7 +206,7 @@ impl Stores {
             Ok(hash) => hash,
             Err(error @ StoreError::Outside { .. }) => return Err(NodeError::of_store(name, error)),
             // A server that is gone, or refuses, says nothing of what it has.
-            Err(error) if matches!(self.place, Place::Far(_)) && !is_missing(&error) => {
+            Err(error) if matches!(self.place, Place::Far(_)) && !error.is_missing() => {
                 return Err(NodeError::of_store(name, error));
             }
             Err(_) => {
@@ -379,10 +379,6 @@ fn scan_folder(jail: &Jail, name: &str, depth: u32, folders: &mut usize, found: 
 /// A name as it came, with why it is none.
 fn bad_name(name: &str, why: &'static str) -> NodeError {
     NodeError::BadName { name: brickcast_proto::convert::clip(name, 256), why }
-}
-
-fn is_missing(error: &StoreError) -> bool {
-    matches!(error, StoreError::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound)
 }
 
 fn listing(index: &Index) -> String {

@@ -1,8 +1,11 @@
 //! What can be wrong with an OME-Zarr image, with its operands and the way out.
 
+use std::path::PathBuf;
+
+use brickcast_volume::format::FormatError;
 use brickcast_volume::json_fields::FieldError;
 use brickcast_volume::space::GeometryError;
-use brickcast_volume::store::StoreError;
+use brickcast_volume::store::{Objects, StoreError};
 
 /// The most bytes that a chunk, or the inner chunk of a shard, may be decoded.
 pub const MAX_CHUNK_BYTES: usize = 1 << 30;
@@ -67,6 +70,11 @@ pub enum ChunkFault {
     Beyond { start: u64, end: u128, bytes: u64 },
     #[error("its shard has {got} bytes, its index alone needs {index}")]
     ShardLength { got: u64, index: u64 },
+}
+
+/// An error of the image at `objects`, as one of a file.
+pub(crate) fn failed(objects: &dyn Objects, reason: OmeZarrError) -> FormatError {
+    FormatError::Header { path: PathBuf::from(objects.place()), reason: Box::new(reason) }
 }
 
 /// The first few of names.

@@ -20,12 +20,12 @@ mod source;
 mod space;
 mod view;
 
-use std::path::PathBuf;
 use std::sync::Arc;
 
 use brickcast_volume::format::{FormatError, RawHints, VolumeSource};
 use brickcast_volume::store::Objects;
 
+use error::failed;
 pub use error::{ChunkFault, MAX_CHUNK_BYTES, OmeZarrError};
 pub use source::OmeZarrSource;
 pub use view::whole;
@@ -47,8 +47,4 @@ pub fn open(objects: Arc<dyn Objects>, hints: &RawHints) -> Result<Box<dyn Volum
         Ok(source) => Ok(Box::new(source)),
         Err(reason) => Err(failed(objects.as_ref(), reason)),
     }
-}
-
-fn failed(objects: &dyn Objects, reason: OmeZarrError) -> FormatError {
-    FormatError::Header { path: PathBuf::from(objects.place()), reason: Box::new(reason) }
 }

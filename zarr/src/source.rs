@@ -15,7 +15,7 @@ use crate::array::Array;
 use crate::axes::Axes;
 use crate::chunks::Chunks;
 use crate::cut::{Cut, Place};
-use crate::error::OmeZarrError;
+use crate::error::{OmeZarrError, failed};
 use crate::image;
 use crate::space::Space;
 
@@ -186,7 +186,7 @@ impl OmeZarrSource {
     }
 
     fn failed(&self, reason: OmeZarrError) -> FormatError {
-        crate::failed(self.cut.chunks.objects.as_ref(), reason)
+        failed(self.cut.chunks.objects.as_ref(), reason)
     }
 }
 

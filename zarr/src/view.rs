@@ -8,8 +8,7 @@ use brickcast_volume::store::{FinestVoxels, Objects, StoreError, ViewFile, ViewO
 use bytes::Bytes;
 
 use crate::cut::{Cut, Place};
-use crate::error::OmeZarrError;
-use crate::failed;
+use crate::error::{OmeZarrError, failed};
 use crate::source;
 
 /// The store at `objects`, whatever it is: where it is a view, with the shards that it does not keep. `find` gives the

@@ -12,7 +12,7 @@ use brickcast_volume::store::{Objects, StoreError};
 use rayon::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
-use super::{MAX_DEPTH, is_missing};
+use super::MAX_DEPTH;
 
 /// Folders that one scan asks a server for, at most.
 const MAX_FOLDERS: usize = 2000;
@@ -70,7 +70,7 @@ impl FarRoot {
         }
         match (&self.root.itself() as &dyn Objects).manifest_hash() {
             Ok(_) => *self.is_store.get_or_init(|| true),
-            Err(error) if is_missing(&error) => *self.is_store.get_or_init(|| false),
+            Err(error) if error.is_missing() => *self.is_store.get_or_init(|| false),
             // Not reached: perhaps later.
             Err(_) => false,
         }

@@ -113,8 +113,8 @@ fn a_store_is_put_to_a_bucket_as_it_is_made() {
     bucket.fails(&["prepare", "v.nrrd", "s3://nothing/x"], 1, "s3://nothing/x");
 }
 
-/// Files of more than one part, and a process that is killed at some time: there is a store or none, and the next one is
-/// made in its place.
+/// Files of more than one part, and a process that is killed at some time: there is a store or none, and the next one
+/// is made in its place.
 #[test]
 fn a_killed_one_leaves_no_store_and_is_made_again() {
     let folder = tempfile::tempdir().unwrap();

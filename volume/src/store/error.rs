@@ -179,8 +179,8 @@ pub enum StoreError {
     #[error("{}: {why}; make the view again", path.display())]
     ViewFile { path: PathBuf, why: String },
     #[error(
-        "it is a view of voxels at {array}, which lies outside of the node's --data; put both below one folder or prefix \
-         that is --data"
+        "it is a view of voxels at {array}, which lies outside of the node's --data; put both below one folder or \
+         prefix that is --data"
     )]
     ViewOutside { array: String },
     #[error("the voxels at {place} are {got}, and were {want} when the view of them was made; make the view again")]

@@ -53,6 +53,7 @@ pub use prepare::job::{prepare, prepare_to, survey};
 pub use prepare::options::{Levels, PrepareOptions, PrepareSummary, RegionOptions, Segmentation};
 pub use prepare::parts::error::{PartFault, PartsError};
 pub use prepare::parts::{Journal, MadePart, PartNumber, merge_parts, parts_folder, prepare_part, resume, scan_part};
+pub use profile::VIEW_FILE;
 pub use profile::{
     CHUNK_EDGE, CHUNK_VOXELS, InnerChunk, MANIFEST_FILE, MAX_SHARDS, SHARD_EDGE, ShardIndex, StoreArray,
 };
@@ -64,5 +65,5 @@ pub use read::store::{CHUNKS_AT_ONCE, MAX_GHOST, Store};
 pub use regions::error::RegionsError;
 pub use regions::facts_table::BrickFactsTable;
 pub use value_map::ValueMap;
-pub use view::{FinestVoxels, VIEW_FILE, ViewFile, ViewInput, ViewObjects};
+pub use view::{FinestVoxels, ViewFile, ViewInput, ViewObjects};
 pub use voxel::StoredType;

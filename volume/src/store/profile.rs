@@ -26,6 +26,8 @@ pub(super) const ZSTD_LEVEL: i32 = 1;
 pub const MANIFEST_FILE: &str = "brickcast.json";
 /// The same of a coarser level, under another name: a level's folder is no store.
 pub(super) const LEVEL_FILE: &str = "level.json";
+/// Beside a view's manifest, which says nothing of it.
+pub const VIEW_FILE: &str = "view.json";
 pub(super) const GROUP_FILE: &str = "zarr.json";
 pub(super) const ARRAY_FILE: &str = "0/zarr.json";
 pub(super) const RANGES_FILE: &str = "bricks.bin";

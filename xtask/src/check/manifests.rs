@@ -45,7 +45,7 @@ const LAWS: [Law; 12] = [
     Law { package: SHADERS, ours: Some(&[VOLUME]), banned: &["wgpu", "tokio", "tonic", "prost"] },
     Law { package: PROTO, ours: Some(&[VOLUME]), banned: &["wgpu", "naga"] },
     Law { package: CPU, ours: Some(&[VOLUME, SHADERS]), banned: &["wgpu", "naga", "tokio", "tonic", "prost"] },
-    Law { package: NODE, ours: Some(&[VOLUME, REMOTE, SHADERS, CPU, PROTO, HARNESS]), banned: &[] },
+    Law { package: NODE, ours: Some(&[VOLUME, REMOTE, ZARR, SHADERS, CPU, PROTO, HARNESS]), banned: &[] },
     Law { package: "brickcast", ours: Some(&[VOLUME, REMOTE, ZARR, PROTO, NODE]), banned: &["wgpu", "naga"] },
     Law { package: HARNESS, ours: Some(&[ATTRIBUTE]), banned: &["wgpu", "tokio"] },
     Law { package: ATTRIBUTE, ours: Some(&[]), banned: &["wgpu", "tokio"] },

@@ -1,8 +1,8 @@
-//! Stores that are put somewhere file by file as they are made: where nothing can be renamed, a manifest that comes last
-//! is what makes a store.
+//! Stores that are put somewhere file by file as they are made: where nothing can be renamed, a manifest that comes
+//! last is what makes a store.
 //!
-//! The invariant: *there is a manifest only where everything that it names is there*. What is replaced loses its manifest
-//! before anything else of it is touched.
+//! The invariant: *there is a manifest only where everything that it names is there*. What is replaced loses its
+//! manifest before anything else of it is touched.
 
 use std::collections::BTreeSet;
 use std::fmt::Debug;

@@ -19,11 +19,10 @@ use crate::store::profile::{
     ARRAY_FILE, CELLS_FILE, DISTANCE_ARRAY_FILE, DISTANCE_SHARDS_FILE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE,
     LABEL_ARRAY_FILE, LABEL_IMAGE_FILE, LABEL_SHARDS_FILE, LABELS_GROUP_FILE, MANIFEST_FILE, PART_FILE, RANGES_FILE,
     REGION_BRICKS_FILE, REGION_HALO_INDEX_FILE, REGION_HALOS_FILE, REGIONS_FILE, SEAM_FILE, SHARD_EDGE, SHARDS_FILE,
-    STATISTICS_FILE, ShardIndex, StoreArray, gathered_file, tables_file,
+    STATISTICS_FILE, ShardIndex, StoreArray, VIEW_FILE, gathered_file, tables_file,
 };
 use crate::store::regions::facts_table::{FACTS_BYTES, REGION_BYTES};
 use crate::store::shard::table::RECORD_BYTES;
-use crate::store::view::VIEW_FILE;
 
 /// A file that is read whole, with its length and hash as the manifest has them.
 #[derive(Debug, Clone)]

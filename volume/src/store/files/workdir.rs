@@ -127,7 +127,8 @@ impl Drop for WorkDir {
     }
 }
 
-/// The lock of a working directory. It gets its name once it is held: whoever finds a free one has found a dead writer's.
+/// The lock of a working directory. It gets its name once it is held: whoever finds a free one has found that of a dead
+/// writer.
 fn locked(dir: &Path) -> Result<File, StoreError> {
     let (begun, path) = (dir.join("lock-begun"), dir.join("lock"));
     let lock = File::create(&begun).map_err(StoreError::io("create", &begun))?;

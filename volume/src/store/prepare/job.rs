@@ -28,7 +28,7 @@ use crate::store::halo::write::VoxelHalos;
 use crate::store::halo::writer::WrittenHalos;
 use crate::store::level::coarser;
 use crate::store::manifest::{Manifest, notes};
-use crate::store::profile::{CHUNK_EDGE, HALOS_FILE, StoreArray};
+use crate::store::profile::{CHUNK_EDGE, HALOS_FILE, StoreArray, VIEW_FILE};
 use crate::store::progress::{Phase, Progress};
 use crate::store::regions::segment;
 use crate::store::shard::grid::ShardGrid;
@@ -36,7 +36,7 @@ use crate::store::shard::record::ShardRecord;
 use crate::store::shard::write::{Kept, ShardWriter};
 use crate::store::tiles::{Tile, Tiles};
 use crate::store::value_map::check_range;
-use crate::store::view::{self, VIEW_FILE};
+use crate::store::view;
 use crate::store::voxel::{StoredType, Voxel, read_le};
 
 /// Makes the store `out` of an input that stands at its first plane. The same input and options give the same bytes.
@@ -63,8 +63,8 @@ pub fn prepare(
 /// yet is in the folder `scratch`: the shards of one layer, halos, and the voxels of coarser levels.
 ///
 /// # Errors
-/// As [`prepare`]; the place is not there, refuses, or holds something else. What was put is taken away then. Of a store
-/// that is replaced there, the manifest goes when the first file comes.
+/// As [`prepare`]; the place is not there, refuses, or holds something else. What was put is taken away then. Of a
+/// store that is replaced there, the manifest goes when the first file comes.
 pub fn prepare_to(
     source: &mut dyn VolumeSource,
     to: &Arc<dyn Destination>,

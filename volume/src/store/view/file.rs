@@ -10,9 +10,8 @@ use crate::store::error::StoreError;
 use crate::store::objects::Objects;
 use crate::store::prepare::fill::Fill;
 use crate::store::prepare::quantise::Scan;
+use crate::store::profile::VIEW_FILE;
 
-/// Beside a view's manifest, which says nothing of it.
-pub const VIEW_FILE: &str = "view.json";
 const FORMAT: &str = "brickcast-view";
 const VERSION: u32 = 1;
 /// No such file is longer, bytes.

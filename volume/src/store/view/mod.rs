@@ -10,7 +10,7 @@ mod form;
 mod objects;
 mod shard;
 
-pub use file::{VIEW_FILE, ViewFile, ViewInput};
+pub use file::{ViewFile, ViewInput};
 pub use objects::{FinestVoxels, ViewObjects};
 
 pub(super) use cut::cut_to_ends;
