@@ -24,6 +24,8 @@ mod levels;
 mod ome_zarr;
 #[cfg(target_os = "linux")]
 mod parts;
+#[cfg(target_os = "linux")]
+mod phantom;
 #[cfg(unix)]
 mod project;
 mod quality;

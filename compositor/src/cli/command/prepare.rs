@@ -1,10 +1,9 @@
 //! `brickcast prepare`
 
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use brickcast_remote::Place;
-use brickcast_volume::brick::BrickGrid;
 use brickcast_volume::format::{RawHints, VolumeSource};
 use brickcast_volume::shown::shown;
 use brickcast_volume::store::{
@@ -21,18 +20,8 @@ use crate::words::{bytes, short};
 /// # Errors
 /// Usage for a brick size that cannot be; as the reader and the writer.
 pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
-    BrickGrid::new(glam::UVec3::ONE, args.brick).map_err(Failure::usage)?;
+    let options = args.making.options(&args.regions, args.raw.dims, args.force)?;
     let hints = args.raw.hints()?;
-    let range = args.range.map(|[lo, hi]| (lo, hi));
-    let regions = args.regions.options(args.raw.dims)?;
-    let options = PrepareOptions {
-        brick_size: args.brick,
-        range,
-        force: args.force,
-        regions,
-        levels: args.levels,
-        ..PrepareOptions::default()
-    };
     let (input, store) = (place(&args.input)?, local(&args.store)?);
     let started = Instant::now();
     let summary = match &args.parts {
@@ -50,7 +39,15 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
         PartArgs { resume: true, .. } => resumed(&input, &hints, &store, &options, quiet)?,
         _ => prepare_input(&input, &hints, &store, &options)?,
     };
-    let seconds = started.elapsed().as_secs_f64();
+    say_made(&store, &summary, started.elapsed(), quiet)
+}
+
+/// Says what was made, in how long.
+///
+/// # Errors
+/// A closed stdout.
+pub(super) fn say_made(store: &Path, summary: &PrepareSummary, took: Duration, quiet: bool) -> Result<(), Failure> {
+    let seconds = took.as_secs_f64();
     let m = &summary.manifest;
     let d = m.geometry.dims();
     say(
