@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use brickcast_tests::process::{brickcast, brickcast_ok};
+use brickcast_tests::process::{brickcast, brickcast_both, brickcast_ok};
 use serde_json::Value;
 
 use crate::interrupts::names;
@@ -27,7 +27,7 @@ fn a_phantom_goes_straight_into_a_store_with_the_truth_beside_it() {
     let at = folder.path();
     let run = |first: &[&str], more: &[&str]| {
         let args: Vec<&str> = first.iter().chain(&WHAT).chain(more).copied().collect();
-        brickcast_ok(at, &args)
+        brickcast_both(at, &args).1
     };
     let options = ["--brick", "32", "--levels", "1", "--segmentation-range", "0.05", "--min-region", "9"];
     let said = run(&["phantom", "--store", "v.2"], &options);

@@ -145,7 +145,6 @@ pub struct DemoArgs {
 #[derive(Debug, Args)]
 pub struct PhantomArgs {
     /// The NRRD file to write; its pore table becomes <OUT without ending>.pores.json
-    #[arg(required_unless_present = "store")]
     pub out: Option<PathBuf>,
     /// Make this brick store, without a file between: that of the file, prepared with the same options; its pore table
     /// becomes <STORE>.pores.json

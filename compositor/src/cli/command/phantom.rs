@@ -30,8 +30,10 @@ pub fn run(args: &PhantomArgs, quiet: bool) -> Result<(), Failure> {
 }
 
 fn write_file(out: &Path, options: &PhantomOptions, args: &PhantomArgs, quiet: bool) -> Result<(), Failure> {
-    if !args.regions.is_silent() || args.regions.min_region > 0 {
-        let why = "regions are found in a brick store: make one with --store STORE, or prepare the file";
+    // clap requires nothing that conflicts with what was given.
+    if !args.making.is_silent() || !args.regions.is_silent() || args.regions.min_region > 0 {
+        let why =
+            "bricks, levels and regions are those of a brick store: make one with --store STORE, or prepare the file";
         return Err(Failure::usage(anyhow!("{why}")));
     }
     let bar = Bar::new("phantom");
