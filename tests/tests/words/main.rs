@@ -25,6 +25,8 @@ mod ome_zarr;
 mod ome_zarr_views;
 #[cfg(target_os = "linux")]
 mod parts;
+#[cfg(target_os = "linux")]
+mod phantom;
 mod prepare_far;
 #[cfg(unix)]
 mod project;

@@ -33,9 +33,9 @@ impl<'a> Grey<'a> {
         Self { part, pores_of_plane, noise_key: mix(mix(seed) ^ 1), noise: noise * 0.01 * MATERIAL }
     }
 
-    /// The row of voxels at `y` and `z`, x from 0.
-    pub(super) fn fill_row(&self, y: u32, z: u32, row: &mut [u16]) {
-        let at = |x: usize| DVec3::new(x as f64, f64::from(y), f64::from(z)) + 0.5;
+    /// The voxels of a row from `x0` on, at `y` and `z`.
+    pub(super) fn fill_row(&self, [x0, y, z]: [u32; 3], row: &mut [u16]) {
+        let at = |i: usize| DVec3::new(f64::from(x0) + i as f64, f64::from(y), f64::from(z)) + 0.5;
         let pores: Vec<&Pore> = self.pores_of_plane[z as usize]
             .iter()
             .copied()
@@ -44,19 +44,28 @@ impl<'a> Grey<'a> {
                 (lo..hi).contains(&(y as usize))
             })
             .collect();
-        let first = (u64::from(z) * self.part.dims().y as u64 + u64::from(y)) * row.len() as u64;
-        let mut x = 0;
-        while x < row.len() {
+        let [nx, ny] = [self.part.dims().x, self.part.dims().y].map(|n| n as u64);
+        let first = (u64::from(z) * ny + u64::from(y)) * nx + u64::from(x0);
+        let mut done = 0;
+        while done < row.len() {
             // The surface is 1-Lipschitz: so many voxels on, it cannot have come within half a voxel.
-            let distance = self.part.distance_voxels(at(x));
-            let same = ((distance.abs() - 0.5).max(1.0) as usize).min(row.len() - x);
+            let distance = self.part.distance_voxels(at(done));
+            let same = ((distance.abs() - 0.5).max(1.0) as usize).min(row.len() - done);
             let covered = (0.5 - distance).clamp(0.0, 1.0);
-            for (x, voxel) in row.iter_mut().enumerate().skip(x).take(same) {
-                let holes: f64 =
-                    if covered > 0.0 { pores.iter().map(|pore| pore.share_of_voxel(at(x))).sum() } else { 0.0 };
-                *voxel = self.value(at(x), covered - holes, first + x as u64);
+            let run = (done..).zip(&mut row[done..done + same]);
+            if covered > 0.0 {
+                for (i, voxel) in run {
+                    let holes: f64 = pores.iter().map(|pore| pore.share_of_voxel(at(i))).sum();
+                    *voxel = self.value(at(i), covered - holes, first + i as u64);
+                }
+            } else {
+                // What `value` is where nothing is covered, without asking what the material would be.
+                let deviation = self.noise * NOISE_AIR;
+                for (i, voxel) in run {
+                    *voxel = self.noisy(AIR, deviation, first + i as u64);
+                }
             }
-            x += same;
+            done += same;
         }
     }
 
@@ -65,9 +74,22 @@ impl<'a> Grey<'a> {
         let covered = covered.clamp(0.0, 1.0);
         let material = material_at(self.part.part_from_voxel(p_voxel));
         let mean = AIR + (material - AIR) * covered;
-        let deviation = self.noise * (NOISE_AIR + (1.0 - NOISE_AIR) * covered);
-        (mean + deviation * gaussian(mix(self.noise_key ^ index))).round().clamp(0.0, 65_535.0) as u16
+        self.noisy(mean, self.noise * (NOISE_AIR + (1.0 - NOISE_AIR) * covered), index)
     }
+
+    #[inline(always)]
+    fn noisy(&self, mean: f64, deviation: f64, index: u64) -> u16 {
+        rounded(mean + deviation * gaussian(mix(self.noise_key ^ index)))
+    }
+}
+
+/// The nearest number of 16 bits, halves up. Not by `round`, which is a call where the processor has no instruction for
+/// it.
+#[inline(always)]
+fn rounded(value: f64) -> u16 {
+    let value = value.clamp(0.0, 65_535.0);
+    let whole = value as u32;
+    (whole + u32::from(value - f64::from(whole) >= 0.5)) as u16
 }
 
 /// Grey value of full material, part space. Cupping: rays through the middle have lost their soft part (beam
@@ -103,12 +125,35 @@ mod tests {
     }
 
     #[test]
+    fn halves_are_rounded_up_and_nothing_leaves_its_range() {
+        for value in [-3.0, -0.2, 0.0, 0.499_999_999_999_999_94, 0.5, 1.5, 2.499, 39_999.5, 65_534.5, 65_535.4, 7e9] {
+            assert_eq!(f64::from(rounded(value)), value.round().clamp(0.0, 65_535.0), "{value}");
+        }
+    }
+
+    #[test]
+    fn a_row_is_the_same_from_wherever_it_is_begun() {
+        let part = Part::new([64, 40, 44]);
+        let pores = super::super::pores::place(&part, 8, 5).unwrap();
+        let grey = Grey::new(part, &pores, 5, 1.75);
+        let (mut row, mut rest) = ([0; 64], [0; 64]);
+        for (y, z) in (0..40).zip(2..) {
+            grey.fill_row([0, y, z], &mut row);
+            for x0 in [1, 7, 31, 63] {
+                let rest = &mut rest[x0..];
+                grey.fill_row([x0 as u32, y, z], rest);
+                assert_eq!(rest, &row[x0..], "{x0} {y} {z}");
+            }
+        }
+    }
+
+    #[test]
     fn leaping_over_a_row_changes_no_voxel() {
         let part = Part::new([64, 40, 40]);
         let grey = Grey::new(part, &[], 5, 1.75);
         let mut row = vec![0; 64];
         for (y, z) in [(8, 20), (20, 20), (30, 11), (0, 0)] {
-            grey.fill_row(y, z, &mut row);
+            grey.fill_row([0, y, z], &mut row);
             for (x, &value) in row.iter().enumerate() {
                 let p = DVec3::new(x as f64, f64::from(y), f64::from(z)) + 0.5;
                 let index = (u64::from(z) * 40 + u64::from(y)) * 64 + x as u64;

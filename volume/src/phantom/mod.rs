@@ -1,11 +1,12 @@
-//! The phantom: a made CT scan of a machined part with known pores, streamed to an NRRD file with the truth beside it.
+//! The phantom: a made CT scan of a machined part with known pores, streamed to an NRRD file, or into a store without
+//! one, with the truth beside it.
 //!
-//! Every voxel is a function of its place, the dims and the seed alone, so the file does not depend on the number of
-//! threads.
+//! Every voxel is a function of its place, the dims and the seed alone, so neither depends on the number of threads.
 
 mod grey;
 mod part;
 mod pores;
+mod source;
 #[cfg(test)]
 mod tests;
 mod truth;
@@ -13,16 +14,15 @@ mod truth;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
-
-use crate::format::{VoxelType, nrrd};
+use crate::format::{FormatError, VolumeSource as _, VoxelType, nrrd};
 use crate::space::{Geometry, GeometryError};
 use crate::unfinished::Unfinished;
 
-use grey::Grey;
 use part::Part;
+use source::UNIT;
 
 pub use pores::Pore;
+pub use source::PhantomSource;
 
 /// World units (mm) per voxel.
 pub const SPACING_MM: f64 = 0.1;
@@ -86,6 +86,107 @@ pub enum PhantomError {
     Exists(PathBuf),
     #[error("{path}: cannot write this file: {reason}")]
     Write { path: PathBuf, reason: io::Error },
+    #[error(transparent)]
+    Source(#[from] FormatError),
+}
+
+/// A phantom of options that hold, whose pores have their places; none of its voxels is made yet.
+#[derive(Debug, Clone)]
+pub struct Phantom {
+    options: PhantomOptions,
+    geometry: Geometry,
+    part: Part,
+    pores: Vec<Pore>,
+}
+
+impl Phantom {
+    /// # Errors
+    /// Unusable options, pores that do not fit.
+    pub fn new(options: &PhantomOptions) -> Result<Self, PhantomError> {
+        let dims = options.dims;
+        if dims.iter().any(|n| !DIMS_LIMITS.contains(n)) {
+            return Err(PhantomError::Dims { dims });
+        }
+        if options.pores > MAX_PORES {
+            return Err(PhantomError::TooManyPores(options.pores));
+        }
+        if !(0.0..=20.0).contains(&options.noise) {
+            return Err(PhantomError::Noise(options.noise));
+        }
+        let geometry = Geometry::new(dims, [SPACING_MM; 3], [0.0; 3])?;
+        let part = Part::new(dims);
+        let pores = pores::place(&part, options.pores, options.seed).map_err(|placed| PhantomError::PoresDoNotFit {
+            placed,
+            wanted: options.pores,
+            dims,
+        })?;
+        Ok(Self { options: options.clone(), geometry, part, pores })
+    }
+
+    /// Its voxels, made when they are read.
+    #[must_use]
+    pub fn source(&self) -> PhantomSource<'_> {
+        let PhantomOptions { seed, noise, .. } = self.options;
+        PhantomSource::new(self.geometry, self.part, &self.pores, (seed, noise))
+    }
+
+    /// What it is, for people.
+    #[must_use]
+    pub fn name(&self) -> String {
+        let PhantomOptions { pores, seed, noise, .. } = self.options;
+        format!("phantom, {pores} pores, seed {seed}, noise {noise} %")
+    }
+
+    #[must_use]
+    pub fn geometry(&self) -> &Geometry {
+        &self.geometry
+    }
+
+    #[must_use]
+    pub fn pores(&self) -> &[Pore] {
+        &self.pores
+    }
+
+    /// Begins the table of pores at `path`; it is there when it is finished. `volume` is what they are in.
+    ///
+    /// # Errors
+    /// A file that is there, unless the options replace it; a failed write.
+    pub fn begin_truth(&self, path: &Path, volume: &Path) -> Result<Unfinished, PhantomError> {
+        if !self.options.force && path.exists() {
+            return Err(PhantomError::Exists(path.into()));
+        }
+        let failed = |reason| PhantomError::Write { path: path.into(), reason };
+        let mut truth = Unfinished::create(path).map_err(failed)?;
+        truth::write(&mut truth, volume, &self.geometry, &self.options, &self.pores).map_err(failed)?;
+        Ok(truth)
+    }
+
+    /// Header and voxels, a slab of planes at a time; bytes written to `out`, which will be `path`.
+    fn write_volume(
+        &self,
+        path: &Path,
+        out: &mut Unfinished,
+        progress: &mut dyn FnMut(u64, u64),
+    ) -> Result<u64, PhantomError> {
+        /// Voxels in memory at once: 16 MiB, or one plane.
+        const SLAB_VOXELS: u32 = 8 << 20;
+        let failed = |reason| PhantomError::Write { path: path.into(), reason };
+        let dims = self.geometry.dims();
+        let comments = [format!("brickcast phantom, {} pores, seed {}", self.options.pores, self.options.seed)];
+        let mut header = Vec::new();
+        nrrd::write_header(&mut header, &self.geometry, VoxelType::U16, Some(UNIT), &comments).map_err(failed)?;
+        out.write_all(&header).map_err(failed)?;
+        let depth = (SLAB_VOXELS / (dims.x * dims.y)).clamp(1, dims.z);
+        let (mut source, mut slab) = (self.source(), Vec::new());
+        let mut bytes = header.len() as u64;
+        for z in (0..dims.z).step_by(depth as usize) {
+            source.read_planes(depth, &mut slab)?;
+            out.write_all(&slab).map_err(failed)?;
+            bytes += slab.len() as u64;
+            progress(u64::from((z + depth).min(dims.z)), u64::from(dims.z));
+        }
+        Ok(bytes)
+    }
 }
 
 /// Writes the phantom to `out` (`.nrrd`: attached, raw, u16) and its pores to `<stem>.pores.json` beside it. Both files
@@ -99,16 +200,6 @@ pub fn write_phantom(
     options: &PhantomOptions,
     progress: &mut dyn FnMut(u64, u64),
 ) -> Result<PhantomReport, PhantomError> {
-    let dims = options.dims;
-    if dims.iter().any(|n| !DIMS_LIMITS.contains(n)) {
-        return Err(PhantomError::Dims { dims });
-    }
-    if options.pores > MAX_PORES {
-        return Err(PhantomError::TooManyPores(options.pores));
-    }
-    if !(0.0..=20.0).contains(&options.noise) {
-        return Err(PhantomError::Noise(options.noise));
-    }
     if !out.extension().is_some_and(|e| e.eq_ignore_ascii_case("nrrd")) {
         return Err(PhantomError::Extension(out.into()));
     }
@@ -118,60 +209,16 @@ pub fn write_phantom(
     {
         return Err(PhantomError::Exists(existing.into()));
     }
-    let geometry = Geometry::new(dims, [SPACING_MM; 3], [0.0; 3])?;
-    let part = Part::new(dims);
-    let pores = pores::place(&part, options.pores, options.seed).map_err(|placed| PhantomError::PoresDoNotFit {
-        placed,
-        wanted: options.pores,
-        dims,
-    })?;
-
+    let phantom = Phantom::new(options)?;
     let failed = |path: &Path| {
         let path = path.to_path_buf();
         move |reason| PhantomError::Write { path, reason }
     };
     let mut volume = Unfinished::create(out).map_err(failed(out))?;
-    let bytes =
-        write_volume(&mut volume, &geometry, options, Grey::new(part, &pores, options.seed, options.noise), progress)
-            .map_err(failed(out))?;
-    let mut truth = Unfinished::create(&truth_path).map_err(failed(&truth_path))?;
-    truth::write(&mut truth, out, &geometry, options, &pores).map_err(failed(&truth_path))?;
+    let bytes = phantom.write_volume(out, &mut volume, progress)?;
+    let truth = phantom.begin_truth(&truth_path, out)?;
     truth.finish().map_err(failed(&truth_path))?;
     volume.finish().map_err(failed(out))?;
+    let Phantom { geometry, pores, .. } = phantom;
     Ok(PhantomReport { volume_path: out.into(), truth_path, geometry, pores, bytes })
-}
-
-/// Header and voxels, a slab of planes at a time; bytes written.
-fn write_volume(
-    out: &mut Unfinished,
-    geometry: &Geometry,
-    options: &PhantomOptions,
-    grey: Grey<'_>,
-    progress: &mut dyn FnMut(u64, u64),
-) -> io::Result<u64> {
-    /// Voxels in memory at once: 16 MiB, or one plane.
-    const SLAB_VOXELS: usize = 8 << 20;
-    let dims = geometry.dims();
-    let comments = [format!("brickcast phantom, {} pores, seed {}", options.pores, options.seed)];
-    let mut header = Vec::new();
-    nrrd::write_header(&mut header, geometry, VoxelType::U16, Some("mm"), &comments)?;
-    out.write_all(&header)?;
-
-    let (nx, ny) = (dims.x as usize, dims.y as usize);
-    let depth = (SLAB_VOXELS / (nx * ny)).clamp(1, dims.z as usize);
-    let mut slab = vec![0u16; nx * ny * depth];
-    let mut bytes = header.len() as u64;
-    for z in (0..dims.z).step_by(depth) {
-        let planes = depth.min((dims.z - z) as usize);
-        let voxels = &mut slab[..nx * ny * planes];
-        voxels.par_chunks_mut(nx).enumerate().for_each(|(row, values)| {
-            grey.fill_row((row % ny) as u32, z + (row / ny) as u32, values);
-            // The file is little endian on every machine.
-            values.iter_mut().for_each(|v| *v = v.to_le());
-        });
-        out.write_all(bytemuck::cast_slice(voxels))?;
-        bytes += 2 * voxels.len() as u64;
-        progress(u64::from(z) + planes as u64, u64::from(dims.z));
-    }
-    Ok(bytes)
 }

@@ -174,6 +174,19 @@ pub enum StoreError {
          programs, raise the limit, or use a machine with more"
     )]
     TooLittleMemory { need: u64, available: u64, by: String },
+    #[error(
+        "{}: making this store of {dims:?} voxels takes about {need} bytes of disk, of which {stays} stay, and {free} \
+         are free there; make room, choose another disk, or ask for fewer voxels",
+        path.display()
+    )]
+    TooLittleDisk {
+        /// The store.
+        path: PathBuf,
+        dims: [u32; 3],
+        need: u64,
+        stays: u64,
+        free: u64,
+    },
     #[error("zstd: {0}")]
     Compress(io::Error),
     #[error("{}: {why}; make the view again", path.display())]

@@ -49,6 +49,7 @@ pub use objects::folder::StoreFolder;
 pub use objects::jail::Jail;
 pub use objects::memory::MemoryObjects;
 pub use objects::{Object, Objects};
+pub use prepare::disk::check_disk;
 pub use prepare::job::{prepare, prepare_to, survey};
 pub use prepare::options::{Levels, PrepareOptions, PrepareSummary, RegionOptions, Segmentation};
 pub use prepare::parts::error::{PartFault, PartsError};

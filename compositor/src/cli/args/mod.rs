@@ -16,6 +16,7 @@ mod cut;
 mod help_pages;
 mod lod;
 mod look;
+mod making;
 mod nodes;
 mod on_the_way;
 mod parts;
@@ -32,10 +33,9 @@ pub(crate) mod values;
 
 use std::path::PathBuf;
 
-use brickcast_volume::store::Levels;
 use clap::{ArgAction, Args, Parser, Subcommand};
 
-use self::values::{levels, pair, picture_size, triple};
+use self::values::{picture_size, triple};
 use super::failure::EXIT_CODES;
 
 pub use self::accel::{AccelArg, AccelArgs};
@@ -53,6 +53,7 @@ pub use self::cut::Cut;
 pub use self::help_pages::command;
 pub use self::lod::{LodArg, LodArgs};
 pub use self::look::{LookArg, LookArgs, Unasked};
+pub use self::making::MakingArgs;
 pub use self::nodes::{BackendArg, NodeArgs};
 pub use self::on_the_way::OnTheWayArgs;
 pub use self::parts::PartArgs;
@@ -144,7 +145,11 @@ pub struct DemoArgs {
 #[derive(Debug, Args)]
 pub struct PhantomArgs {
     /// The NRRD file to write; its pore table becomes <OUT without ending>.pores.json
-    pub out: PathBuf,
+    pub out: Option<PathBuf>,
+    /// Make this brick store, without a file between: that of the file, prepared with the same options; its pore table
+    /// becomes <STORE>.pores.json
+    #[arg(long, value_name = "STORE", conflicts_with = "out")]
+    pub store: Option<PathBuf>,
     #[arg(long, value_name = "X,Y,Z", value_parser = triple::<u32>, default_value = "256,256,256")]
     pub dims: [u32; 3],
     #[arg(long, value_name = "N", default_value_t = 40)]
@@ -154,9 +159,13 @@ pub struct PhantomArgs {
     /// Standard deviation of the noise in material, percent of its grey value; 1 to 2 is a raw scan
     #[arg(long, value_name = "PERCENT", default_value_t = brickcast_volume::phantom::DEFAULT_NOISE)]
     pub noise: f64,
-    /// Replace existing files
+    /// Replace existing files, or an existing store
     #[arg(long)]
     pub force: bool,
+    #[command(flatten)]
+    pub making: MakingArgs,
+    #[command(flatten)]
+    pub regions: RegionArgs,
 }
 
 #[derive(Debug, Args)]
@@ -165,16 +174,8 @@ pub struct PrepareArgs {
     pub input: PathBuf,
     /// The store (a folder) to write
     pub store: PathBuf,
-    /// Voxels per brick edge: a power of two, 8 to 512
-    #[arg(long, default_value_t = 64)]
-    pub brick: u32,
-    /// Data values that become black and white of the 16 bits; default: smallest and largest
-    #[arg(long, value_name = "LO,HI", value_parser = pair, allow_hyphen_values = true)]
-    pub range: Option<[f64; 2]>,
-    /// Coarser levels of detail, each of half as many voxels per axis: `auto`, until the volume is one brick, or at
-    /// most N
-    #[arg(long, value_name = "auto|N", default_value = "auto", value_parser = levels)]
-    pub levels: Levels,
+    #[command(flatten)]
+    pub making: MakingArgs,
     /// Replace an existing store
     #[arg(long)]
     pub force: bool,

@@ -1,11 +1,10 @@
 //! `brickcast prepare`
 
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use brickcast_remote::Place;
-use brickcast_volume::brick::BrickGrid;
 use brickcast_volume::format::{RawHints, VolumeSource};
 use brickcast_volume::shown::shown;
 use brickcast_volume::store::{
@@ -22,21 +21,11 @@ use crate::words::{bytes, short};
 /// # Errors
 /// Usage for a brick size that cannot be; as the reader and the writer.
 pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
-    BrickGrid::new(glam::UVec3::ONE, args.brick).map_err(Failure::usage)?;
+    let options = args.making.options(&args.regions, args.raw.dims, args.force)?;
     let hints = args.raw.hints()?;
-    let range = args.range.map(|[lo, hi]| (lo, hi));
-    let regions = args.regions.options(args.raw.dims)?;
     let (input, target) = (place(&args.input)?, place(&args.store)?);
     let view = args.in_place.then(|| view_of(&input, &hints, Some(&target))).transpose()?;
-    let options = PrepareOptions {
-        view,
-        brick_size: args.brick,
-        range,
-        force: args.force,
-        regions,
-        levels: args.levels,
-        ..PrepareOptions::default()
-    };
+    let options = PrepareOptions { view, ..options };
     let started = Instant::now();
     let store = match &target {
         Place::Folder(store) => store.clone(),
@@ -46,7 +35,7 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
                 return Err(Failure::usage(anyhow!("{} {why}", root.address())));
             }
             let summary = prepare_input_to(&input, &hints, root, &options)?;
-            return said(&root.address().to_string(), &summary, started, quiet);
+            return say_made(&root.address().to_string(), &summary, started.elapsed(), quiet);
         }
     };
     let summary = match &args.parts {
@@ -64,12 +53,15 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
         PartArgs { resume: true, .. } => resumed(&input, &hints, &store, &options, quiet)?,
         _ => prepare_input(&input, &hints, &store, &options)?,
     };
-    said(&store.display().to_string(), &summary, started, quiet)
+    say_made(&store.display().to_string(), &summary, started.elapsed(), quiet)
 }
 
-/// Says what was made.
-fn said(store: &str, summary: &PrepareSummary, started: Instant, quiet: bool) -> Result<(), Failure> {
-    let seconds = started.elapsed().as_secs_f64();
+/// Says what was made, in how long.
+///
+/// # Errors
+/// A closed stdout.
+pub(super) fn say_made(store: &str, summary: &PrepareSummary, took: Duration, quiet: bool) -> Result<(), Failure> {
+    let seconds = took.as_secs_f64();
     let m = &summary.manifest;
     let d = m.geometry.dims();
     say(

@@ -66,7 +66,7 @@ pub(crate) fn region_bytes(grid: &BrickGrid) -> u64 {
 }
 
 /// Planes of voxels that the shells of a layer of bricks are; that layer and half of the next are held.
-fn shell_planes(grid: &BrickGrid, reach: HaloReach) -> u64 {
+pub(super) fn shell_planes(grid: &BrickGrid, reach: HaloReach) -> u64 {
     let size = u64::from(grid.brick_size());
     let grown = size + 2 * u64::from(reach.last);
     (grown.pow(3) - size.pow(3)).div_ceil(size * size)

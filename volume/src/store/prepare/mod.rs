@@ -3,6 +3,7 @@
 mod coarser;
 mod complete;
 mod describe;
+pub(super) mod disk;
 pub(super) mod fill;
 mod finish;
 mod histogram;

@@ -13,6 +13,7 @@ mod no_data;
 mod objects;
 mod outcome;
 mod parts;
+mod phantom;
 mod regions;
 mod rescale;
 mod round_trip;

@@ -1,0 +1,174 @@
+//! What preparing needs on the disk, before hours are spent on one that fills.
+//!
+//! How well voxels compress is told by a sample of them, so only of sources that can be asked for any box.
+
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::memory::shell_planes;
+use super::options::PrepareOptions;
+use crate::brick::BrickGrid;
+use crate::format::VolumeSource;
+use crate::store::codec;
+use crate::store::error::StoreError;
+use crate::store::halo::reach::{VOXEL_HALO, has_halos};
+use crate::store::level::coarser;
+use crate::store::profile::CHUNK_EDGE;
+use crate::store::tiles::Tiles;
+
+/// Inner chunks that are looked at.
+const SAMPLES: u32 = 256;
+/// A sample errs, and what is nearly enough may be: only where this share of the need is not free is it refused.
+const CLEARLY: f64 = 0.9;
+
+/// Bytes on the disk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct DiskNeed {
+    /// At the most at one time.
+    most: u64,
+    /// Of the store.
+    stays: u64,
+}
+
+/// An error where what a store of `source` at `out` takes on the disk is clearly not free there. Nothing is said of
+/// sources that have no boxes, of voxels that are not stored as they are, and where the system does not say what is
+/// free. The source's next piece stays the same.
+///
+/// # Errors
+/// [`StoreError::TooLittleDisk`], a source that cannot be read, options that do not fit.
+pub fn check_disk(source: &mut dyn VolumeSource, out: &Path, options: &PrepareOptions) -> Result<(), StoreError> {
+    let grid = BrickGrid::new(source.header().geometry.dims(), options.brick_size)?;
+    let (Some(free), Some(share)) = (free_bytes(out), encoded_share(source)?) else { return Ok(()) };
+    let need = need(source, &grid, options, share);
+    let dims = source.header().geometry.dims().to_array();
+    check(need, free, out, dims)
+}
+
+fn check(DiskNeed { most, stays }: DiskNeed, free: u64, out: &Path, dims: [u32; 3]) -> Result<(), StoreError> {
+    match most as f64 * CLEARLY > free as f64 {
+        true => Err(StoreError::TooLittleDisk { path: out.into(), dims, need: most, stays, free }),
+        false => Ok(()),
+    }
+}
+
+/// Where encoded voxels take `share` of what they take as they are.
+fn need(source: &dyn VolumeSource, grid: &BrickGrid, options: &PrepareOptions, share: f64) -> DiskNeed {
+    let header = source.header();
+    let bytes = header.geometry.voxel_count() as f64 * header.voxel_type.bytes() as f64;
+    let levels = coarser(&header.geometry, options.brick_size, options.levels.most());
+    let of_levels = levels.iter().map(|g| g.voxel_count() as f64 * header.voxel_type.bytes() as f64).sum::<f64>();
+    let of_halos = match has_halos(options.brick_size) {
+        true => shell_planes(grid, VOXEL_HALO) as f64 / f64::from(options.brick_size),
+        false => 0.0,
+    };
+    let encoded = |raw: f64| raw * share * (1.0 + of_halos);
+    let stays = encoded(bytes + of_levels);
+    // Levels lie there as they are until they are written, halos of several tiles until they are sorted, and distances
+    // of regions are a byte a voxel.
+    let several = Tiles::new(grid, options.tile_voxels).count() > 1;
+    let sorted = if several { bytes * share * of_halos } else { 0.0 };
+    let distances = if options.regions.is_some() { header.geometry.voxel_count() as f64 } else { 0.0 };
+    // Whichever comes later, the raw levels wait for both.
+    let most = of_levels + (encoded(bytes) + sorted.max(distances)).max(stays);
+    DiskNeed { most: most as u64, stays: stays as u64 }
+}
+
+/// Bytes of an encoded voxel over those of one as it is, from inner chunks all over the volume.
+fn encoded_share(source: &mut dyn VolumeSource) -> Result<Option<f64>, StoreError> {
+    if !source.header().voxel_type.is_lossless() {
+        return Ok(None);
+    }
+    let dims = source.header().geometry.dims().to_array();
+    let mut chunks = Vec::new();
+    for sample in 0..SAMPLES {
+        // Evenly spread, whatever the shape: steps by the powers of the plastic number's kin in three dimensions.
+        let spread = [0.819_172_513_396_164_4, 0.671_043_606_703_789_3, 0.549_700_477_901_970_2];
+        let lo: [u32; 3] = std::array::from_fn(|a| {
+            let chunk = (f64::from(sample) * spread[a]).fract() * f64::from(dims[a].div_ceil(CHUNK_EDGE));
+            chunk as u32 * CHUNK_EDGE
+        });
+        let hi: [u32; 3] = std::array::from_fn(|a| (lo[a] + CHUNK_EDGE).min(dims[a]));
+        let mut voxels = Vec::new();
+        if !source.read_box(lo, hi, &mut voxels)? {
+            return Ok(None);
+        }
+        chunks.push(voxels);
+    }
+    let raw: usize = chunks.iter().map(Vec::len).sum();
+    let encoded = chunks.par_iter().map(|voxels| match voxels.iter().any(|byte| *byte != 0) {
+        true => Ok(codec::encode(voxels)?.len()),
+        false => Ok(0),
+    });
+    let encoded = encoded.sum::<Result<usize, StoreError>>()?;
+    Ok(Some(encoded as f64 / raw.max(1) as f64))
+}
+
+/// What is free on the file system that `out` will be on; nothing where the system does not say.
+#[cfg(unix)]
+fn free_bytes(out: &Path) -> Option<u64> {
+    let parent = out.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let told = rustix::fs::statvfs(parent).ok()?;
+    Some(told.f_bavail.saturating_mul(told.f_frsize))
+}
+
+#[cfg(not(unix))]
+fn free_bytes(_: &Path) -> Option<u64> {
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::phantom::{Phantom, PhantomOptions};
+    use crate::store::prepare::options::{Levels, RegionOptions, Segmentation};
+    use crate::store::{prepare, stored_bytes};
+
+    #[test]
+    fn what_is_clearly_too_little_is_refused_with_all_figures() {
+        let need = DiskNeed { most: 3000, stays: 2000 };
+        assert!(check(need, 2700, Path::new("s"), [1; 3]).is_ok());
+        let error = check(need, 2699, Path::new("far/s"), [40, 50, 60]).unwrap_err().to_string();
+        for word in ["far/s", "[40, 50, 60]", "3000", "2000", "2699", "make room"] {
+            assert!(error.contains(word), "`{word}` is not in: {error}");
+        }
+    }
+
+    /// Of voxels with noise: tables and the ends of shards, which the estimate leaves out, are small beside them.
+    #[test]
+    fn the_need_is_near_what_a_store_takes() {
+        let folder = tempfile::tempdir().unwrap();
+        for (noise, brick_size, levels) in [(0.2, 64, Levels::Auto), (5.0, 64, Levels::AtMost(0))] {
+            let options = PhantomOptions { dims: [160, 150, 140], noise, ..PhantomOptions::default() };
+            let phantom = Phantom::new(&options).unwrap();
+            let options = PrepareOptions { brick_size, levels, ..PrepareOptions::default() };
+            let mut source = phantom.source();
+            let share = encoded_share(&mut source).unwrap().unwrap();
+            let grid = BrickGrid::new(source.header().geometry.dims(), brick_size).unwrap();
+            let said = need(&source, &grid, &options, share);
+            let out = folder.path().join(format!("{noise}"));
+            prepare(&mut source, &out, &options, &mut |_| {}).unwrap();
+            let got = stored_bytes(&out);
+            let times = said.stays as f64 / got as f64;
+            assert!((0.75..1.35).contains(&times), "{noise} {brick_size}: {} said, {got} taken", said.stays);
+            assert!(said.most >= said.stays);
+        }
+    }
+
+    #[test]
+    fn regions_and_tiles_need_more_while_a_store_is_made() {
+        let options = PhantomOptions { dims: [600, 600, 64], pores: 0, ..PhantomOptions::default() };
+        let phantom = Phantom::new(&options).unwrap();
+        let source = phantom.source();
+        let grid = BrickGrid::new(source.header().geometry.dims(), 64).unwrap();
+        let most = |options: PrepareOptions| need(&source, &grid, &options, 0.5).most;
+        let plain = most(PrepareOptions::default());
+        let segmentation = Segmentation::Windows { range: 0.03 };
+        let regions = Some(RegionOptions { segmentation, min_region: 0 });
+        assert!(most(PrepareOptions { regions, ..PrepareOptions::default() }) > plain);
+        assert!(
+            most(PrepareOptions { tile_voxels: 1, levels: Levels::AtMost(0), ..PrepareOptions::default() })
+                > most(PrepareOptions { levels: Levels::AtMost(0), ..PrepareOptions::default() })
+        );
+    }
+}
