@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
+use anyhow::anyhow;
 use brickcast_remote::Place;
 use brickcast_volume::brick::BrickGrid;
 use brickcast_volume::format::{RawHints, VolumeSource};
@@ -11,6 +12,7 @@ use brickcast_volume::store::{
     Journal, PartNumber, PrepareOptions, PrepareSummary, merge_parts, prepare_part, resume, scan_part,
 };
 
+use super::series;
 use crate::cli::args::{PartArgs, PrepareArgs};
 use crate::cli::failure::Failure;
 use crate::cli::input::{opened_input, prepare_input, shown as shown_place, tell, with_bar};
@@ -22,7 +24,6 @@ use crate::words::{bytes, short};
 /// Usage for a brick size that cannot be; as the reader and the writer.
 pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
     BrickGrid::new(glam::UVec3::ONE, args.brick).map_err(Failure::usage)?;
-    let hints = args.raw.hints()?;
     let range = args.range.map(|[lo, hi]| (lo, hi));
     let regions = args.regions.options(args.raw.dims)?;
     let options = PrepareOptions {
@@ -33,7 +34,16 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
         levels: args.levels,
         ..PrepareOptions::default()
     };
-    let (input, store) = (place(&args.input)?, local(&args.store)?);
+    let store = local(&args.store)?;
+    if series::is_asked(args) {
+        return series::run(args, &store, &options, quiet);
+    }
+    if !args.times.is_empty() {
+        return Err(Failure::usage(anyhow!("--times are of the steps of a series, and {} is one", args.inputs.len())));
+    }
+    let hints = args.raw.hints()?;
+    let input = args.inputs.iter().map(|input| place(input)).next();
+    let input = input.unwrap_or_else(|| Err(Failure::usage(anyhow!("INPUT is missing"))))?;
     let started = Instant::now();
     let summary = match &args.parts {
         PartArgs { shard: Some(part), scan, .. } => {

@@ -16,5 +16,6 @@ mod pass;
 mod quantise;
 pub(super) mod spool;
 mod statistics;
+pub(super) mod step_map;
 mod tables;
 mod told;

@@ -16,5 +16,6 @@ mod parts;
 mod regions;
 mod rescale;
 mod round_trip;
+mod series;
 mod support;
 mod tiles;

@@ -13,17 +13,22 @@ use super::drawer;
 use super::nodes::NodePlan;
 use super::output_paths::{RenderPaths, real};
 use super::redraw::Redraw;
+use super::source::SourcePlan;
+use super::time::TimePlan;
 use crate::balance::Settings;
-use crate::cli::args::{Background, BalanceArg, CameraPath, OnTheWayArgs, RenderArgs, Unasked};
+use crate::cli::args::{Background, BalanceArg, CameraPath, RenderArgs, Unasked};
 use crate::cli::failure::Failure;
 use crate::cli::scene::ScenePlan;
-use crate::cli::source::Source;
 use crate::output::{MAX_FRAMES, OutputFormat};
 
 /// Everything that a render is asked to do.
 #[derive(Debug)]
 pub(super) struct RenderPlan {
     pub(super) source: SourcePlan,
+    /// Where the volume is a series.
+    pub(super) time: Option<TimePlan>,
+    /// The next step is loaded beside the frames of one.
+    pub(super) fetches_ahead: bool,
     pub(super) nodes: NodePlan,
     pub(super) scenes: ScenesPlan,
     pub(super) output: Option<OutputPlan>,
@@ -42,17 +47,6 @@ pub(super) struct RenderPlan {
     pub(super) progressive: bool,
     /// What to say of balancing that was asked for in vain.
     pub(super) unbalanced: Option<String>,
-}
-
-/// The volume.
-#[derive(Debug)]
-pub(super) struct SourcePlan {
-    /// None: the nodes know it by the hash.
-    path: Option<PathBuf>,
-    /// As it was given, or as a manifest has it: for manifests.
-    pub(super) given: Option<String>,
-    prepare: OnTheWayArgs,
-    nodes_know: bool,
 }
 
 /// The scenes of the frames.
@@ -78,13 +72,19 @@ impl RenderPlan {
     /// Usage: values out of range, what contradicts itself, files that would replace each other. Failure: a manifest,
     /// or the picture beside it, that cannot be read.
     pub(super) fn of(args: RenderArgs) -> Result<Self, Failure> {
-        let scenes = match &args.picture {
-            Some(manifest) => ScenesPlan::Drawn(Redraw::read(manifest, args.check)?),
-            None => ScenesPlan::asked(&args)?,
-        };
-        if !(1..=MAX_FRAMES).contains(&args.frames) {
-            return Err(Failure::usage(anyhow!("--frames {}: must lie between 1 and {MAX_FRAMES}", args.frames)));
+        let redraw = args.picture.as_ref().map(|manifest| Redraw::read(manifest, args.check)).transpose()?;
+        let nodes = args.nodes.plan()?;
+        let source = SourcePlan::of(args.path.clone(), args.prepare.clone(), redraw.as_ref(), nodes.are_elsewhere())?;
+        let time = source.time_plan(args.frames, redraw.as_ref())?;
+        let count = args.frames.unwrap_or_else(|| time.as_ref().map_or(1, TimePlan::frames));
+        if !(1..=MAX_FRAMES).contains(&count) {
+            return Err(Failure::usage(anyhow!("--frames {count}: must lie between 1 and {MAX_FRAMES}")));
         }
+        let is_over_time = time.as_ref().is_some_and(TimePlan::is_sequence);
+        let scenes = match redraw {
+            Some(redraw) => ScenesPlan::Drawn(redraw),
+            None => ScenesPlan::asked(&args, count, if is_over_time { 0.0 } else { 360.0 })?,
+        };
         let lod = drawer::asked(&args, &scenes)?;
         let progressive = drawer::is_progressive(&args, &scenes, &lod)?;
         if args.audit {
@@ -97,10 +97,9 @@ impl RenderPlan {
         if args.orbit.is_some_and(|d| !d.is_finite()) {
             return Err(Failure::usage(anyhow!("--orbit: must be a finite number of degrees")));
         }
-        if args.orbit.is_some() && args.frames == 1 {
+        if args.orbit.is_some() && scenes.count() == 1 {
             return Err(Failure::usage(anyhow!("--orbit turns over a sequence: add --frames N")));
         }
-        let nodes = args.nodes.plan()?;
         let output = match &args.output {
             Some(path) => Some(OutputPlan::of(path, &args)?),
             None => None,
@@ -128,7 +127,9 @@ impl RenderPlan {
             lod,
             progressive,
             frame_budget: args.lod.frame_budget,
-            source: SourcePlan::of(args.path, args.prepare, &scenes, nodes.are_elsewhere())?,
+            source,
+            time,
+            fetches_ahead: !args.no_fetch_ahead,
             balance: args.balance.settings(if several { BalanceArg::Dynamic } else { BalanceArg::Off }),
             background,
             stats: args.stats,
@@ -204,14 +205,15 @@ fn check_error(path: &Path) -> Result<(), Failure> {
 }
 
 impl ScenesPlan {
-    fn asked(args: &RenderArgs) -> Result<Self, Failure> {
+    /// `turn`: degrees, where nothing is said of them.
+    fn asked(args: &RenderArgs, frames: u32, turn: f64) -> Result<Self, Failure> {
         let mut asked = args.scene.clone();
         if args.audit || args.error.is_some() {
             // Both are of the picture with leaps, whatever they save.
             asked.accel.settle_for_leaps();
         }
         let scene = Box::new(asked.plan(if args.audit { Unasked::Plain } else { Unasked::Chosen })?);
-        Ok(Self::Asked { scene, frames: args.frames, path: args.camera_path, degrees: args.orbit.unwrap_or(360.0) })
+        Ok(Self::Asked { scene, frames, path: args.camera_path, degrees: args.orbit.unwrap_or(turn) })
     }
 
     pub(super) fn count(&self) -> u32 {
@@ -240,7 +242,7 @@ impl ScenesPlan {
     }
 
     /// What asks for a picture of regions.
-    fn shows_regions(&self) -> Option<String> {
+    pub(super) fn shows_regions(&self) -> Option<String> {
         match self {
             Self::Asked { scene, .. } => scene.shows_regions(),
             Self::Drawn(redraw) => {
@@ -285,72 +287,5 @@ impl ScenesPlan {
             return Err(Failure::usage(anyhow!("{flag}: intervals are of colours; leave out --mode")));
         }
         Ok(())
-    }
-}
-
-impl SourcePlan {
-    fn of(
-        path: Option<PathBuf>,
-        prepare: OnTheWayArgs,
-        scenes: &ScenesPlan,
-        nodes_know: bool,
-    ) -> Result<Self, Failure> {
-        let (path, given) = match (path, scenes) {
-            (Some(path), _) => {
-                let given = path.display().to_string();
-                (Some(path), Some(given))
-            }
-            (None, ScenesPlan::Drawn(redraw)) => {
-                let told = redraw.manifests.first().and_then(|manifest| manifest.path.clone());
-                match (&told, nodes_know) {
-                    (_, true) => (None, told),
-                    (Some(path), false) => (Some(redraw.told_path(path)?), told),
-                    (None, false) => {
-                        let manifest = redraw.path.display();
-                        return Err(Failure::usage(anyhow!(
-                            "--scene {manifest}: it does not tell where its store lies: give PATH, or --nodes that \
-                             have it"
-                        )));
-                    }
-                }
-            }
-            (None, ScenesPlan::Asked { .. }) => return Err(Failure::usage(anyhow!("PATH is missing"))),
-        };
-        Ok(Self { path, given, prepare, nodes_know })
-    }
-
-    /// For people.
-    pub(super) fn shown(&self) -> &Path {
-        self.path.as_deref().unwrap_or(Path::new("the store"))
-    }
-
-    /// Opens it; an input is prepared on the way. `wanted` is the store that it must be.
-    ///
-    /// # Errors
-    /// As [`OnTheWayArgs::open`]; another store.
-    pub(super) fn open(&self, scenes: &ScenesPlan, quiet: bool) -> Result<Source, Failure> {
-        let source = match (&self.path, scenes.store()) {
-            (Some(path), _) => {
-                let prepare = self.prepare.clone().with_regions_for(path, scenes.shows_regions().as_deref(), quiet)?;
-                prepare.open(path, self.nodes_know)?
-            }
-            (None, Some(hash)) => Source::Hash(hash),
-            (None, None) => return Err(Failure::usage(anyhow!("PATH is missing"))),
-        };
-        if let Source::Store(store) = &source {
-            self.agree(scenes, store.hash())?;
-        }
-        Ok(source)
-    }
-
-    /// # Errors
-    /// The store is another one than that of the pictures that are drawn again.
-    pub(super) fn agree(&self, scenes: &ScenesPlan, got: StoreHash) -> Result<(), Failure> {
-        match scenes {
-            ScenesPlan::Drawn(redraw) if scenes.store().is_some_and(|wanted| wanted != got) => {
-                Err(redraw.another_store(self.shown(), got))
-            }
-            ScenesPlan::Drawn(_) | ScenesPlan::Asked { .. } => Ok(()),
-        }
     }
 }
