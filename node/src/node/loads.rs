@@ -107,6 +107,9 @@ impl Node {
         gone: &Gone,
         load: &mut LoadMeter,
     ) -> Result<(), NodeError> {
+        if bricks.is_empty() {
+            return Ok(());
+        }
         // Never closed.
         let _leave = self.beside.acquire().await;
         let is_on_processor = self.raycaster.info().is_on_processor;

@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use brickcast_tests::process::{brickcast, brickcast_both, brickcast_ok};
+use brickcast_tests::web::WebServer;
 use serde_json::Value;
 
 /// Steps of f32, whose values drift: each alone would be mapped in its own way.
@@ -153,7 +154,7 @@ fn what_is_told_of_a_series_and_what_is_refused() {
     assert_eq!((told["kind"].as_str(), told["series"]["steps"].as_array().map(Vec::len)), (Some("series"), Some(4)));
     assert_eq!((&told["series"]["steps"][3]["time"], &told["series"]["time_unit"]), (&4.5.into(), &"kN".into()));
     // Of all steps together, not of the first.
-    assert_eq!(told["max"], 50.0 + 39.0 * 0.25 + 4.5);
+    assert_eq!(told["max"], 50.0 + 33.0 * 0.25 + 4.5);
     let text = brickcast_ok(at, &["info", "load"]);
     assert!(text.contains("4 steps") && text.contains("0, 1.5, 3, 4.5 kN"), "{text}");
     let of_step: Value = serde_json::from_str(&brickcast_ok(at, &["info", "load", "--time", "3", "--json"])).unwrap();
@@ -222,4 +223,23 @@ fn an_image_with_an_axis_of_time_becomes_a_series() {
     let told: Value = serde_json::from_str(&brickcast_ok(at, &["info", "some", "--time", "0", "--json"])).unwrap();
     assert_eq!((&told["min"], &told["range"][1]), (&1000.0.into(), &6095.0.into()));
     refused(at, &["prepare", "cells.zarr", "x", "--time", "1..3"], 2, &["--time 1..3: steps are 0 to 2"]);
+}
+
+#[test]
+fn a_series_behind_a_network_is_shown_as_if_it_lay_here() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    series(at);
+    let server = WebServer::start(at);
+    let far = format!("{}/load", server.address);
+    for (path, name) in [("load", "here.png"), (far.as_str(), "far.png")] {
+        brickcast_ok(at, &[&["render", path, "--time", "all", "--local", "2", "-o", name][..], &SCENE].concat());
+    }
+    for step in 0..STEPS {
+        let [here, far] = ["here", "far"].map(|name| fs::read(at.join(format!("{name}_{step:04}.png"))).unwrap());
+        assert!(here == far, "step {step}");
+    }
+    assert!(brickcast_ok(at, &["verify", &far]).contains("every byte is as the manifest says"));
+    let told: Value = serde_json::from_str(&brickcast_ok(at, &["info", &far, "--json"])).unwrap();
+    assert_eq!(told["kind"], "series");
 }

@@ -39,7 +39,7 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
         return series::run(args, &store, &options, quiet);
     }
     if !args.times.is_empty() {
-        return Err(Failure::usage(anyhow!("--times are of the steps of a series, and {} is one", args.inputs.len())));
+        return Err(Failure::usage(anyhow!("--times are of the steps of a series: name an input for each step")));
     }
     let hints = args.raw.hints()?;
     let input = args.inputs.iter().map(|input| place(input)).next();

@@ -9,7 +9,7 @@ use brickcast_volume::store::Series;
 use super::plan::ScenesPlan;
 use super::redraw::Redraw;
 use super::time::TimePlan;
-use crate::cli::args::OnTheWayArgs;
+use crate::cli::args::{OnTheWayArgs, TimeChoice};
 use crate::cli::failure::Failure;
 use crate::cli::source::{Source, series_at};
 
@@ -72,7 +72,13 @@ impl SourcePlan {
         let asked = self.prepare.raw.time;
         match (&self.series, redraw) {
             (None, Some(redraw)) => redraw.check_one_store().map(|()| None),
-            (None, None) => Ok(None),
+            (None, None) => match asked {
+                Some(several @ (TimeChoice::Range(..) | TimeChoice::All)) => {
+                    let why = "is no series of stores; brickcast prepare makes one, of several inputs or of several times";
+                    Err(Failure::usage(anyhow!("--time {several}: {} {why}", self.shown().display())))
+                }
+                _ => Ok(None),
+            },
             (Some(_), Some(redraw)) if asked.is_some() => {
                 let file = redraw.path.display();
                 Err(Failure::usage(anyhow!("--time: {file} says which step each picture is of: leave it out")))

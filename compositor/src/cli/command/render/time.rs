@@ -180,12 +180,13 @@ impl Steps {
             if let Ok(drawer) = &opened {
                 opener.like = Some(time.looked_at(drawer.store()));
             }
-            let (is_usage, is_there) = (matches!(opened, Err(Failure::Usage(_))), opened.is_ok());
-            if is_usage {
-                opened?;
-                break;
+            if let Err(Failure::Usage(error)) = opened {
+                return Err(Failure::Usage(error));
             }
-            first.get_or_insert(opened);
+            let is_there = opened.is_ok();
+            if first.is_none() {
+                first = Some(opened);
+            }
             if is_there {
                 break;
             }
@@ -246,7 +247,9 @@ impl Steps {
         draw_by: Option<&Lod>,
     ) -> Frame {
         self.turn_to(self.opener.time.step_of(frame)).await;
-        if let Some(next) = self.opener.time.next_after(frame)
+        if self.fetches_ahead
+            && self.next.is_none()
+            && let Some(next) = self.opener.time.next_after(frame)
             && let Some(scene) = ahead(next)
         {
             self.fetch(self.opener.time.step_of(next), scene);
@@ -297,9 +300,6 @@ impl Steps {
 
     /// Opens a step meanwhile, and loads what `scene` shows of it.
     fn fetch(&mut self, step: usize, scene: Scene) {
-        if !self.fetches_ahead || self.next.is_some() {
-            return;
-        }
         let shown = self.current.1.as_ref().map(Drawer::stores).unwrap_or_default();
         let opener = self.opener.clone();
         let (its_turn, turn) = oneshot::channel();
