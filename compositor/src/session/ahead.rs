@@ -22,20 +22,18 @@ pub fn stores_of(store: &StoreFacts) -> Vec<StoreHash> {
 impl Session {
     /// Has every node load the bricks that it will render of `scene`, beside the frames of the stores `keep`: as far as
     /// there is room without bricks of these going for it.
-    pub fn load_ahead<'a>(&'a mut self, scene: &'a Scene, keep: &'a [StoreHash]) -> BoxFuture<'a, ()> {
-        Box::pin(async move {
-            let roster = self.cluster().settled();
-            let (look, first) = self.plan(scene, &roster);
-            let own = self.store().hash;
-            let requests = |position| {
-                let bricks = first.bricks_by_store(&look.shown, own, position);
-                let request = |(store, bricks)| roster.loading(self.id(), (store, bricks), scene.clone());
-                let ahead = |request| LoadRequest { background: true, keep: keep.to_vec(), ..request };
-                bricks.into_iter().map(request).map(ahead).collect::<Vec<_>>()
-            };
-            let loads = roster.members().map(|(position, member)| (member.client.clone(), requests(position)));
-            all(loads.collect(), "loading ahead").await;
-        })
+    pub fn load_ahead(&mut self, scene: &Scene, keep: &[StoreHash]) -> BoxFuture<'static, ()> {
+        let roster = self.cluster().settled();
+        let (look, first) = self.plan(scene, &roster);
+        let own = self.store().hash;
+        let requests = |position| {
+            let bricks = first.bricks_by_store(&look.shown, own, position);
+            let request = |(store, bricks)| roster.loading(self.id(), (store, bricks), scene.clone());
+            let ahead = |request| LoadRequest { background: true, keep: keep.to_vec(), ..request };
+            bricks.into_iter().map(request).map(ahead).collect::<Vec<_>>()
+        };
+        let loads = roster.members().map(|(position, member)| (member.client.clone(), requests(position))).collect();
+        Box::pin(all(loads, "loading ahead"))
     }
 
     /// Has every node let go of what it has of this store and no other session uses. Frames may follow, and load it
@@ -59,13 +57,13 @@ impl Session {
         };
         let requests = || bricks.iter().map(request).collect::<Vec<_>>();
         let loads: Vec<_> = roster.members().map(|(_, member)| (member.client.clone(), requests())).collect();
-        Box::pin(async move { all(loads, "letting go").await })
+        Box::pin(all(loads, "letting go"))
     }
 }
 
 impl LevelSessions {
     /// As [`Session::load_ahead`], of what was dealt last.
-    pub fn load_ahead<'a>(&'a mut self, scene: &'a Scene, keep: &'a [StoreHash]) -> BoxFuture<'a, ()> {
+    pub fn load_ahead(&mut self, scene: &Scene, keep: &[StoreHash]) -> BoxFuture<'static, ()> {
         self.session_mut().load_ahead(scene, keep)
     }
 
@@ -75,7 +73,7 @@ impl LevelSessions {
     }
 }
 
-async fn all(loads: Vec<(NodeClient, Vec<LoadRequest>)>, what: &str) {
+async fn all(loads: Vec<(NodeClient, Vec<LoadRequest>)>, what: &'static str) {
     let answers = join_all(loads.into_iter().map(|(client, requests)| load_all(client, requests))).await;
     let failed = |error: CallError| tracing::debug!("{what}: {error}");
     answers.into_iter().filter_map(Result::err).for_each(failed);

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use brickcast_tests::process::{brickcast, brickcast_both, brickcast_ok};
+use brickcast_tests::process::{binaries, brickcast, brickcast_both, brickcast_ok};
 use brickcast_tests::web::WebServer;
 use serde_json::Value;
 
@@ -242,4 +242,20 @@ fn a_series_behind_a_network_is_shown_as_if_it_lay_here() {
     assert!(brickcast_ok(at, &["verify", &far]).contains("every byte is as the manifest says"));
     let told: Value = serde_json::from_str(&brickcast_ok(at, &["info", &far, "--json"])).unwrap();
     assert_eq!(told["kind"], "series");
+}
+
+#[cfg(unix)]
+#[test]
+fn the_guides_lines_can_be_pasted() {
+    let folder = tempfile::tempdir().unwrap();
+    let guide = include_str!("../../../docs/guide/time.md");
+    let lines = guide.split("```sh\n").nth(1).unwrap().split("```").next().unwrap();
+    assert!(lines.lines().count() > 6, "{lines}");
+    let path = format!("{}:{}", binaries().display(), std::env::var("PATH").unwrap());
+    let mut bash = std::process::Command::new("bash");
+    bash.args(["-ec", lines]).current_dir(folder.path()).env("PATH", path);
+    bash.env("BRICKCAST_CACHE_DIR", folder.path().join("cache")).env("XDG_CONFIG_HOME", folder.path());
+    let output = bash.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(folder.path().join("turn.apng").is_file());
 }

@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use anyhow::anyhow;
 use brickcast_remote::Place;
-use brickcast_volume::format::{RawHints, VolumeSource};
+use brickcast_volume::format::RawHints;
 use brickcast_volume::shown::shown;
-use brickcast_volume::store::{PrepareOptions, SeriesSummary, SeriesWriter};
+use brickcast_volume::store::{PrepareOptions, Progress, SeriesSummary, SeriesWriter};
 
 use crate::cli::args::{PartArgs, PrepareArgs, TimeChoice};
 use crate::cli::failure::Failure;
@@ -61,10 +61,8 @@ pub(super) fn run(args: &PrepareArgs, target: &Path, options: &PrepareOptions, q
         let (mut source, named) = opened_input(&step.place, &step.hints, options)?;
         let name = in_words(&step.place, i, steps.len());
         let from = (named.source_name, named.source_bytes);
-        let add = |source: &mut dyn VolumeSource| {
-            with_bar(Path::new(&name), |progress| writer.add(source, from, progress).cloned())
-        };
-        tell(&shown_place(&step.place), &add(source.as_mut())?);
+        let add = |progress: &mut dyn FnMut(Progress)| writer.add(source.as_mut(), from, progress).cloned();
+        tell(&shown_place(&step.place), &with_bar(Path::new(&name), add)?);
     }
     let unit = args.time_unit.clone().or(if args.times.is_empty() { told.unit } else { None });
     let made = writer.finish(&times, unit)?;
@@ -82,8 +80,10 @@ fn steps(args: &PrepareArgs) -> Result<(Vec<Step>, Told), Failure> {
     let several = args.raw.time.filter(|time| !matches!(time, TimeChoice::One(_)));
     let Some(time) = several else {
         let hints = args.raw.hints()?;
-        let step = |path| Ok(Step { place: place(path)?, hints: hints.clone() });
-        let steps = args.inputs.iter().map(|path| step(path)).collect::<Result<Vec<_>, Failure>>()?;
+        let mut steps = Vec::new();
+        for path in &args.inputs {
+            steps.push(Step { place: place(path)?, hints: hints.clone() });
+        }
         return Ok((steps, Told::default()));
     };
     let [input] = &args.inputs[..] else {
