@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 
+pub use brickcast_node::DataRoot;
 use brickcast_node::backend;
 pub use brickcast_node::backend::BackendChoice;
 use brickcast_node::brick::shares::MemoryShares;
@@ -13,7 +14,6 @@ pub use brickcast_node::gpu::drivers::need_no_desktop;
 use brickcast_node::kernel::{Raycaster, Recipe};
 use brickcast_node::serve::admission::Admission;
 pub use brickcast_node::version::text as version;
-pub use brickcast_node::DataRoot;
 use brickcast_node::{Node, NodeConfig, NodeError, serve_admitted};
 use brickcast_proto::credentials::{Doorkeeper, Token};
 use brickcast_volume::regions::Drawn;

@@ -177,7 +177,8 @@ impl OnTheWayArgs {
         if is_place_of_many_files(&place) {
             let store = match (Store::open_objects(place.objects()), &place) {
                 (Err(StoreError::NotAStore { .. }), place) if let Some(series) = Series::find(place.objects())? => {
-                    let asked = self.raw.time.ok_or_else(|| Failure::usage(anyhow!("{}, or --time 0", series.words())))?;
+                    let asked =
+                        self.raw.time.ok_or_else(|| Failure::usage(anyhow!("{}, or --time 0", series.words())))?;
                     step_of(&series, asked)?
                 }
                 (Err(error), place) if is_input(place, &error)? => {

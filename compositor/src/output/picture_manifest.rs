@@ -81,7 +81,7 @@ const FIELDS: [&str; 19] = [
     "transport",
     "lod",
     "store",
-    "step",
+    "series_step",
     "path",
     "background",
     "complete",
@@ -136,7 +136,7 @@ impl PictureManifest {
             }
         }
         if let Some(step) = self.step {
-            fields.insert("step".to_owned(), step.into());
+            fields.insert("series_step".to_owned(), step.into());
         }
         if !self.about.empty {
             fields.remove("empty_because");
@@ -162,7 +162,7 @@ impl PictureManifest {
             transport,
             lod: Lod::from_json(fields, "lod")?,
             store,
-            step: fields.get_optional("step")?,
+            step: fields.get_optional("series_step")?,
             path: fields.get_optional("path")?,
             background,
             complete: fields.get("complete")?,

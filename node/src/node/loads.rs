@@ -97,8 +97,8 @@ impl Node {
         Ok(self.receipt(&bricks, fits, &load))
     }
 
-    /// Loads for frames to come while others render: one such request at a time, without a turn, and in one thread where
-    /// the processor renders. Nothing goes for it but what is of no store in `keep`.
+    /// Loads for frames to come while others render: one such request at a time, without a turn, and in one thread
+    /// where the processor renders. Nothing goes for it but what is of no store in `keep`.
     async fn load_beside(
         self: &Arc<Self>,
         caller: &Caller,

@@ -124,7 +124,8 @@ async fn what_is_loaded_beside_frames_needs_no_turn() {
     let receipt = tokio::time::timeout(LIMIT, load).await.expect("it waits for the turn").unwrap();
     assert!(receipt.fits && receipt.bytes > 0, "{receipt:?}");
     assert_eq!(bench.node.residency.occupancy().bricks, BRICKS as usize);
-    let ordinary = tokio::time::timeout(Duration::from_millis(200), bench.node.load(Caller::default(), bench.load_all()));
+    let ordinary =
+        tokio::time::timeout(Duration::from_millis(200), bench.node.load(Caller::default(), bench.load_all()));
     assert!(ordinary.await.is_err(), "others have to");
 }
 

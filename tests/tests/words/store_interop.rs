@@ -6,9 +6,7 @@ use std::sync::Arc;
 
 use brickcast_volume::format::{FormatError, SourceHeader, VolumeSource, VoxelType};
 use brickcast_volume::space::Geometry;
-use brickcast_volume::store::{
-    ChunkCache, PrepareOptions, RegionOptions, Segmentation, SeriesWriter, Store, prepare,
-};
+use brickcast_volume::store::{ChunkCache, PrepareOptions, RegionOptions, Segmentation, SeriesWriter, Store, prepare};
 use zarrs::array::{Array, ElementOwned, FromArrayBytes};
 use zarrs::filesystem::FilesystemStore;
 

@@ -11,8 +11,7 @@ use serde_json::Value;
 const STEPS: usize = 4;
 const RAW: [&str; 6] = ["--dims", "40,36,33", "--type", "float32", "--brick", "16"];
 /// A scene by values alone, from one place.
-const SCENE: [&str; 9] =
-    ["--size", "70x50", "--backend", "cpu", "--window", "10,60", "--azimuth", "40", "--exact"];
+const SCENE: [&str; 9] = ["--size", "70x50", "--backend", "cpu", "--window", "10,60", "--azimuth", "40", "--exact"];
 
 /// A ball that grows, in a slope.
 fn write_steps(at: &Path) -> Vec<String> {
@@ -38,7 +37,11 @@ fn write_steps(at: &Path) -> Vec<String> {
 fn series(at: &Path) -> String {
     let names = write_steps(at);
     let inputs: Vec<&str> = names.iter().map(String::as_str).collect();
-    brickcast_both(at, &[&["prepare"][..], &inputs, &["load", "--times", "0,1.5,3,4.5", "--time-unit", "kN"], &RAW].concat()).1
+    brickcast_both(
+        at,
+        &[&["prepare"][..], &inputs, &["load", "--times", "0,1.5,3,4.5", "--time-unit", "kN"], &RAW].concat(),
+    )
+    .1
 }
 
 fn manifest(at: &Path, name: &str) -> Value {
@@ -62,17 +65,21 @@ fn a_step_in_a_series_has_the_bits_of_its_store_alone_on_any_number_of_nodes() {
         brickcast_ok(at, &[&["render", &alone, "-o", "alone.exr"][..], &SCENE].concat());
         let want = fs::read(at.join("alone.exr")).unwrap();
         for nodes in ["1", "2", "3"] {
-            brickcast_ok(at, &[&["render", "load", "--time", step, "-o", "s.exr", "--local", nodes][..], &SCENE].concat());
+            brickcast_ok(
+                at,
+                &[&["render", "load", "--time", step, "-o", "s.exr", "--local", nodes][..], &SCENE].concat(),
+            );
             assert!(fs::read(at.join("s.exr")).unwrap() == want, "step {step} on {nodes} nodes");
         }
         let told = manifest(at, "s.exr.json");
         let store = manifest(at, "alone.exr.json")["store"].clone();
-        assert_eq!((told["step"].to_string(), &told["store"]), (step.to_owned(), &store));
+        assert_eq!((told["series_step"].to_string(), &told["store"]), (step.to_owned(), &store));
     }
     // Drawn again by the series or by the step's own store.
     brickcast_ok(at, &[&["render", "load", "--time", "1", "-o", "one.png"][..], &SCENE].concat());
     for path in [None, Some("load"), Some("load/1")] {
-        let args = [&["render"][..], path.as_slice(), &["--scene", "one.png.json", "--check", "--backend", "cpu"]].concat();
+        let args =
+            [&["render"][..], path.as_slice(), &["--scene", "one.png.json", "--check", "--backend", "cpu"]].concat();
         assert!(brickcast_ok(at, &args).contains("the same bits"));
     }
     refused(at, &["render", "load/2", "--scene", "one.png.json", "--check", "--backend", "cpu"], 1, &["its hash is"]);
@@ -107,13 +114,17 @@ fn a_sequence_shows_each_step_whatever_is_fetched_ahead_and_is_drawn_again() {
     let turn = ["render", "load", "--time", "3..1", "--frames", "6", "--orbit", "90", "-o", "turn.apng"];
     brickcast_ok(at, &[&turn[..], &SCENE].concat());
     let told = manifest(at, "turn.apng.json");
-    let steps: Vec<u64> = told["frames"].as_array().unwrap().iter().map(|f| f["step"].as_u64().unwrap()).collect();
+    let steps: Vec<u64> = told["frames"].as_array().unwrap().iter().map(|f| f["series_step"].as_u64().unwrap()).collect();
     assert_eq!(steps, [3, 3, 2, 2, 1, 1]);
     assert!(told["frames"][0]["camera"] != told["frames"][1]["camera"]);
-    let again = brickcast_ok(at, &["render", "--scene", "turn.apng.json", "--check", "--backend", "cpu", "--local", "2"]);
+    let again =
+        brickcast_ok(at, &["render", "--scene", "turn.apng.json", "--check", "--backend", "cpu", "--local", "2"]);
     assert!(again.contains("the same bits, all 6 frames"), "{again}");
     // Over a range the camera stands still unless it is asked to move.
-    brickcast_ok(at, &[&["render", "load", "--time", "0..1", "--frames", "3", "-o", "still.apng"][..], &SCENE].concat());
+    brickcast_ok(
+        at,
+        &[&["render", "load", "--time", "0..1", "--frames", "3", "-o", "still.apng"][..], &SCENE].concat(),
+    );
     let told = manifest(at, "still.apng.json");
     assert_eq!(told["frames"][0]["camera"], told["frames"][2]["camera"]);
 }
@@ -123,7 +134,9 @@ fn a_missing_step_is_a_frame_that_says_so_and_the_sequence_goes_on() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     series(at);
-    let draw = |name: &str| [&["render", "load", "--time", "all", "-o", name][..], &SCENE].concat();
+    fn draw(name: &str) -> Vec<&str> {
+        [&["render", "load", "--time", "all", "-o", name][..], &SCENE].concat()
+    }
     brickcast_ok(at, &draw("whole.png"));
     fs::rename(at.join("load/1"), at.join("elsewhere")).unwrap();
     let shard = at.join("load/2/0/c/0/0/0");
@@ -136,7 +149,7 @@ fn a_missing_step_is_a_frame_that_says_so_and_the_sequence_goes_on() {
         assert!(got == want, "step {step}");
     }
     let told = manifest(at, "a_0001.png.json");
-    assert_eq!((&told["complete"], &told["step"]), (&Value::Bool(false), &Value::from(1)));
+    assert_eq!((&told["complete"], &told["series_step"]), (&Value::Bool(false), &Value::from(1)));
     assert!(told["problems"][0].as_str().unwrap().contains("step 1"));
     assert_eq!(manifest(at, "a_0003.png.json")["complete"], true);
     refused(at, &["verify", "load"], 1, &["broken", "1 missing"]);
@@ -172,7 +185,9 @@ fn what_is_told_of_a_series_and_what_is_refused() {
     refused(at, &render("x"), 2, &["`x`", "0..9"]);
     refused(at, &["render", "load/1", "-o", "x.png", "--time", "0..3"], 2, &["--time 0..3"]);
     refused(at, &["bench", "load"], 2, &["series of 4 steps", "load/0"]);
-    let prepare = |more: &[&str]| [&["prepare", "t0.raw", "t1.raw", "x"][..], more, &RAW].concat();
+    fn prepare<'a>(more: &[&'a str]) -> Vec<&'a str> {
+        [&["prepare", "t0.raw", "t1.raw", "x"][..], more, &RAW].concat()
+    }
     refused(at, &prepare(&["--times", "1"]), 2, &["1 times for 2 steps"]);
     refused(at, &prepare(&["--times", "1,1"]), 1, &["step 1 is at 1, not after"]);
     refused(at, &prepare(&["--resume"]), 2, &["of one store"]);
@@ -181,8 +196,16 @@ fn what_is_told_of_a_series_and_what_is_refused() {
     refused(at, &[&["prepare", "t0.raw", "x", "--time", "all"][..], &RAW].concat(), 2, &["has no times"]);
     refused(at, &[&["prepare", "t0.raw", "t1.raw", "load"][..], &RAW].concat(), 1, &["exists already"]);
     brickcast_ok(at, &["phantom", "p.nrrd", "--dims", "40,36,32", "--pores", "2"]);
-    refused(at, &["prepare", "t0.raw", "p.nrrd", "x", "--dims", "40,36,33", "--type", "float32"], 1, &["step 1", "dims"]);
-    assert!(!at.join("x").exists() && fs::read_dir(at).unwrap().all(|e| !e.unwrap().file_name().to_string_lossy().contains("tmp")));
+    refused(
+        at,
+        &["prepare", "t0.raw", "p.nrrd", "x", "--dims", "40,36,33", "--type", "float32"],
+        1,
+        &["step 1", "dims"],
+    );
+    assert!(
+        !at.join("x").exists()
+            && fs::read_dir(at).unwrap().all(|e| !e.unwrap().file_name().to_string_lossy().contains("tmp"))
+    );
     // Named in the wrong order by a shell.
     fs::copy(at.join("t0.raw"), at.join("t10.raw")).unwrap();
     let (_, said) = brickcast_both(at, &[&["prepare", "t10.raw", "t2.raw", "y"][..], &RAW].concat());

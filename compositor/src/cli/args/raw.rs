@@ -33,7 +33,7 @@ pub struct RawArgs {
     /// Channel of an OME-Zarr image that has several, counted from 0 [default: 0]
     #[arg(long, value_name = "N")]
     pub channel: Option<u64>,
-    /// Step of a series, or point in time of an OME-Zarr image, counted from 0; A..B with both ends, or all [default: 0]
+    /// Step of a series or time of an OME-Zarr image, counted from 0; A..B with both ends, or all [default: 0]
     #[arg(long, value_name = "T")]
     pub time: Option<TimeChoice>,
 }

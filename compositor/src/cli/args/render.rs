@@ -107,8 +107,8 @@ pub struct RenderArgs {
     pub background: Option<Background>,
     /// A sequence: files, or an animation [default: 1]
     ///
-    /// OUT_0000.png, ..., or one file that holds all frames. Over the steps of a series with --time A..B: without N each
-    /// step has one frame.
+    /// OUT_0000.png, ..., or one file that holds all frames. Over the steps of a series (--time A..B) each step has one
+    /// frame without N.
     #[arg(long, value_name = "N", help_heading = "Output")]
     pub frames: Option<u32>,
     /// How the camera moves over the sequence

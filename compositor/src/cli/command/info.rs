@@ -102,7 +102,8 @@ fn describe(m: &Manifest, store: Option<&Store>) -> Value {
 fn describe_series(series: &Series) -> Value {
     let m = series.manifest();
     let step = |(i, step): (usize, &StepEntry)| {
-        json!({ "step": i, "path": i.to_string(), "hash": step.hash.to_string(), "time": step.time })
+        let hash = step.hash.to_string();
+        json!({ "step": i, "path": i.to_string(), "hash": hash, "time": step.time })
     };
     json!({
         "hash": series.hash().to_string(),

@@ -202,7 +202,8 @@ impl StoreShape {
         shape.map(|shape| (shape, rest))
     }
 
-    /// Of the store or the series in `folder`, as strictly as its manifest allows; nothing where that is no manifest of ours at all.
+    /// Of the store or the series in `folder`, as strictly as its manifest allows; nothing where that is no manifest of
+    /// ours at all.
     pub(crate) fn in_folder(folder: &Path) -> Option<Self> {
         if let Some(series) = Self::of_series_in(folder) {
             return Some(series);

@@ -63,16 +63,8 @@ impl WorkDir {
                 Err(e) if e.kind() == io::ErrorKind::AlreadyExists => continue,
                 made => Some(made.map_err(StoreError::io("create", &dir))?.1),
             };
-            let mut work = Self {
-                target: target.to_path_buf(),
-                parent,
-                dir,
-                step: None,
-                force,
-                lock: None,
-                keep: false,
-                listed,
-            };
+            let mut work =
+                Self { target: target.to_path_buf(), parent, dir, step: None, force, lock: None, keep: false, listed };
             let lock_path = work.dir.join("lock");
             let lock = File::create(&lock_path).map_err(StoreError::io("create", &lock_path))?;
             // File systems without locks: the directory is then never taken for a dead one either.

@@ -79,8 +79,8 @@ fn layout(header: &SourceHeader, options: &PrepareOptions) -> Result<Layout, Sto
     Ok((grid, shards, tiles, levels))
 }
 
-/// What a step of a series is like, before any is prepared; of numbers that are stored as they are nothing need be known
-/// where the `range` is given.
+/// What a step of a series is like, before any is prepared; of numbers that are stored as they are nothing need be
+/// known where the `range` is given.
 pub(crate) fn look_at(
     source: &mut dyn VolumeSource,
     range: Option<(f64, f64)>,

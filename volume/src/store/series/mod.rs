@@ -40,8 +40,7 @@ impl Series {
     /// # Errors
     /// A manifest that is broken or cannot be read; other files of the series' own that are not those it names.
     pub fn find(objects: Arc<dyn Objects>) -> Result<Option<Self>, StoreError> {
-        let is_missing =
-            |kind: io::ErrorKind| matches!(kind, io::ErrorKind::NotFound | io::ErrorKind::NotADirectory);
+        let is_missing = |kind: io::ErrorKind| matches!(kind, io::ErrorKind::NotFound | io::ErrorKind::NotADirectory);
         let bytes = match objects.read_at_most(SERIES_FILE, SeriesManifest::MAX_BYTES + 1) {
             Err(StoreError::Io { source, .. }) if is_missing(source.kind()) => return Ok(None),
             read => read?,

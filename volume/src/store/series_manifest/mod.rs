@@ -1,5 +1,5 @@
-//! What a series of stores says of itself (docs/adr/0024-time.md). A series is known by the hash of its manifest's bytes,
-//! which names the hash of every step.
+//! What a series of stores says of itself (docs/adr/0024-time.md). A series is known by the hash of its manifest's
+//! bytes, which names the hash of every step.
 
 pub(super) mod file;
 mod statistics;

@@ -71,11 +71,15 @@ fn all_steps_have_one_map_of_values_whatever_their_own_are() {
             assert_eq!((looked_at.otsu, looked_at.files), (of_all.otsu, m.files));
             assert_eq!(series.step_of(store.hash()), Some(i));
         }
-        let mean = volumes.iter().flat_map(|v| &v.values).sum::<f64>() / (3 * stores[0].manifest().geometry.voxel_count()) as f64;
+        let mean = volumes.iter().flat_map(|v| &v.values).sum::<f64>()
+            / (3 * stores[0].manifest().geometry.voxel_count()) as f64;
         assert!((of_all.mean - mean).abs() < (hi - lo) * 1e-4, "{} for {mean}", of_all.mean);
         let counted: u64 = stores.iter().flat_map(|s| &s.manifest().histogram).sum();
         assert_eq!(of_all.histogram.iter().sum::<u64>(), counted);
-        assert_eq!(series.manifest().steps.iter().map(|s| s.time).collect::<Vec<_>>(), [Some(0.0), Some(0.5), Some(2.0)]);
+        assert_eq!(
+            series.manifest().steps.iter().map(|s| s.time).collect::<Vec<_>>(),
+            [Some(0.0), Some(0.5), Some(2.0)]
+        );
         assert_eq!(faults(&out), []);
     }
     // A store alone has a map of its own: the series is what keeps them together.
@@ -194,7 +198,10 @@ fn damage_is_named_by_its_step() {
     let error = series.open_step(1).unwrap_err().to_string();
     assert!(error.starts_with("step 1 is the store"), "{error}");
     let found = faults(&out);
-    assert_eq!(found, [(FaultKind::Broken, "1/brickcast.json".to_owned()), (FaultKind::Broken, "1/brickcast.json".to_owned())]);
+    assert_eq!(
+        found,
+        [(FaultKind::Broken, "1/brickcast.json".to_owned()), (FaultKind::Broken, "1/brickcast.json".to_owned())]
+    );
     fs::remove_dir_all(out.join("1")).unwrap();
     fs::rename(dir.path().join("1"), out.join("1")).unwrap();
     assert_eq!(faults(&out), []);

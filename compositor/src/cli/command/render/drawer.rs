@@ -7,7 +7,7 @@ use brickcast_volume::StoreHash;
 use brickcast_volume::lod::{LevelSet, Lod, Rule, Selection};
 use brickcast_volume::scene::{Scene, Transport};
 
-use super::plan::ScenesPlan;
+use super::scenes::ScenesPlan;
 use crate::balance::Settings;
 use crate::cli::args::{BalanceArg, RenderArgs};
 use crate::cli::failure::Failure;

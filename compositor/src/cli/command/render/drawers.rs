@@ -7,8 +7,9 @@ use brickcast_volume::scene::{Scene, Transport};
 
 use super::drawer::Drawer;
 use super::frames::Frames;
-use super::plan::{RenderPlan, ScenesPlan};
-use super::time::Steps;
+use super::plan::RenderPlan;
+use super::scenes::ScenesPlan;
+use super::steps::Steps;
 use crate::cli::failure::Failure;
 use crate::plan::StoreFacts;
 use crate::session::{Frame, LoadStats};

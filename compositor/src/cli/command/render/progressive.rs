@@ -54,7 +54,12 @@ pub(super) async fn draw(
         let is_empty = frame.complete && nothing_shows::is_empty(&frame.picture);
         // Of the last picture, not of all that came before it.
         all.empty = usize::from(is_empty);
-        files.push(Drawn::by(drawer, step), (&scene, transport), &frame, is_empty.then_some(frames.outlook.as_ref()))?;
+        files.push(
+            Drawn::by(drawer, step),
+            (&scene, transport),
+            &frame,
+            is_empty.then_some(frames.outlook.as_ref()),
+        )?;
         all.written = files.finish()?;
         say(quiet, &in_words((i + 1, count), &frame, since))?;
         all.frames.push(frame.stats);

@@ -6,8 +6,8 @@ use anyhow::anyhow;
 use brickcast_volume::StoreHash;
 use brickcast_volume::store::Series;
 
-use super::plan::ScenesPlan;
 use super::redraw::Redraw;
+use super::scenes::ScenesPlan;
 use super::time::TimePlan;
 use crate::cli::args::{OnTheWayArgs, TimeChoice};
 use crate::cli::failure::Failure;
@@ -64,17 +64,14 @@ impl SourcePlan {
     ///
     /// # Errors
     /// Usage: steps that are not there, several of what is no series. Pictures of other stores than its steps.
-    pub(super) fn time_plan(
-        &self,
-        frames: Option<u32>,
-        redraw: Option<&Redraw>,
-    ) -> Result<Option<TimePlan>, Failure> {
+    pub(super) fn time_plan(&self, frames: Option<u32>, redraw: Option<&Redraw>) -> Result<Option<TimePlan>, Failure> {
         let asked = self.prepare.raw.time;
         match (&self.series, redraw) {
             (None, Some(redraw)) => redraw.check_one_store().map(|()| None),
             (None, None) => match asked {
                 Some(several @ (TimeChoice::Range(..) | TimeChoice::All)) => {
-                    let why = "is no series of stores; brickcast prepare makes one, of several inputs or of several times";
+                    let why =
+                        "is no series of stores; brickcast prepare makes one, of several inputs or of several times";
                     Err(Failure::usage(anyhow!("--time {several}: {} {why}", self.shown().display())))
                 }
                 _ => Ok(None),
@@ -84,7 +81,8 @@ impl SourcePlan {
                 Err(Failure::usage(anyhow!("--time: {file} says which step each picture is of: leave it out")))
             }
             (Some(series), Some(redraw)) => {
-                let step = |hash: StoreHash| series.step_of(hash).ok_or_else(|| redraw.another_store(self.shown(), hash));
+                let step =
+                    |hash: StoreHash| series.step_of(hash).ok_or_else(|| redraw.another_store(self.shown(), hash));
                 let steps = redraw.manifests.iter().map(|manifest| step(manifest.store)).collect::<Result<_, _>>()?;
                 Ok(Some(TimePlan::new(series.clone(), steps, false)))
             }
