@@ -114,7 +114,8 @@ fn a_sequence_shows_each_step_whatever_is_fetched_ahead_and_is_drawn_again() {
     let turn = ["render", "load", "--time", "3..1", "--frames", "6", "--orbit", "90", "-o", "turn.apng"];
     brickcast_ok(at, &[&turn[..], &SCENE].concat());
     let told = manifest(at, "turn.apng.json");
-    let steps: Vec<u64> = told["frames"].as_array().unwrap().iter().map(|f| f["series_step"].as_u64().unwrap()).collect();
+    let step = |frame: &Value| frame["series_step"].as_u64().unwrap();
+    let steps: Vec<u64> = told["frames"].as_array().unwrap().iter().map(step).collect();
     assert_eq!(steps, [3, 3, 2, 2, 1, 1]);
     assert!(told["frames"][0]["camera"] != told["frames"][1]["camera"]);
     let again =
