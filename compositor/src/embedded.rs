@@ -4,6 +4,7 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 
+pub use brickcast_node::DataRoot;
 use brickcast_node::backend;
 pub use brickcast_node::backend::BackendChoice;
 use brickcast_node::brick::shares::MemoryShares;
@@ -13,7 +14,7 @@ pub use brickcast_node::gpu::drivers::need_no_desktop;
 use brickcast_node::kernel::{Raycaster, Recipe};
 use brickcast_node::serve::admission::Admission;
 pub use brickcast_node::version::text as version;
-use brickcast_node::{DataRoot, Node, NodeConfig, NodeError, serve_admitted};
+use brickcast_node::{Node, NodeConfig, NodeError, serve_admitted};
 use brickcast_proto::credentials::{Doorkeeper, Token};
 use brickcast_volume::regions::Drawn;
 use brickcast_volume::scene::Scene;
@@ -117,10 +118,28 @@ impl EmbeddedNodes {
         store: &'a Path,
         memory_budget: u64,
     ) -> BoxFuture<'a, Result<Self, EmbeddedError>> {
-        Box::pin(Self::started(opened, count, store, memory_budget))
+        Self::serving(opened, count, DataRoot::Single(store.to_path_buf()), memory_budget)
     }
 
-    async fn started(opened: &Backend, count: usize, store: &Path, memory_budget: u64) -> Result<Self, EmbeddedError> {
+    /// Starts `count` nodes with this data.
+    ///
+    /// # Errors
+    /// As [`EmbeddedNodes::start`].
+    pub fn serving(
+        opened: &Backend,
+        count: usize,
+        data: DataRoot,
+        memory_budget: u64,
+    ) -> BoxFuture<'_, Result<Self, EmbeddedError>> {
+        Box::pin(Self::started(opened, count, data, memory_budget))
+    }
+
+    async fn started(
+        opened: &Backend,
+        count: usize,
+        data: DataRoot,
+        memory_budget: u64,
+    ) -> Result<Self, EmbeddedError> {
         if !(1..=64).contains(&count) {
             return Err(EmbeddedError::Count(count));
         }
@@ -128,7 +147,7 @@ impl EmbeddedNodes {
         let mut nodes = Self { token: token.clone(), addresses: Vec::new(), running: Vec::new() };
         let cache = Node::chunk_cache(memory_budget);
         for _ in 0..count {
-            let config = NodeConfig::new(DataRoot::Single(store.to_path_buf()), memory_budget);
+            let config = NodeConfig::new(data.clone(), memory_budget);
             let node = Arc::new(Node::sharing(config, Arc::clone(&opened.0), cache.share())?);
             let listener = TcpListener::bind(("127.0.0.1", 0)).await?;
             nodes.addresses.push(listener.local_addr()?);

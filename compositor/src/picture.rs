@@ -30,6 +30,12 @@ impl Picture {
         Ok(Self { size, pixels })
     }
 
+    /// One that shows nothing.
+    #[must_use]
+    pub fn empty(size: PictureSize) -> Self {
+        Self { size, pixels: vec![Premul::default(); size.pixel_count()] }
+    }
+
     #[must_use]
     pub fn size(&self) -> PictureSize {
         self.size

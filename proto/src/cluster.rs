@@ -168,6 +168,9 @@ pub struct LoadRequest {
     pub scene: Scene,
     /// One brick at a time: no frame waits for more than that.
     pub background: bool,
+    /// Stores that are shown meanwhile. Where there are some, bricks are loaded beside the frames, in no turn, as far
+    /// as there is room without bricks of these stores going for it.
+    pub keep: Vec<StoreHash>,
     /// Bricks to let go of before any is loaded, but for those that a frame or another session uses; none twice, none
     /// that is asked for.
     pub release: Vec<BrickId>,

@@ -18,6 +18,7 @@ mod node;
 mod shards;
 mod source;
 mod space;
+mod time_axis;
 mod view;
 
 use std::sync::Arc;
@@ -28,6 +29,7 @@ use brickcast_volume::store::Objects;
 use error::failed;
 pub use error::{ChunkFault, MAX_CHUNK_BYTES, OmeZarrError};
 pub use source::OmeZarrSource;
+pub use time_axis::TimeAxis;
 pub use view::whole;
 
 /// True where something of Zarr lies at the root of `objects`.
@@ -47,4 +49,12 @@ pub fn open(objects: Arc<dyn Objects>, hints: &RawHints) -> Result<Box<dyn Volum
         Ok(source) => Ok(Box::new(source)),
         Err(reason) => Err(failed(objects.as_ref(), reason)),
     }
+}
+
+/// The axis of time of the image at the root of `objects`; nothing where it has none.
+///
+/// # Errors
+/// As [`open`], as far as metadata go.
+pub fn times(objects: &dyn Objects) -> Result<Option<TimeAxis>, FormatError> {
+    space::times(objects).map_err(|reason| failed(objects, reason))
 }

@@ -2,12 +2,14 @@
 
 use brickcast_volume::format::Placement;
 use brickcast_volume::space::Geometry;
+use brickcast_volume::store::Objects;
 use glam::{DMat3, DVec3};
 
 use crate::array::Array;
 use crate::axes::Axes;
 use crate::error::OmeZarrError;
-use crate::image::Image;
+use crate::image::{self, Image};
+use crate::time_axis::TimeAxis;
 
 /// Metres of the units of length that OME-Zarr names and scans have.
 const METRES: [(&str, f64); 12] = [
@@ -71,6 +73,27 @@ impl Space {
         let placement = Placement { spacing: has_scale, origin: has_origin, directions: false };
         Ok(Self { geometry, placement, unit, notes })
     }
+}
+
+/// The axis of time of the image at the root of `objects`, where it has one.
+pub(crate) fn times(objects: &dyn Objects) -> Result<Option<TimeAxis>, OmeZarrError> {
+    let image = image::find(objects)?;
+    let array = Array::of(&image.node, &image.array)?;
+    let (count, axes) = (array.shape.len(), image.axes.as_deref());
+    let axis = match axes {
+        Some(axes) => axes.iter().position(|axis| axis.name == "t"),
+        // The usual order, as it is assumed.
+        None => (count == 5).then_some(0),
+    };
+    let Some((axis, length)) = axis.and_then(|axis| Some((axis, *array.shape.get(axis)?))) else { return Ok(None) };
+    let [finest, all] = &image.transforms;
+    let at = |list: &Option<Vec<f64>>| list.as_ref().and_then(|list| list.get(axis).copied());
+    let outer = at(&all.scale).unwrap_or(1.0);
+    let step = at(&finest.scale).or(at(&all.scale).map(|_| 1.0)).map(|step| step * outer);
+    let step = step.filter(|step| step.is_finite() && *step > 0.0);
+    let first = at(&finest.translation).unwrap_or(0.0) * outer + at(&all.translation).unwrap_or(0.0);
+    let unit = axes.and_then(|axes| axes.get(axis)?.unit.clone()).filter(|unit| unit.len() < 100);
+    Ok(Some(TimeAxis { count: length, first: if first.is_finite() { first } else { 0.0 }, step, unit }))
 }
 
 /// The unit of all axes: that of x, to which those of others are taken.

@@ -7,9 +7,11 @@ use anyhow::anyhow;
 use brickcast_remote::{Address, Place, PlaceError};
 use brickcast_volume::StoreHash;
 use brickcast_volume::brick::BrickGrid;
-use brickcast_volume::store::{MANIFEST_FILE, Manifest, PrepareOptions, STORE_VERSION, Store, ViewFile, survey};
+use brickcast_volume::store::{
+    MANIFEST_FILE, Manifest, PrepareOptions, SERIES_FILE, STORE_VERSION, Series, Store, StoreError, ViewFile, survey,
+};
 
-use super::args::{DEFAULT_SEGMENTATION_RANGE, OnTheWayArgs, RawArgs};
+use super::args::{DEFAULT_SEGMENTATION_RANGE, OnTheWayArgs, RawArgs, TimeChoice};
 use super::failure::Failure;
 use super::input::{is_input, open_input, prepare_input, tell, view_of};
 use super::progress::Bar;
@@ -37,6 +39,9 @@ pub struct Surveyed {
     pub store: Option<Store>,
     /// Where the voxels of a view lie, in its words.
     pub view: Option<String>,
+    /// Where the path is a series of which no step was named: the rest is of its first one, but for what is said of the
+    /// voxels of all.
+    pub series: Option<Series>,
 }
 
 /// Reads a store's manifest, or an input once from end to end; nothing is prepared.
@@ -49,7 +54,14 @@ pub fn surveyed(path: &Path, raw: &RawArgs) -> Result<Surveyed, Failure> {
         match stored::open(&place) {
             Ok(store) => {
                 let view = ViewFile::read(place.objects().as_ref())?.map(|file| file.input.place);
-                return Ok(Surveyed { manifest: store.manifest().clone(), store: Some(store), view });
+                return Ok(Surveyed { manifest: store.manifest().clone(), store: Some(store), view, series: None });
+            }
+            Err(StoreError::NotAStore { .. }) if let Some(series) = Series::find(place.objects())? => {
+                let store = step_of(&series, raw.time.unwrap_or(TimeChoice::One(0)))?;
+                let of_all = raw.time.is_none().then(|| series.manifest().statistics.in_place_of(store.manifest()));
+                let series = of_all.is_some().then_some(series);
+                let manifest = of_all.unwrap_or_else(|| store.manifest().clone());
+                return Ok(Surveyed { manifest, store: Some(store), view: None, series });
             }
             Err(error) if is_input(&place, &error)? => {}
             Err(error) => return Err(error.into()),
@@ -59,7 +71,49 @@ pub fn surveyed(path: &Path, raw: &RawArgs) -> Result<Surveyed, Failure> {
     let bar = Bar::new(&format!("reading {}", path.display()));
     let manifest = survey(source.as_mut(), &mut |p| bar.at(p.done, p.total))?;
     bar.finish();
-    Ok(Surveyed { manifest, store: None, view: None })
+    Ok(Surveyed { manifest, store: None, view: None, series: None })
+}
+
+/// The series at `path`; nothing where there is none.
+///
+/// # Errors
+/// As [`place`]; a series that is broken.
+pub fn series_at(path: &Path) -> Result<Option<Series>, Failure> {
+    let place = place(path)?;
+    match is_place_of_many_files(&place) {
+        // A server may refuse to say that something is not there.
+        true if matches!(place, Place::Far(_)) => Ok(Series::find(place.objects()).unwrap_or(None)),
+        true => Ok(Series::find(place.objects())?),
+        false => Ok(None),
+    }
+}
+
+/// Does a series lie at `path`, however broken?
+///
+/// # Errors
+/// As [`place`].
+pub fn is_series(path: &Path) -> Result<bool, Failure> {
+    let place = place(path)?;
+    Ok(is_place_of_many_files(&place) && place.objects().open(SERIES_FILE).is_ok_and(|file| file.size().is_ok()))
+}
+
+/// The store of one step.
+fn step_of(series: &Series, asked: TimeChoice) -> Result<Store, Failure> {
+    let steps = asked.steps(series.manifest().steps.len());
+    let place = series.place().display();
+    match steps.map_err(|why| Failure::usage(anyhow!("{why} in the series {place}")))?[..] {
+        [step] => Ok(series.open_step(step)?),
+        _ => Err(Failure::usage(anyhow!("--time {asked}: one step is needed here, and only render shows several"))),
+    }
+}
+
+/// By what nodes elsewhere find a step.
+pub fn choice_of_step(series: &Series, step: usize, hash: StoreHash) -> StoreChoice {
+    let address = series.place().to_str().filter(|_| series.is_far()).and_then(|text| Address::new(text).ok());
+    match address.filter(|address| !address.is_listed()) {
+        Some(address) => StoreChoice::Name(format!("{}/{step}", address.to_string().trim_end_matches('/'))),
+        None => StoreChoice::Hash(hash),
+    }
 }
 
 /// A folder, or a place behind a network: a store, or an input of many files.
@@ -86,8 +140,7 @@ pub fn local(path: &Path) -> Result<PathBuf, Failure> {
     match place(path)? {
         Place::Folder(path) => Ok(path),
         Place::Far(root) => {
-            let why = "lies behind a network, where stores are read, but none are written; name a folder of this \
-                       machine";
+            let why = "lies behind a network, where only single volumes are prepared to; name a folder of this machine";
             Err(Failure::usage(anyhow!("{} {why}", root.address())))
         }
     }
@@ -129,6 +182,11 @@ impl OnTheWayArgs {
         let path = if let Place::Folder(path) = &place { path } else { path };
         if is_place_of_many_files(&place) {
             let store = match stored::open(&place) {
+                Err(StoreError::NotAStore { .. }) if let Some(series) = Series::find(place.objects())? => {
+                    let asked =
+                        self.raw.time.ok_or_else(|| Failure::usage(anyhow!("{}, or --time 0", series.words())))?;
+                    step_of(&series, asked)?
+                }
                 Err(error) if is_input(&place, &error)? => return Ok(Source::Store(self.prepared(&place, path)?)),
                 store => store?,
             };

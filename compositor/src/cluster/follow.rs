@@ -227,7 +227,8 @@ async fn attempt(target: Target, dial: Dial, store: StoreHash, outlooks: Outlook
         let (shown, scene) = (outlook.shown.clone(), outlook.scene.clone());
         let chunks = outlook.what_it_would_hold(&target.address);
         let bricks = shown.bricks_in(&chunks);
-        let request = LoadRequest { session, store, bricks, scene, background: false, release: Vec::new() };
+        let (background, release, keep) = (false, Vec::new(), Vec::new());
+        let request = LoadRequest { session, store, bricks, scene, background, release, keep };
         let receipt = client.load(request).await?;
         if receipt.fits {
             holds.extend(chunks);

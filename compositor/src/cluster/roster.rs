@@ -83,6 +83,6 @@ impl Roster {
         (store, bricks): (StoreHash, Vec<BrickId>),
         scene: Scene,
     ) -> LoadRequest {
-        LoadRequest { session, store, bricks, scene, background: false, release: Vec::new() }
+        LoadRequest { session, store, bricks, scene, background: false, release: Vec::new(), keep: Vec::new() }
     }
 }

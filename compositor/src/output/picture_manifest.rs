@@ -27,6 +27,8 @@ pub struct PictureManifest {
     pub lod: Lod,
     /// Of level 0, whichever was drawn.
     pub store: StoreHash,
+    /// Which step of the series at `path` the store is; nothing where it is no step.
+    pub step: Option<u64>,
     /// PATH as it was given where the picture was drawn; manifests of earlier versions do not tell.
     pub path: Option<String>,
     /// RGB in 0..=1, of a picture that has no alpha.
@@ -75,10 +77,11 @@ pub struct NodeNote {
 }
 
 /// The fields beside the scene's.
-const FIELDS: [&str; 18] = [
+const FIELDS: [&str; 19] = [
     "transport",
     "lod",
     "store",
+    "series_step",
     "path",
     "background",
     "complete",
@@ -132,6 +135,9 @@ impl PictureManifest {
                 fields.extend(part);
             }
         }
+        if let Some(step) = self.step {
+            fields.insert("series_step".to_owned(), step.into());
+        }
         if !self.about.empty {
             fields.remove("empty_because");
         }
@@ -156,6 +162,7 @@ impl PictureManifest {
             transport,
             lod: Lod::from_json(fields, "lod")?,
             store,
+            step: fields.get_optional("series_step")?,
             path: fields.get_optional("path")?,
             background,
             complete: fields.get("complete")?,

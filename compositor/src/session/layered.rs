@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use brickcast_proto::TILE;
 use brickcast_volume::merge::{MergeTree, Viewpoint};
 use brickcast_volume::pixel::Coloring;
 use brickcast_volume::scene::Scene;
@@ -25,6 +26,18 @@ pub struct Frame {
     /// Tiles of 64 pixels of the picture for which an answer is missing, wholly or of some of its rays.
     pub missing_tiles: Vec<[u32; 2]>,
     pub stats: FrameStats,
+}
+
+impl Frame {
+    /// One of which nothing was drawn, and why.
+    #[must_use]
+    pub fn of_nothing(scene: &Scene, why: String) -> Self {
+        let size = scene.view.size;
+        let tiles = [size.width(), size.height()].map(|n| n.div_ceil(TILE));
+        let missing_tiles = (0..tiles[1]).flat_map(|y| (0..tiles[0]).map(move |x| [x, y])).collect();
+        let stats = FrameStats::sum(0.0, (0, 0), false, FrameFaults::default(), Vec::new());
+        Self { picture: Picture::empty(size), complete: false, problems: vec![why], missing_tiles, stats }
+    }
 }
 
 /// What nodes brought to a frame, not joined yet.

@@ -100,6 +100,15 @@ impl LevelSessions {
         &self.session
     }
 
+    pub(super) fn session_mut(&mut self) -> &mut Session {
+        &mut self.session
+    }
+
+    /// Has the session draw what is selected from now on.
+    pub fn draw(&mut self, scene: &Scene, selection: &Selection) {
+        self.deal(scene, selection);
+    }
+
     /// Renders by a table of its own from now on, instead of contiguous runs: `table` makes it for so many chunks of
     /// the finest level. A chunk of a coarser level goes where the first of these in it goes.
     pub fn assign(&mut self, table: impl Fn(usize) -> Assignment) {

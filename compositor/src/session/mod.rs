@@ -2,6 +2,7 @@
 //!
 //! What it awaits is type-erased: the body of an `async fn` is compiled again in every crate that awaits it.
 
+pub mod ahead;
 pub mod audit;
 mod balanced;
 mod cluster;
@@ -87,6 +88,10 @@ impl Session {
     #[must_use]
     pub fn on(cluster: Arc<Cluster>) -> Self {
         Self { cluster, id: new_id(), next_frame: 1, fixed: None, planned: None, mixed: None, whole: None }
+    }
+
+    fn id(&self) -> SessionId {
+        self.id
     }
 
     #[must_use]

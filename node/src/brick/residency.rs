@@ -168,7 +168,21 @@ impl Residency {
         load: &Load<'_>,
         cancelled: &(dyn Fn() -> bool + Sync),
     ) -> Result<Vec<BrickKey>, NodeError> {
-        let Some((lease, _grant)) = self.reserve_now(ask) else { return Ok(Vec::new()) };
+        self.fetch_beside(ask, &[], load, cancelled)
+    }
+
+    /// As [`Residency::fetch_ahead`], without bricks of the stores `keep` going for it.
+    ///
+    /// # Errors
+    /// As [`Residency::fetch_ahead`].
+    pub fn fetch_beside(
+        &self,
+        ask: Ask<'_>,
+        keep: &[StoreHash],
+        load: &Load<'_>,
+        cancelled: &(dyn Fn() -> bool + Sync),
+    ) -> Result<Vec<BrickKey>, NodeError> {
+        let Some((lease, _grant)) = self.reserve_now(ask, keep) else { return Ok(Vec::new()) };
         let mine = self.lock().claim(&lease.keys);
         self.load(Claim { residency: self, keys: mine.clone() }, ask.shares.at_once, load, cancelled)?;
         Ok(mine)
@@ -193,10 +207,14 @@ impl Residency {
         Ok(self.hold(&mut table, ask.session, ask.wanted, loading))
     }
 
-    /// Reserves as many of those that are missing as there is room for. Nothing where there is none, or nothing misses.
-    fn reserve_now(&self, ask: Ask<'_>) -> Option<(Lease<'_>, Grant<'_>)> {
-        let keep: HashSet<BrickKey> = ask.wanted.iter().map(|w| w.key).collect();
+    /// Reserves as many of those that are missing as there is room for without bricks of `stores` going. Nothing where
+    /// there is none, or nothing misses.
+    fn reserve_now(&self, ask: Ask<'_>, stores: &[StoreHash]) -> Option<(Lease<'_>, Grant<'_>)> {
+        let mut keep: HashSet<BrickKey> = ask.wanted.iter().map(|w| w.key).collect();
         let mut table = self.lock();
+        if !stores.is_empty() {
+            keep.extend(table.slots.keys().filter(|key| stores.contains(&key.store)));
+        }
         let mut left = table.could_be_free(self.budget, &keep).checked_sub(ask.shares.loading)?;
         let fits = |w: &Wanted| {
             let rest = left.checked_sub(w.bytes);

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use brickcast_proto::{LoadReceipt, LoadRequest, StoreQuery};
 use brickcast_volume::lod::Sides;
+use brickcast_volume::{SessionId, StoreHash};
 
 use super::Node;
 use crate::brick::residency::{Ask, Wanted};
@@ -13,11 +14,14 @@ use crate::brick::shares::{BrickShares, Need};
 use crate::clients::Caller;
 use crate::error::NodeError;
 use crate::kernel::{BrickTraits, KernelKey};
-use crate::render::{BrickChoice, LoadMeter, load_bricks};
+use crate::render::{BrickChoice, LoadMeter, load_beside, load_bricks};
 use crate::stores::{OpenStore, Source};
 
 /// Bricks loaded ahead before a waiting frame gets its turn.
 const LOAD_BATCH: usize = 64;
+
+/// Bricks loaded beside frames before it is seen whether anybody wants more.
+const BESIDE_BATCH: usize = 16;
 
 /// What a request comes to.
 struct Wish {
@@ -59,6 +63,7 @@ impl Node {
         self.accepting()?;
         let request = Arc::new(request);
         let (session, background, filter) = (request.session, request.background, request.scene.quality.filter);
+        let keep: Arc<[StoreHash]> = request.keep.clone().into();
         let wish = move |node: &Self| {
             let store = node.stores.query(&StoreQuery::Hash(request.store))?;
             let wish = node.wish(&request, &store)?;
@@ -66,13 +71,17 @@ impl Node {
             Ok((store, wish))
         };
         let (store, Wish { bricks, fits, shares, keys }) = self.aside(&caller, wish).await?;
+        let mut load = LoadMeter::default();
+        let gone = Gone::default();
+        if !keep.is_empty() {
+            self.load_beside(&caller, (session, &bricks, shares), (&store, &keep), &gone, &mut load).await?;
+            return Ok(self.receipt(&bricks, fits, &load));
+        }
         let warm_up = move |node: &Self| {
             let keys: Vec<_> = keys.into_iter().collect();
             Ok(node.raycaster.warm_up(filter, &keys)?)
         };
         self.in_turn(&caller, warm_up).await?;
-        let mut load = LoadMeter::default();
-        let gone = Gone::default();
         for batch in bricks.chunks(if background { 1 } else { LOAD_BATCH }) {
             self.accepting()?;
             let (batch, store, gone) = (batch.to_vec(), store.clone(), gone.0.clone());
@@ -85,15 +94,53 @@ impl Node {
             });
             load.add(loaded.await?);
         }
-        Ok(LoadReceipt {
+        Ok(self.receipt(&bricks, fits, &load))
+    }
+
+    /// Loads for frames to come while others render: one such request at a time, without a turn, and in one thread
+    /// where the processor renders. Nothing goes for it but what is of no store in `keep`.
+    async fn load_beside(
+        self: &Arc<Self>,
+        caller: &Caller,
+        (session, bricks, shares): (SessionId, &[Wanted], BrickShares),
+        (store, keep): (&Arc<OpenStore>, &Arc<[StoreHash]>),
+        gone: &Gone,
+        load: &mut LoadMeter,
+    ) -> Result<(), NodeError> {
+        if bricks.is_empty() {
+            return Ok(());
+        }
+        // Never closed.
+        let _leave = self.beside.acquire().await;
+        let is_on_processor = self.raycaster.info().is_on_processor;
+        let at_once = if is_on_processor { 1 } else { shares.at_once };
+        let shares = BrickShares { at_once, ..shares };
+        for batch in bricks.chunks(BESIDE_BATCH) {
+            self.accepting()?;
+            let (batch, store, keep, gone) = (batch.to_vec(), store.clone(), keep.clone(), gone.0.clone());
+            let loaded = self.aside(caller, move |node| {
+                let cancelled = node.unwanted(move || gone.load(Ordering::Relaxed));
+                let cache = node.cache.share_until(cancelled.clone());
+                let ask = Ask { session, wanted: &batch, shares, place: None };
+                let (sources, workshop) = ([Source::of(&store)], node.workshop(session, &cache));
+                load_beside(ask, &keep, &sources, workshop, &cancelled)
+                    .inspect_err(|error| node.note_broken(error, &store))
+            });
+            load.add(loaded.await?);
+        }
+        Ok(())
+    }
+
+    fn receipt(&self, bricks: &[Wanted], fits: bool, load: &LoadMeter) -> LoadReceipt {
+        LoadReceipt {
             load_ms: load.milliseconds(),
             bricks: u32::try_from(bricks.len()).unwrap_or(u32::MAX),
             decoded_bytes: load.decoded_bytes,
             owned_bytes: load.owned_bytes,
             resident_bytes: self.residency.occupancy().bytes,
             fits,
-            bytes: self.residency.resident_bytes(&bricks),
-        })
+            bytes: self.residency.resident_bytes(bricks),
+        }
     }
 
     /// Works out what to load; builds the scene's tables on the way.

@@ -48,6 +48,8 @@ pub struct Node {
     turns: Arc<TurnQueue>,
     /// The one that renders and those that wait.
     places: Arc<Semaphore>,
+    /// Leave to load beside frames, for those to come.
+    beside: Semaphore,
     draining: AtomicBool,
     /// Work stops at its next batch.
     stopped: Arc<AtomicBool>,
@@ -88,6 +90,7 @@ impl Node {
             life: Life::new(),
             turns: Arc::default(),
             places: Arc::new(Semaphore::new(MAX_WAITING + 1)),
+            beside: Semaphore::new(1),
             draining: AtomicBool::new(false),
             stopped: Arc::default(),
             stall_timeout: frames::STALL_TIMEOUT,
@@ -111,6 +114,7 @@ impl Node {
         // Closed semaphores (there are none) would count as idle.
         let _places = self.places.acquire_many(MAX_WAITING as u32 + 1).await;
         let _turn = self.turns.turn(Client::Local).await;
+        let _beside = self.beside.acquire().await;
     }
 
     fn stopped(&self) -> bool {

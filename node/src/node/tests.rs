@@ -51,7 +51,8 @@ impl Bench {
     fn load_all(&self) -> LoadRequest {
         let scene = Self::scene(-2.0);
         let bricks = (0..BRICKS).map(BrickId::finest).collect();
-        LoadRequest { session: SessionId(1), store: self.hash, bricks, scene, background: true, release: Vec::new() }
+        let (session, store) = (SessionId(1), self.hash);
+        LoadRequest { session, store, bricks, scene, background: true, release: Vec::new(), keep: Vec::new() }
     }
 
     /// Renders a corner of the volume.
@@ -111,6 +112,21 @@ async fn a_frame_overtakes_loading_in_the_background() {
     let receipt = tokio::time::timeout(LIMIT, loading).await.unwrap().unwrap().unwrap();
     assert_eq!((receipt.bricks, bench.uploads()), (BRICKS, BRICKS as usize));
     assert!(receipt.fits && receipt.bytes == receipt.resident_bytes, "{receipt:?}");
+}
+
+/// Law of adr 24: who waits for the turn waits for nothing that is loaded for later.
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_loaded_beside_frames_needs_no_turn() {
+    let bench = Bench::new();
+    let _turn = bench.node.turns.turn(Client::Local).await;
+    let beside = LoadRequest { keep: vec![StoreHash(7)], ..bench.load_all() };
+    let load = bench.node.load(Caller::default(), beside);
+    let receipt = tokio::time::timeout(LIMIT, load).await.expect("it waits for the turn").unwrap();
+    assert!(receipt.fits && receipt.bytes > 0, "{receipt:?}");
+    assert_eq!(bench.node.residency.occupancy().bricks, BRICKS as usize);
+    let ordinary =
+        tokio::time::timeout(Duration::from_millis(200), bench.node.load(Caller::default(), bench.load_all()));
+    assert!(ordinary.await.is_err(), "others have to");
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -4,11 +4,11 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use brickcast_volume::BrickIndex;
 use brickcast_volume::brick::BrickVoxels;
 use brickcast_volume::lod::take_coarser;
 use brickcast_volume::regions::{BrickRegions, Region, RegionTable};
 use brickcast_volume::store::{BrickSource, ChunkCache};
+use brickcast_volume::{BrickIndex, StoreHash};
 
 use super::meter::LoadMeter;
 use super::pace::thread_time;
@@ -41,6 +41,26 @@ pub(crate) fn load_bricks<'a>(
         loaded => LoadMeter { time: started.elapsed(), ..metered(loaded, sources, workshop, decoded) },
     };
     Ok((lease, meter))
+}
+
+/// Loads what is asked for, for frames to come, as far as there is room without bricks of the stores `keep` going for
+/// it; it waits for nobody.
+pub(crate) fn load_beside(
+    ask: Ask<'_>,
+    keep: &[StoreHash],
+    sources: &[Source<'_>],
+    workshop: Workshop<'_>,
+    cancelled: &(dyn Fn() -> bool + Sync),
+) -> Result<LoadMeter, NodeError> {
+    let (started, decoded) = (Instant::now(), workshop.cache.decoded_bytes());
+    let load = |key: BrickKey| {
+        workshop.pulse.beat();
+        load_brick(key, of_brick(&key, sources)?, workshop.raycaster, workshop.cache)
+    };
+    let load: &Load<'_> = &load;
+    let fetch = || workshop.residency.fetch_beside(ask, keep, load, cancelled);
+    let loaded = reading(are_far(sources), fetch)?;
+    Ok(LoadMeter { time: started.elapsed(), ..metered(&loaded, sources, workshop, decoded) })
 }
 
 /// Loads what is asked for as far as there is room, while others render: none of its time is waited for, and what it

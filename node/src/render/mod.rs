@@ -34,7 +34,7 @@ pub use tables::TableCache;
 pub use workshop::{MAX_BAND_PIXELS, MAX_BATCH_BYTES, Turns, Workshop};
 
 pub(crate) use choice::BrickChoice;
-pub(crate) use load::load_bricks;
+pub(crate) use load::{load_beside, load_bricks};
 
 /// Renders `order` and hands every ordered (layer, tile) pair to `emit` exactly once, as pixels or as an empty; the
 /// receipt is the caller's. Stops within milliseconds once `cancelled`.

@@ -20,6 +20,8 @@ const MAX_FOLDERS: usize = 2000;
 pub(crate) const READERS: usize = 32;
 /// What says that a folder is an array of somebody else, or a part of one: no store of ours lies below.
 const FOREIGN: [&str; 4] = ["zarr.json", ".zgroup", ".zarray", ".zattrs"];
+/// ... but for the steps of a series of ours.
+const SERIES_FILE: &str = brickcast_volume::store::SERIES_FILE;
 const MANIFEST: &str = brickcast_volume::store::MANIFEST_FILE;
 
 /// A data root on a server.
@@ -112,7 +114,7 @@ impl FarRoot {
             let hash = objects.and_then(|objects| (&objects as &dyn Objects).manifest_hash().ok());
             return Ok(hash.map(|hash| StoreName { name: name.to_owned(), hash }).into_iter().collect());
         }
-        if depth == MAX_DEPTH || FOREIGN.iter().any(|file| has(file)) {
+        if depth == MAX_DEPTH || (FOREIGN.iter().any(|file| has(file)) && !has(SERIES_FILE)) {
             return Ok(Vec::new());
         }
         let names = listing.folders.into_par_iter().filter(|folder| !folder.starts_with('.'));

@@ -166,6 +166,9 @@ impl TryFrom<wire::StoreDescription> for StoreDescription {
     }
 }
 
+/// More than the levels of a volume and of the one that is shown next.
+const MAX_KEPT_STORES: usize = 64;
+
 impl From<LoadRequest> for wire::PrepareRequest {
     fn from(request: LoadRequest) -> Self {
         let numbers = |bricks: Vec<BrickId>| bricks.into_iter().map(BrickId::linear).collect();
@@ -179,6 +182,7 @@ impl From<LoadRequest> for wire::PrepareRequest {
             release: numbers(request.release),
             session: request.session.0,
             level: level.into(),
+            keep: request.keep.iter().map(ToString::to_string).collect(),
         }
     }
 }
@@ -193,6 +197,7 @@ impl TryFrom<wire::PrepareRequest> for LoadRequest {
         for list in [&request.bricks, &request.release] {
             at_most("bricks", list.len(), MAX_BRICKS as usize)?;
         }
+        at_most("stores to keep", request.keep.len(), MAX_KEPT_STORES)?;
         // Nor may a brick be asked for and let go of.
         let mut sorted = [&request.bricks[..], &request.release].concat();
         sorted.sort_unstable();
@@ -212,6 +217,7 @@ impl TryFrom<wire::PrepareRequest> for LoadRequest {
             background: request.background,
             release: finest(request.release),
             session: SessionId(request.session),
+            keep: request.keep.iter().map(|hash| hash.parse()).collect::<Result<_, _>>()?,
         })
     }
 }

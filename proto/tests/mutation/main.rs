@@ -231,7 +231,8 @@ fn load_request(random: &mut Random) -> LoadRequest {
     let bricks = (0..random.below(40) as u32).map(|b| BrickId::finest(b * 3)).collect();
     let release = (0..random.below(10) as u32).map(|b| BrickId::finest(b * 3 + 1)).collect();
     let (session, background) = (SessionId(random.below(1000) as u64), random.below(2) == 1);
-    LoadRequest { session, store: StoreHash(3), bricks, scene: scene(random), background, release }
+    let keep = (0..random.below(3) as u128).map(StoreHash).collect();
+    LoadRequest { session, store: StoreHash(3), bricks, scene: scene(random), background, release, keep }
 }
 
 /// Through prost's bytes and back.

@@ -139,6 +139,11 @@ fn receipts_and_requests_to_load_are_refused_in_words() {
     let coarse = LoadRequest::try_from(request.clone()).unwrap_err();
     assert_eq!(coarse.to_string(), "bricks of level 3: this node knows level 0 only, the finest");
     request.level = 0;
+    request.keep = vec![StoreHash(1).to_string(); 65];
+    assert!(LoadRequest::try_from(request.clone()).unwrap_err().to_string().contains("stores to keep"));
+    request.keep = vec!["none".to_owned()];
+    assert!(LoadRequest::try_from(request.clone()).unwrap_err().to_string().contains("none"));
+    request.keep.clear();
     let finest = LoadRequest::try_from(request).unwrap();
     assert!(finest.bricks.iter().chain(&finest.release).all(|brick| brick.level() == 0));
 }

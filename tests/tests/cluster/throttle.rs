@@ -62,8 +62,15 @@ impl Rig {
 
     async fn load(&mut self, bricks: Vec<BrickId>) {
         let (store, scene) = (self.order.store, self.order.scene.clone());
-        let request =
-            LoadRequest { session: SessionId(1), store, bricks, scene, background: false, release: Vec::new() };
+        let request = LoadRequest {
+            session: SessionId(1),
+            store,
+            bricks,
+            scene,
+            background: false,
+            release: vec![],
+            keep: vec![],
+        };
         self.client.load(request).await.unwrap();
     }
 

@@ -38,6 +38,7 @@ mod scene_file;
 mod store_care;
 mod store_interop;
 mod talk;
+mod time;
 mod transfer_function;
 mod values;
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use brickcast_volume::format::{FormatError, SourceHeader, VolumeSource, VoxelType};
 use brickcast_volume::space::Geometry;
-use brickcast_volume::store::{ChunkCache, PrepareOptions, RegionOptions, Segmentation, Store, prepare};
+use brickcast_volume::store::{ChunkCache, PrepareOptions, RegionOptions, Segmentation, SeriesWriter, Store, prepare};
 use zarrs::array::{Array, ElementOwned, FromArrayBytes};
 use zarrs::filesystem::FilesystemStore;
 
@@ -204,4 +204,69 @@ fn zarr_python_reads_equal_voxels_and_the_ome_metadata() {
     python_reads(VoxelType::I8, "int8", low);
     python_reads(VoxelType::U16, "<u2", words.clone());
     python_reads(VoxelType::I16, "<i2", words);
+}
+
+/// Opens the series at argv[1] as a collection of images, by zarr-python and, where it is there, by ome-zarr-py; the
+/// voxels of step i are those of the raw file at argv[2 + i].
+const PYTHON_SERIES: &str = r#"
+import sys, numpy, zarr
+series, raws = sys.argv[1], sys.argv[2:]
+group = zarr.open_group(series, mode="r")
+assert group.attrs["ome"] == {"version": "0.5", "bioformats2raw.layout": 3}, group.attrs["ome"]
+names = group["OME"].attrs["ome"]["series"]
+assert names == [str(i) for i in range(len(raws))], names
+for name, raw in zip(names, raws):
+    (image,) = group[name].attrs["ome"]["multiscales"]
+    array = group[name][image["datasets"][0]["path"]]
+    assert numpy.array_equal(array[...], numpy.fromfile(raw, dtype="<u2").reshape(array.shape)), name
+try:
+    import ome_zarr.io, ome_zarr.reader
+except ImportError:
+    sys.exit(3)
+for name, raw in zip(names, raws):
+    (node,) = ome_zarr.reader.Reader(ome_zarr.io.parse_url(f"{series}/{name}"))()
+    levels = node.data
+    assert len(levels) == 4, len(levels)
+    want = numpy.fromfile(raw, dtype="<u2").reshape(levels[0].shape)
+    assert numpy.array_equal(numpy.asarray(levels[0]), want), name
+"#;
+
+#[test]
+fn a_series_is_a_collection_of_images_to_others() {
+    let probe = Command::new("python3")
+        .args(["-c", "import zarr, sys; sys.exit(int(zarr.__version__.split('.')[0]) < 3)"])
+        .output();
+    if !probe.is_ok_and(|p| p.status.success()) {
+        brickcast_harness::ignore("python3 with zarr >= 3 is missing: pip install 'zarr>=3'");
+    }
+    let dir = tempfile::tempdir().unwrap();
+    let geometry = Geometry::new(DIMS, [0.25, 0.5, 1.5], [1.0, -2.0, 3.5]).unwrap();
+    let header = SourceHeader::new("memory", geometry, VoxelType::U16);
+    let series = dir.path().join("series.zarr");
+    let mut writer = SeriesWriter::create(&series, &PrepareOptions::default(), &[]).unwrap();
+    let mut sources: Vec<MemorySource> = (0..2_u16)
+        .map(|step| {
+            let bytes = noise().iter().flat_map(|v| (v / 2 + 1000 * step).to_le_bytes()).collect();
+            MemorySource { header: header.clone(), bytes, next: 0 }
+        })
+        .collect();
+    sources.iter_mut().for_each(|source| writer.look_at(source, &mut |_| {}).unwrap());
+    for source in &mut sources {
+        source.rewind().unwrap();
+        writer.add(source, (None, None), &mut |_| {}).unwrap();
+    }
+    writer.finish(&[], None).unwrap();
+    let mut python = Command::new("python3");
+    python.args(["-W", "ignore", "-c", PYTHON_SERIES]).arg(&series);
+    for (step, source) in sources.iter().enumerate() {
+        let raw = dir.path().join(format!("raw{step}"));
+        std::fs::write(&raw, &source.bytes).unwrap();
+        python.arg(raw);
+    }
+    let output = python.output().unwrap();
+    match output.status.code() {
+        Some(0) => {}
+        Some(3) => brickcast_harness::leave_out("python3 lacks ome-zarr: pip install ome-zarr"),
+        _ => panic!("{}", String::from_utf8_lossy(&output.stderr)),
+    }
 }

@@ -6,11 +6,11 @@ use std::path::{Path, PathBuf};
 use super::hash::ContentHash;
 use super::level::LevelArray;
 use super::prepare::parts::error::PartsError;
-use super::profile::{InnerChunk, MANIFEST_FILE, MAX_SHARDS, ShardIndex};
+use super::profile::{InnerChunk, MANIFEST_FILE, MAX_SHARDS, SERIES_FILE, ShardIndex};
 use super::regions::error::RegionsError;
 use crate::brick::BrickGridError;
 use crate::format::FormatError;
-use crate::ids::BrickIndex;
+use crate::ids::{BrickIndex, StoreHash};
 
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
@@ -206,6 +206,22 @@ pub enum StoreError {
     ViewChanged { path: PathBuf, chunk: InnerChunk, place: String },
     #[error(transparent)]
     Parts(#[from] PartsError),
+    #[error("{SERIES_FILE}: {error}; prepare the series again")]
+    SeriesManifest { error: ManifestError },
+    /// Something in a step of a series.
+    #[error("step {step}: {error}")]
+    Step { step: usize, error: Box<StoreError> },
+    #[error("step {step} is the store {got}, the series names {want}: copy the right one there, or prepare it again")]
+    OtherStep { step: usize, got: StoreHash, want: StoreHash },
+    #[error(
+        "step {step} has another {what} than the first: {got}, not {want}; all steps of a series have the same: leave \
+         it out, or bring it there first"
+    )]
+    UnlikeStep { step: usize, what: &'static str, got: String, want: String },
+    #[error("times of steps: {0}; give one for each, ascending")]
+    StepTimes(String),
+    #[error("more than the {max} steps that a series may have; make several series")]
+    TooManySteps { max: usize },
 }
 
 impl StoreError {
@@ -224,7 +240,7 @@ impl StoreError {
     #[must_use]
     pub fn is_retryable(&self) -> bool {
         match self {
-            Self::Level { error, .. } => error.is_retryable(),
+            Self::Level { error, .. } | Self::Step { error, .. } => error.is_retryable(),
             error => matches!(error, Self::Io { .. }),
         }
     }
@@ -234,6 +250,14 @@ impl StoreError {
         match self {
             Self::Manifest(error) => Self::LevelManifest { file: file.to_owned(), error },
             error => error,
+        }
+    }
+
+    /// What went wrong with a step, as it is told of the whole series.
+    pub(super) fn of_step(self, step: usize) -> Self {
+        match self {
+            error @ (Self::Step { .. } | Self::UnlikeStep { .. }) => error,
+            error => Self::Step { step, error: Box::new(error) },
         }
     }
 

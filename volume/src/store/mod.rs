@@ -21,6 +21,8 @@ mod progress;
 mod pyramid;
 mod read;
 mod regions;
+mod series;
+mod series_manifest;
 mod shard;
 mod tiles;
 mod value_map;
@@ -54,9 +56,10 @@ pub use prepare::job::{prepare, prepare_to, survey};
 pub use prepare::options::{Levels, PrepareOptions, PrepareSummary, RegionOptions, Segmentation};
 pub use prepare::parts::error::{PartFault, PartsError};
 pub use prepare::parts::{Journal, MadePart, PartNumber, merge_parts, parts_folder, prepare_part, resume, scan_part};
+pub use prepare::step_map::StepMap;
 pub use profile::VIEW_FILE;
 pub use profile::{
-    CHUNK_EDGE, CHUNK_VOXELS, InnerChunk, MANIFEST_FILE, MAX_SHARDS, SHARD_EDGE, ShardIndex, StoreArray,
+    CHUNK_EDGE, CHUNK_VOXELS, InnerChunk, MANIFEST_FILE, MAX_SHARDS, SERIES_FILE, SHARD_EDGE, ShardIndex, StoreArray,
 };
 pub use progress::{Phase, Progress};
 pub use read::cache::ChunkCache;
@@ -65,6 +68,9 @@ pub use read::source::BrickSource;
 pub use read::store::{CHUNKS_AT_ONCE, MAX_GHOST, Store};
 pub use regions::error::RegionsError;
 pub use regions::facts_table::BrickFactsTable;
+pub use series::inspect::inspect_series;
+pub use series::{Series, SeriesSummary, SeriesWriter, check_alike};
+pub use series_manifest::{CommonStatistics, MAX_STEPS, SeriesManifest, StepEntry};
 pub use value_map::ValueMap;
 pub use view::{FinestVoxels, ViewFile, ViewInput, ViewObjects};
 pub use voxel::StoredType;

@@ -24,7 +24,11 @@ pub(super) const ZSTD_LEVEL: i32 = 1;
 
 /// The file that makes a folder a finished store; the store's hash is of its bytes.
 pub const MANIFEST_FILE: &str = "brickcast.json";
-/// The same of a coarser level, under another name: a level's folder is no store.
+/// The file that makes a folder a finished series of stores; the series' hash is of its bytes.
+pub const SERIES_FILE: &str = "brickcast-series.json";
+/// Which stores a series has, for other programs.
+pub(super) const SERIES_LIST_FILE: &str = "OME/zarr.json";
+/// As [`MANIFEST_FILE`] of a coarser level, under another name: a level's folder is no store.
 pub(super) const LEVEL_FILE: &str = "level.json";
 /// Beside a view's manifest, which says nothing of it.
 pub const VIEW_FILE: &str = "view.json";

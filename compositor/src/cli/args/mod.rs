@@ -27,6 +27,7 @@ mod render;
 mod scene;
 mod style;
 mod surface;
+mod time;
 mod tls;
 mod transfer_function;
 pub(crate) mod values;
@@ -64,6 +65,7 @@ pub use self::region::{RegionArgs, SegmentationArg};
 pub use self::render::RenderArgs;
 pub use self::scene::SceneArgs;
 pub use self::style::{IntegrationArg, StyleArgs};
+pub use self::time::TimeChoice;
 pub use self::tls::{TlsArgs, TlsCommand, TlsInitArgs};
 pub use self::transfer_function::{ConvertArgs, ShowArgs, SuggestArgs, TransferFunctionArgs, TransferFunctionCommand};
 
@@ -170,9 +172,11 @@ pub struct PhantomArgs {
 
 #[derive(Debug, Args)]
 pub struct PrepareArgs {
-    /// NRRD, NHDR or raw file
-    pub input: PathBuf,
-    /// The store (a folder) to write
+    /// NRRD, NHDR or raw file, or OME-Zarr; several in their order become the steps of a series
+    #[arg(required = true, value_name = "INPUT")]
+    pub inputs: Vec<PathBuf>,
+    /// The store, or the series of stores (a folder) to write
+    #[arg(required = true)]
     pub store: PathBuf,
     #[command(flatten)]
     pub making: MakingArgs,
@@ -182,6 +186,12 @@ pub struct PrepareArgs {
     /// Of OME-Zarr: leave the finest voxels where they lie, and make a view, which has all else that a store has
     #[arg(long, conflicts_with_all = ["shard", "merge", "resume"])]
     pub in_place: bool,
+    /// When each step of a series was, ascending
+    #[arg(long, value_name = "T0,T1,...", value_delimiter = ',', allow_hyphen_values = true)]
+    pub times: Vec<f64>,
+    /// Unit of --times, e.g. second
+    #[arg(long, value_name = "UNIT", requires = "times")]
+    pub time_unit: Option<String>,
     #[command(flatten)]
     pub parts: PartArgs,
     #[command(flatten)]

@@ -1,8 +1,10 @@
 //! How a raw file is read, and which volume of an image.
 
+use anyhow::anyhow;
 use brickcast_volume::format::RawHints;
 use clap::Args;
 
+use super::time::TimeChoice;
 use super::values::triple;
 use crate::cli::failure::Failure;
 
@@ -31,9 +33,9 @@ pub struct RawArgs {
     /// Channel of an OME-Zarr image that has several, counted from 0 [default: 0]
     #[arg(long, value_name = "N")]
     pub channel: Option<u64>,
-    /// Point in time of an OME-Zarr image that has several, counted from 0 [default: 0]
-    #[arg(long, value_name = "N")]
-    pub time: Option<u64>,
+    /// Step of a series or time of an OME-Zarr image, counted from 0; A..B with both ends, or all [default: 0]
+    #[arg(long, value_name = "T")]
+    pub time: Option<TimeChoice>,
 }
 
 impl RawArgs {
@@ -45,7 +47,16 @@ impl RawArgs {
         let voxel_type = self.voxel_type.as_deref().map(str::parse).transpose().map_err(Failure::usage)?;
         let endian = self.endian.as_deref().map(str::parse).transpose().map_err(Failure::usage)?;
         let (skip, spacing, no_data) = (self.skip, self.spacing, self.no_data);
-        let (channel, time) = (self.channel, self.time);
+        let channel = self.channel;
+        let time = match self.time {
+            None => None,
+            Some(TimeChoice::One(time)) => Some(time),
+            Some(several) => {
+                let why = "a volume is of one point in time; brickcast prepare INPUT SERIES makes a series of several, \
+                           which render shows as a sequence";
+                return Err(Failure::usage(anyhow!("--time {several}: {why}")));
+            }
+        };
         Ok(RawHints { dims: self.dims, voxel_type, endian, skip, spacing, origin: None, no_data, channel, time })
     }
 }

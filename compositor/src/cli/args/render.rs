@@ -105,17 +105,21 @@ pub struct RenderArgs {
     /// neutral is #e0e0e0.
     #[arg(long, value_name = "COLOUR", value_parser = background, help_heading = "Output")]
     pub background: Option<Background>,
-    /// A sequence: files, or an animation
+    /// A sequence: files, or an animation [default: 1]
     ///
-    /// OUT_0000.png, ..., or one file that holds all frames.
-    #[arg(long, value_name = "N", default_value_t = 1, help_heading = "Output")]
-    pub frames: u32,
+    /// OUT_0000.png, ..., or one file that holds all frames. Over the steps of a series (--time A..B) each step has one
+    /// frame without N.
+    #[arg(long, value_name = "N", help_heading = "Output")]
+    pub frames: Option<u32>,
     /// How the camera moves over the sequence
     #[arg(long, value_enum, default_value_t, help_heading = "Output")]
     pub camera_path: CameraPath,
-    /// Degrees that the sequence turns around the focal point [default: 360]
+    /// Degrees that the sequence turns around the focal point [default: 360; over steps of a series 0]
     #[arg(long, value_name = "DEG", allow_hyphen_values = true, help_heading = "Output")]
     pub orbit: Option<f64>,
+    /// Load a step of a series only when its turn comes, instead of beside the frames of the one before
+    #[arg(long, help_heading = "Output")]
+    pub no_fetch_ahead: bool,
     /// Frames per second of an animation
     #[arg(long, value_name = "N", default_value_t = 25, help_heading = "Output")]
     pub fps: u16,

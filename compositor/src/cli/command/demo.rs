@@ -54,7 +54,7 @@ pub async fn run(args: DemoArgs, quiet: bool) -> Result<(), Failure> {
     writer.finish()?;
     let path = store.display().to_string();
     let background = format.background(options.background);
-    let origin = Origin { path: Some(&path), background, lod: Lod::Full };
+    let origin = Origin { path: Some(&path), background, lod: Lod::Full, step: None };
     let manifest = manifest(session.store(), (&choice.scene, choice.transport), &frame, origin);
     write_manifest(&args.output, &serde_json::json!(manifest))?;
     let share: Vec<String> =

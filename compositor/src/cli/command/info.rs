@@ -2,7 +2,7 @@
 
 use brickcast_volume::regions::code::MAX_DENSITY;
 use brickcast_volume::shown::shown;
-use brickcast_volume::store::{Manifest, QUANTILES, Store};
+use brickcast_volume::store::{Manifest, QUANTILES, Series, StepEntry, Store};
 use brickcast_volume::transfer_function::default_opacities;
 use brickcast_volume::{Geometry, MergeTree};
 use serde_json::{Value, json};
@@ -15,10 +15,14 @@ use crate::cli::source::{Surveyed, surveyed};
 /// # Errors
 /// Neither an input nor a store; what the reader finds wrong.
 pub fn run(args: &InfoArgs) -> Result<(), Failure> {
-    let Surveyed { manifest, store, view } = surveyed(&args.path, &args.raw)?;
+    let Surveyed { manifest, store, view, series } = surveyed(&args.path, &args.raw)?;
     let mut value = describe(&manifest, store.as_ref());
     if let Some(view) = view {
         value["store"]["view_of"] = json!(view);
+    }
+    if let Some(series) = &series {
+        value["kind"] = json!("series");
+        value["series"] = describe_series(series);
     }
     if args.json {
         print(&format!("{value:#}\n"))
@@ -98,6 +102,36 @@ fn describe(m: &Manifest, store: Option<&Store>) -> Value {
     out
 }
 
+fn describe_series(series: &Series) -> Value {
+    let m = series.manifest();
+    let step = |(i, step): (usize, &StepEntry)| {
+        let hash = step.hash.to_string();
+        json!({ "step": i, "path": i.to_string(), "hash": hash, "time": step.time })
+    };
+    json!({
+        "hash": series.hash().to_string(),
+        "time_unit": m.time_unit,
+        "steps": m.steps.iter().enumerate().map(step).collect::<Vec<_>>(),
+    })
+}
+
+/// The steps of a series and their times, some of many.
+fn steps(series: &serde_json::Map<String, Value>) -> Vec<String> {
+    const SHOWN: usize = 8;
+    let all = series["steps"].as_array().map(Vec::as_slice).unwrap_or_default();
+    let hash = series["hash"].as_str().unwrap_or_default();
+    let mut lines = vec![format!("  series     {} steps, {hash}; the store told of here is step 0", all.len())];
+    let times: Vec<String> = all.iter().filter_map(|step| step["time"].as_f64()).map(|t| t.to_string()).collect();
+    if let (Some(last), unit) = (times.last(), series["time_unit"].as_str().unwrap_or_default()) {
+        let some = match times.len() {
+            n if n > SHOWN => format!("{}, ... {last}", times[..SHOWN - 1].join(", ")),
+            _ => times.join(", "),
+        };
+        lines.push(format!("  times      {some} {}", shown(unit)).trim_end().to_owned());
+    }
+    lines
+}
+
 /// Voxels per axis of every level, the finest first.
 fn levels(store: &Store) -> Vec<[u32; 3]> {
     let of = |level| Some(store.level(level)?.manifest().geometry.dims().to_array());
@@ -170,6 +204,9 @@ fn text(path: &str, m: &Manifest, value: &Value) -> String {
         if let Some(array) = store.get("view_of").and_then(Value::as_str) {
             lines.push(format!("  voxels     stay where they lie: it is a view of {}", shown(array)));
         }
+    }
+    if let Some(series) = value["series"].as_object() {
+        lines.extend(steps(series));
     }
     if let Some(levels) = value["levels"].as_array() {
         let dims = levels.iter().filter_map(Value::as_array).map(|dims| words(dims)).collect::<Vec<_>>();

@@ -11,6 +11,7 @@ pub mod nodes;
 pub mod phantom;
 pub mod prepare;
 pub mod render;
+mod series;
 pub mod tls;
 pub mod transfer_function;
 pub mod verify;

@@ -11,19 +11,33 @@ use brickcast_volume::store::{
     Journal, PartNumber, PrepareOptions, PrepareSummary, merge_parts, prepare_part, resume, scan_part,
 };
 
+use super::series;
 use crate::cli::args::{PartArgs, PrepareArgs};
 use crate::cli::failure::Failure;
 use crate::cli::input::{opened_input, prepare_input, prepare_input_to, shown as shown_place, tell, view_of, with_bar};
 use crate::cli::say::{region_words, say};
-use crate::cli::source::place;
+use crate::cli::source::{local, place};
 use crate::words::{bytes, short};
 
 /// # Errors
 /// Usage for a brick size that cannot be; as the reader and the writer.
 pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
     let options = args.making.options(&args.regions, args.raw.dims, args.force)?;
+    if series::is_asked(args) {
+        if args.in_place {
+            return Err(Failure::usage(anyhow!(
+                "--in-place makes a view of one volume, not of a series; leave it out"
+            )));
+        }
+        return series::run(args, &local(&args.store)?, &options, quiet);
+    }
+    if !args.times.is_empty() {
+        return Err(Failure::usage(anyhow!("--times are of the steps of a series: name an input for each step")));
+    }
     let hints = args.raw.hints()?;
-    let (input, target) = (place(&args.input)?, place(&args.store)?);
+    let input = args.inputs.iter().map(|input| place(input)).next();
+    let input = input.unwrap_or_else(|| Err(Failure::usage(anyhow!("INPUT is missing"))))?;
+    let target = place(&args.store)?;
     let view = args.in_place.then(|| view_of(&input, &hints, Some(&target))).transpose()?;
     let options = PrepareOptions { view, ..options };
     let started = Instant::now();

@@ -4,14 +4,14 @@ use std::collections::HashMap;
 
 use anyhow::anyhow;
 use brickcast_remote::Place;
-use brickcast_volume::store::{Fault, FaultKind, Inspected, Progress, inspect_objects};
+use brickcast_volume::store::{Fault, FaultKind, Inspected, Progress, inspect_objects, inspect_series};
 use serde_json::json;
 
 use crate::cli::args::VerifyArgs;
 use crate::cli::failure::Failure;
 use crate::cli::progress::Bar;
 use crate::cli::say::{answer, print, tell};
-use crate::cli::source::place;
+use crate::cli::source::{is_series, place};
 use crate::stored;
 use crate::words::{bytes, short};
 
@@ -23,13 +23,17 @@ const TOLD: usize = 8;
 pub fn run(args: &VerifyArgs, quiet: bool) -> Result<(), Failure> {
     let bar = Bar::new(&format!("reading {}", args.store.display()));
     let mut at = |p: Progress| bar.at(p.done, p.total);
-    let place = place(&args.store)?;
+    let (place, series) = (place(&args.store)?, is_series(&args.store)?);
     let folder = match &place {
         Place::Folder(folder) => Some(folder.as_path()),
         Place::Far(_) => None,
     };
-    let found = inspect_objects(stored::objects(&place)?, folder, &mut at)?;
+    let found = match series {
+        false => inspect_objects(stored::objects(&place)?, folder, &mut at)?,
+        true => inspect_series(place.objects(), folder, &mut at)?,
+    };
     bar.finish();
+    let what = if series { "series" } else { "store" };
     let name = args.store.display().to_string();
     if args.json {
         print(&format!("{:#}\n", as_json(&name, &found)))?;
@@ -43,7 +47,7 @@ pub fn run(args: &VerifyArgs, quiet: bool) -> Result<(), Failure> {
     }
     if !args.json {
         let (hash, size) = (short(found.hash), bytes(found.bytes));
-        answer(quiet, &format!("{name}: store {hash}, {size}: every byte is as the manifest says"))?;
+        answer(quiet, &format!("{name}: {what} {hash}, {size}: every byte is as the manifest says"))?;
         if !found.binds_chunks {
             let version = found.version.unwrap_or_default();
             let note = "renders would not notice where parts of another store take the place of its own later; prepare \

@@ -26,6 +26,7 @@ fn manifest() -> PictureManifest {
         transport: Transport::F16,
         lod: Lod::Auto(Rule::Error { pixels: 0.3 }),
         store: StoreHash(42),
+        step: Some(3),
         path: Some("part".to_owned()),
         background: Some([0.1, 0.2, 0.7]),
         complete: true,

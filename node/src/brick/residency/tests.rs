@@ -80,6 +80,30 @@ fn released_bricks_go_at_once_but_not_what_a_lease_holds_nor_another_stores() {
     assert_eq!(residency.occupancy(), Occupancy { bytes: 20, bricks: 2 });
 }
 
+/// A step that is to come takes free room, and that of a step that was, but none of the one that is shown.
+#[test]
+fn what_is_loaded_beside_frames_evicts_nothing_of_the_stores_that_they_show() {
+    let of = |store: u128, bricks: &[u32]| {
+        let mut wanted = want(bricks);
+        wanted.iter_mut().for_each(|w| w.key.store = StoreHash(store));
+        wanted
+    };
+    let residency = Residency::new(60);
+    let (shown, past, next) = (of(1, &[0, 1, 2]), of(2, &[0]), of(3, &[0, 1, 2, 3, 4]));
+    // Shown last, so that the past would go last by age.
+    drop(residency.lease(ask(&residency, ME, &shown), &load, &|| false).unwrap());
+    drop(residency.lease(ask(&residency, ME, &past), &load, &|| false).unwrap());
+    let keep = [StoreHash(1), StoreHash(3)];
+    let beside = |wanted: &[Wanted]| {
+        numbers(&residency.fetch_beside(ask(&residency, ME, wanted), &keep, &load, &|| false).unwrap())
+    };
+    assert_eq!(beside(&next[..1]), [0]);
+    assert_eq!(beside(&next), [1, 2], "the past went, and then there was no room");
+    assert_eq!(beside(&next), [0_u32; 0]);
+    assert_eq!((residency.resident_bytes(&shown), residency.resident_bytes(&past)), (30, 0));
+    assert_eq!(residency.occupancy(), Occupancy { bytes: 60, bricks: 6 });
+}
+
 /// What another session draws stays, whoever loaded it and whoever lets go of it.
 #[test]
 fn bricks_that_another_session_uses_are_not_let_go_of() {

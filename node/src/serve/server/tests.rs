@@ -124,7 +124,8 @@ async fn stores_are_described_prepared_and_refused_by_name() {
     let request = |bricks: std::ops::Range<u32>| {
         let bricks = bricks.map(BrickId::finest).collect();
         let (store, scene) = (served.hash, everything_shown());
-        LoadRequest { session: SessionId(1), store, bricks, scene, background: false, release: Vec::new() }
+        let session = SessionId(1);
+        LoadRequest { session, store, bricks, scene, background: false, release: Vec::new(), keep: Vec::new() }
     };
     let receipt = client.load(request(0..175)).await.unwrap();
     assert!(receipt.fits && receipt.bricks == 175, "{receipt:?}");
@@ -156,6 +157,7 @@ async fn links_that_come_after_a_store_was_opened_are_refused() {
             scene: everything_shown(),
             background: false,
             release: Vec::new(),
+            keep: Vec::new(),
         })
     };
     for (link, named) in [("0/c/0/0/0", "0/c/0/0/0"), ("0", "0/c/0/0/0"), ("halos.bin", "halos.bin")] {

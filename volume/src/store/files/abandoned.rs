@@ -24,16 +24,21 @@ pub(super) fn clear(dir: &Path) {
             let _ = store_walk::remove(&part, &shape);
         }
     }
-    for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
-        if entry.file_type().is_ok_and(|kind| kind.is_file()) && entry.file_name() != "lock" {
-            let _ = fs::remove_file(entry.path());
-        }
-    }
+    clear_scratch(dir);
     // The lock stays with what could not be removed, so that the next writer looks at it again.
     let only_lock = fs::read_dir(dir).is_ok_and(|entries| entries.flatten().all(|e| e.file_name() == "lock"));
     if only_lock {
         let _ = fs::remove_file(dir.join("lock"));
         let _ = fs::remove_dir(dir);
+    }
+}
+
+/// Removes the scratch files of a working directory.
+pub(super) fn clear_scratch(dir: &Path) {
+    for entry in fs::read_dir(dir).into_iter().flatten().flatten() {
+        if entry.file_type().is_ok_and(|kind| kind.is_file()) && entry.file_name() != "lock" {
+            let _ = fs::remove_file(entry.path());
+        }
     }
 }
 

@@ -18,10 +18,12 @@ use crate::store::objects::folder::StoreFolder;
 use crate::store::profile::{
     ARRAY_FILE, CELLS_FILE, DISTANCE_ARRAY_FILE, DISTANCE_SHARDS_FILE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE,
     LABEL_ARRAY_FILE, LABEL_IMAGE_FILE, LABEL_SHARDS_FILE, LABELS_GROUP_FILE, MANIFEST_FILE, PART_FILE, RANGES_FILE,
-    REGION_BRICKS_FILE, REGION_HALO_INDEX_FILE, REGION_HALOS_FILE, REGIONS_FILE, SEAM_FILE, SHARD_EDGE, SHARDS_FILE,
-    STATISTICS_FILE, ShardIndex, StoreArray, VIEW_FILE, gathered_file, tables_file,
+    REGION_BRICKS_FILE, REGION_HALO_INDEX_FILE, REGION_HALOS_FILE, REGIONS_FILE, SEAM_FILE, SERIES_FILE,
+    SERIES_LIST_FILE, SHARD_EDGE, SHARDS_FILE, STATISTICS_FILE, ShardIndex, StoreArray, VIEW_FILE, gathered_file,
+    tables_file,
 };
 use crate::store::regions::facts_table::{FACTS_BYTES, REGION_BYTES};
+use crate::store::series_manifest::{MAX_STEPS, SeriesManifest, file as series_file};
 use crate::store::shard::table::RECORD_BYTES;
 
 /// A file that is read whole, with its length and hash as the manifest has them.
@@ -75,15 +77,28 @@ pub(crate) fn small_files(manifest: &Manifest) -> Vec<SmallFile> {
 
 /// The manifest's bytes in a folder of whoever runs the program, where there is a file of that name and of a manifest's
 /// size.
-fn read_free(folder: &Path) -> Option<Bytes> {
-    StoreFolder::free(folder).open(MANIFEST_FILE).and_then(|file| file.read_at_most(Manifest::MAX_BYTES + 1)).ok()
+fn read_free(folder: &Path, name: &str, most: u64) -> Option<Bytes> {
+    StoreFolder::free(folder).open(name).and_then(|file| file.read_at_most(most + 1)).ok()
 }
 
-/// Where a store's files and folders may lie.
+/// Where a store's files and folders may lie, or those of a series of stores.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct StoreShape {
     files: Vec<Cow<'static, str>>,
     arrays: Vec<ShapeOfArray>,
+    /// What lies in the folders of steps.
+    steps: Steps,
+}
+
+#[derive(Debug, Clone, Default)]
+enum Steps {
+    /// It is a store.
+    #[default]
+    None,
+    /// One shape for each step.
+    Known(Vec<StoreShape>),
+    /// Any number of steps, of any store's shape.
+    Any(Box<StoreShape>),
 }
 
 #[derive(Debug, Clone)]
@@ -153,12 +168,50 @@ impl StoreShape {
         let mut shape = Self::on_levels(&files.map(Cow::from), &arrays, std::iter::repeat_n(UVec3::MAX, levels));
         shape.files.extend([PART_FILE, STATISTICS_FILE, SEAM_FILE, VIEW_FILE].map(Cow::from));
         shape.files.extend((0..=MAX_COARSER).flat_map(|l| [tables_file(l), gathered_file(l)]).map(Cow::from));
+        let step = Box::new(shape.clone());
+        shape.files.extend([SERIES_FILE, SERIES_LIST_FILE].map(Cow::from));
+        shape.steps = Steps::Any(step);
         shape
     }
 
-    /// Of the store in `folder`, as strictly as its manifest allows; nothing where that is no manifest of ours at all.
+    /// Of a series, whose steps lie in `folder`: what is there of each is as strict as its manifest allows.
+    fn of_series(folder: &Path, steps: usize) -> Self {
+        let step = |step: usize| Self::in_folder(&folder.join(step.to_string())).unwrap_or_else(Self::any);
+        Self {
+            files: [SERIES_FILE, GROUP_FILE, SERIES_LIST_FILE].map(Cow::from).into(),
+            arrays: Vec::new(),
+            steps: Steps::Known((0..steps).map(step).collect()),
+        }
+    }
+
+    /// Of the series in `folder`, as far as there is one.
+    fn of_series_in(folder: &Path) -> Option<Self> {
+        let bytes = read_free(folder, SERIES_FILE, SeriesManifest::MAX_BYTES)?;
+        series_file::is_ours(&bytes).then(|| {
+            SeriesManifest::from_bytes(&bytes)
+                .map_or_else(|_| Self::any(), |series| Self::of_series(folder, series.steps.len()))
+        })
+    }
+
+    /// A path below a step's folder, and the shape of that store.
+    fn in_step<'a>(&self, path: &'a str) -> Option<(&Self, &'a str)> {
+        let (name, rest) = path.split_once('/').unwrap_or((path, ""));
+        let step: usize = name.parse().ok().filter(|step: &usize| step.to_string() == name)?;
+        let shape = match &self.steps {
+            Steps::None => None,
+            Steps::Known(steps) => steps.get(step),
+            Steps::Any(shape) => (step < MAX_STEPS).then_some(&**shape),
+        };
+        shape.map(|shape| (shape, rest))
+    }
+
+    /// Of the store or the series in `folder`, as strictly as its manifest allows; nothing where that is no manifest of
+    /// ours at all.
     pub(crate) fn in_folder(folder: &Path) -> Option<Self> {
-        let bytes = read_free(folder)?;
+        if let Some(series) = Self::of_series_in(folder) {
+            return Some(series);
+        }
+        let bytes = read_free(folder, MANIFEST_FILE, Manifest::MAX_BYTES)?;
         let ours = manifest_file::is_ours(&bytes);
         ours.then(|| Manifest::from_bytes(&bytes).map_or_else(|_| Self::any(), |manifest| Self::of(&manifest)))
     }
@@ -182,14 +235,19 @@ impl StoreShape {
 
     /// `path` is below the store's folder, `/` between names.
     pub(crate) fn has_file(&self, path: &str) -> bool {
-        self.files.iter().any(|file| file == path) || self.shard_part(path).is_some_and(|indices| indices == 3)
+        self.files.iter().any(|file| file == path)
+            || self.shard_part(path).is_some_and(|indices| indices == 3)
+            || self.in_step(path).is_some_and(|(step, rest)| step.has_file(rest))
     }
 
     pub(crate) fn has_folder(&self, path: &str) -> bool {
         let within = |file: &str| file.strip_prefix(path).is_some_and(|rest| rest.starts_with('/'));
         let leads_to_array = self.arrays.iter().any(|array| array.path == path || within(&array.path));
         let leads_to_file = self.files.iter().any(|file| within(file));
-        leads_to_array || leads_to_file || self.shard_part(path).is_some_and(|indices| indices < 3)
+        leads_to_array
+            || leads_to_file
+            || self.shard_part(path).is_some_and(|indices| indices < 3)
+            || self.in_step(path).is_some_and(|(step, rest)| rest.is_empty() || step.has_folder(rest))
     }
 
     /// How many of a shard's three indices `path` has, where it is one of a shard or leads to one.

@@ -53,6 +53,16 @@ impl Target {
         Ok(root.sent(self.sent.as_ref().map(|guard| guard.sent.clone())))
     }
 
+    /// From now on it is made of a step of a series.
+    pub(crate) fn enter(&mut self, step: usize) -> Result<(), StoreError> {
+        self.work.enter(step)
+    }
+
+    /// The step is made.
+    pub(crate) fn leave(&mut self) {
+        self.work.leave();
+    }
+
     /// Where files are until they are there.
     pub(crate) fn store(&self) -> PathBuf {
         self.work.store()

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::shape::StoreShape;
 use crate::shown::shown;
 use crate::store::error::StoreError;
-use crate::store::profile::MANIFEST_FILE;
+use crate::store::profile::{MANIFEST_FILE, SERIES_FILE};
 
 /// How many of the things that are not the store's are named; the rest is counted.
 const NAMED: usize = 10;
@@ -76,8 +76,8 @@ impl Found {
     /// Removes the store's own files, then its folders and `root`, as far as they are empty then. The manifest goes
     /// last: where this ends half way, what is left is known for a store's.
     fn remove(&self, root: &Path) -> Result<(), StoreError> {
-        let manifest = root.join(MANIFEST_FILE);
-        let (last, first): (Vec<_>, Vec<_>) = self.files.iter().partition(|file| **file == manifest);
+        let manifests = [MANIFEST_FILE, SERIES_FILE].map(|name| root.join(name));
+        let (last, first): (Vec<_>, Vec<_>) = self.files.iter().partition(|file| manifests.contains(file));
         for file in first.into_iter().chain(last) {
             fs::remove_file(file).map_err(StoreError::io("remove", file))?;
         }

@@ -13,7 +13,7 @@ use std::fs::{self, File};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
-use super::abandoned::{MARK, clear, recover, remove_leftovers};
+use super::abandoned::{MARK, clear, clear_scratch, recover, remove_leftovers};
 use super::shape::StoreShape;
 use super::walk::Found;
 use crate::leftovers::{self, Listed};
@@ -25,6 +25,8 @@ pub(crate) struct WorkDir {
     target: PathBuf,
     parent: PathBuf,
     dir: PathBuf,
+    /// Of a series, the step that is being made.
+    step: Option<String>,
     force: bool,
     /// Kept open, and so locked, as long as the directory is ours.
     lock: Option<File>,
@@ -61,7 +63,8 @@ impl WorkDir {
                 Err(e) if e.kind() == io::ErrorKind::AlreadyExists => continue,
                 made => Some(made.map_err(StoreError::io("create", &dir))?.1),
             };
-            let mut work = Self { target: target.to_path_buf(), parent, dir, force, lock: None, keep: false, listed };
+            let mut work =
+                Self { target: target.to_path_buf(), parent, dir, step: None, force, lock: None, keep: false, listed };
             work.lock = Some(locked(&work.dir)?);
             fs::create_dir(work.store()).map_err(StoreError::io("create", &work.store()))?;
             return Ok(work);
@@ -71,7 +74,20 @@ impl WorkDir {
 
     /// Where the store's files are written until it is published.
     pub(crate) fn store(&self) -> PathBuf {
-        self.dir.join("store")
+        let root = self.dir.join("store");
+        self.step.as_ref().map_or(root.clone(), |step| root.join(step))
+    }
+
+    /// From now on [`WorkDir::store`] is that of a step of a series.
+    pub(crate) fn enter(&mut self, step: usize) -> Result<(), StoreError> {
+        self.step = Some(step.to_string());
+        fs::create_dir(self.store()).map_err(StoreError::io("create", &self.store()))
+    }
+
+    /// The step is made: its scratch files go, and [`WorkDir::store`] is the series again.
+    pub(crate) fn leave(&mut self) {
+        self.step = None;
+        clear_scratch(&self.dir);
     }
 
     /// Where files are that live no longer than the work.
@@ -228,7 +244,7 @@ fn sync_directory(path: &Path) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// [`sync_directory`] for `root` and every directory below; at most seven of them on a way, as a store has.
+/// [`sync_directory`] for `root` and every directory below; at most eight of them on a way, as a series has.
 fn sync_directories(root: &Path) -> Result<(), StoreError> {
     let mut open = vec![root.to_path_buf()];
     while let Some(dir) = open.pop() {

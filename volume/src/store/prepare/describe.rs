@@ -37,7 +37,7 @@ impl Job<'_> {
             None => (value(first), value(last)),
             Some((scan, _)) => (rescale.value(scan.bounds().0), rescale.value(scan.bounds().1)),
         };
-        let data_range = self.options.range.unwrap_or_else(|| default_range(min, max));
+        let data_range = self.options.range().unwrap_or_else(|| default_range(min, max));
         check_range(data_range.0, data_range.1)?;
         let range = if missing.is_some() { with_room_below(data_range) } else { data_range };
         check_range(range.0, range.1)?;

@@ -14,6 +14,7 @@ use super::pass::Pass;
 use super::quantise::{Quantiser, Scan};
 use super::spool::Spool;
 use super::statistics::Statistics;
+use super::step_map::StepMap;
 use super::tables::Tables;
 use crate::brick::BrickGrid;
 use crate::format::{SourceHeader, VolumeSource};
@@ -81,7 +82,20 @@ fn made(
     options: &PrepareOptions,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<PrepareSummary, StoreError> {
-    let header = source.header().clone();
+    layout(source.header(), options)?;
+    let work = target()?;
+    let voxels = source.header().geometry.voxel_count();
+    let summary = prepare_in(&work, source, options, progress)?;
+    work.publish()?;
+    progress(Progress { phase: Phase::Finish, done: voxels, total: voxels });
+    Ok(summary)
+}
+
+/// How a volume is cut: bricks, shards, tiles, coarser levels.
+type Layout = (BrickGrid, ShardGrid, Tiles, Vec<Geometry>);
+
+/// Checks the options, and that there is memory enough.
+fn layout(header: &SourceHeader, options: &PrepareOptions) -> Result<Layout, StoreError> {
     let grid = BrickGrid::new(header.geometry.dims(), options.brick_size)?;
     let shards = ShardGrid::new(header.geometry.dims())?;
     if let Some((lo, hi)) = options.range {
@@ -91,7 +105,41 @@ fn made(
     let (tiles, stored_type) = (Tiles::new(&grid, options.tile_voxels), StoredType::of(header.voxel_type));
     let levels = coarser(&header.geometry, options.brick_size, options.levels.most());
     memory::check(&grid, &shards, &tiles, stored_type, (!levels.is_empty(), options.regions.is_some()))?;
-    let work = target()?;
+    Ok((grid, shards, tiles, levels))
+}
+
+/// What a step of a series is like, before any is prepared; of numbers that are stored as they are nothing need be
+/// known where the `range` is given.
+pub(crate) fn look_at(
+    source: &mut dyn VolumeSource,
+    range: Option<(f64, f64)>,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<StepMap, StoreError> {
+    let header = source.header().clone();
+    if header.voxel_type.is_lossless() {
+        let bounds = match range {
+            Some(range) => range,
+            None => survey(source, progress).map(|manifest| (manifest.min, manifest.max))?,
+        };
+        return Ok(StepMap { own: None, all: None, bounds });
+    }
+    let fill = Fill::new(header.voxel_type, &header.no_data);
+    let scan = Pass::new(source, &header, progress).scan(0..header.geometry.dims().z, &fill)?;
+    let (min, max) = scan.bounds();
+    let bounds = (header.rescale.value(min), header.rescale.value(max));
+    Ok(StepMap { own: Some(scan), all: Some(scan), bounds })
+}
+
+/// Makes the store of an input that stands at its first plane in the working directory `work`, as [`prepare`] does, and
+/// leaves it there.
+pub(crate) fn prepare_in(
+    work: &Target,
+    source: &mut dyn VolumeSource,
+    options: &PrepareOptions,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<PrepareSummary, StoreError> {
+    let header = source.header().clone();
+    let (grid, shards, tiles, levels) = layout(&header, options)?;
     let fill = Fill::new(header.voxel_type, &header.no_data);
     let mut pass = Pass::new(source, &header, progress);
     let mut spool;
@@ -101,26 +149,24 @@ fn made(
     }
     let rescale = header.rescale;
     let range = options.range.map(|(lo, hi)| (rescale.number(lo), rescale.number(hi)));
-    let mapping = pass.mapping(range, &fill)?;
+    let mapping = pass.mapping(range, &fill, options.steps.as_ref())?;
     let job = Job::new(&header, &fill, options, (grid, shards, tiles), mapping);
     let summary = match StoredType::of(header.voxel_type) {
-        StoredType::U8 => job.store(&mut pass, &work, &levels, read_le::<u8>)?,
-        StoredType::I8 => job.store(&mut pass, &work, &levels, read_le::<i8>)?,
-        StoredType::I16 => job.store(&mut pass, &work, &levels, read_le::<i16>)?,
+        StoredType::U8 => job.store(&mut pass, work, &levels, read_le::<u8>),
+        StoredType::I8 => job.store(&mut pass, work, &levels, read_le::<i8>),
+        StoredType::I16 => job.store(&mut pass, work, &levels, read_le::<i16>),
         StoredType::U16 => match mapping {
-            None => job.store(&mut pass, &work, &levels, read_le::<u16>)?,
+            None => job.store(&mut pass, work, &levels, read_le::<u16>),
             Some((_, q)) => {
-                job.store(&mut pass, &work, &levels, |bytes, out| q.map(header.voxel_type, &fill, bytes, out))?
+                job.store(&mut pass, work, &levels, |bytes, out| q.map(header.voxel_type, &fill, bytes, out))
             }
         },
-    };
+    }?;
     if let Some(input) = &options.view {
         let scan = mapping.as_ref().map(|(scan, _)| scan);
         let file = view::written(input, header.voxel_type, &fill, range, scan)?;
         workdir::write_synced(&work.store().join(VIEW_FILE), &file)?;
     }
-    work.publish()?;
-    pass.report(Phase::Finish, header.geometry.voxel_count());
     Ok(summary)
 }
 
@@ -135,7 +181,7 @@ pub fn survey(source: &mut dyn VolumeSource, progress: &mut dyn FnMut(Progress))
     let shards = ShardGrid::new(header.geometry.dims())?;
     let fill = Fill::new(header.voxel_type, &header.no_data);
     let mut pass = Pass::new(source, &header, progress);
-    let mapping = pass.mapping(None, &fill)?;
+    let mapping = pass.mapping(None, &fill, None)?;
     let tiles = Tiles::new(&grid, options.tile_voxels);
     let job = Job::new(&header, &fill, &options, (grid, shards, tiles), mapping);
     let mut statistics = match StoredType::of(header.voxel_type) {

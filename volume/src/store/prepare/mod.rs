@@ -17,5 +17,6 @@ mod pass;
 pub(super) mod quantise;
 pub(super) mod spool;
 mod statistics;
+pub(super) mod step_map;
 mod tables;
 mod told;

@@ -2,11 +2,13 @@
 
 use std::path::PathBuf;
 
+use super::step_map::StepMap;
 use crate::format::{self, RawHints, VolumeSource};
 use crate::ids::StoreHash;
 use crate::store::error::StoreError;
 use crate::store::manifest::Manifest;
 use crate::store::tiles::MAX_TILE_VOXELS;
+use crate::store::value_map::default_range;
 use crate::store::view::ViewInput;
 
 /// How a store is made.
@@ -31,6 +33,8 @@ pub struct PrepareOptions {
     /// The most voxels of a plane that are held at once: planes of more are prepared in tiles. The store does not
     /// depend on it.
     pub tile_voxels: u64,
+    /// Of a step of a series: what all its steps have in common.
+    pub steps: Option<StepMap>,
 }
 
 /// How many coarser levels of detail a store has, each of half as many voxels on every axis.
@@ -84,11 +88,17 @@ impl Default for PrepareOptions {
             levels: Levels::Auto,
             view: None,
             tile_voxels: MAX_TILE_VOXELS,
+            steps: None,
         }
     }
 }
 
 impl PrepareOptions {
+    /// What codes 0 and 65535 are to stand for, where that does not follow from the input alone.
+    pub(super) fn range(&self) -> Option<(f64, f64)> {
+        self.range.or(self.steps.map(|steps| default_range(steps.bounds.0, steps.bounds.1)))
+    }
+
     /// Every file that a store of `source` is made from; none where all is in memory.
     ///
     /// # Errors

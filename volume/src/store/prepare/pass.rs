@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::fill::Fill;
 use super::quantise::{Quantiser, Scan};
+use super::step_map::StepMap;
 use crate::format::{SourceHeader, VolumeSource};
 use crate::store::error::StoreError;
 use crate::store::progress::{Phase, Progress};
@@ -54,15 +55,19 @@ impl<'a> Pass<'a> {
     }
 
     /// How voxels of 32 and 64 bits are mapped to 16, after a pass of their own; `None` for types that are stored as
-    /// they are.
+    /// they are. A step of a series is mapped as all `steps` are, and was looked at before.
     pub(crate) fn mapping(
         &mut self,
         range: Option<(f64, f64)>,
         fill: &Fill,
+        steps: Option<&StepMap>,
     ) -> Result<Option<(Scan, Quantiser)>, StoreError> {
         let voxel_type = self.header.voxel_type;
         if voxel_type.is_lossless() {
             return Ok(None);
+        }
+        if let Some((own, all)) = steps.and_then(|steps| steps.own.zip(steps.all)) {
+            return Ok(Some((own, Quantiser::new(&all, range)?)));
         }
         let scan = self.scan(0..self.header.geometry.dims().z, fill)?;
         self.rewind()?;

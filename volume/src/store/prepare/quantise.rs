@@ -11,7 +11,7 @@ use crate::store::no_data::FIRST_CODE;
 use crate::store::value_map::check_range;
 
 /// What the first pass over a source of 32 or 64 bits finds.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Scan {
     /// Smallest and largest finite value; `min > max` where there is none.
     min: f64,

@@ -245,13 +245,14 @@ impl Inspection<'_> {
     }
 }
 
-fn fault(file: &str, error: &StoreError) -> Fault {
+pub(crate) fn fault(file: &str, error: &StoreError) -> Fault {
     let kind = if is_missing(error) { FaultKind::Missing } else { FaultKind::Broken };
     Fault { kind, file: file.to_owned(), what: error.to_string() }
 }
 
 fn is_missing(error: &StoreError) -> bool {
     match error {
+        StoreError::NotAStore { .. } => true,
         StoreError::Io { source, .. } => {
             matches!(source.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
         }

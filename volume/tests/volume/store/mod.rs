@@ -17,6 +17,7 @@ mod phantom;
 mod regions;
 mod rescale;
 mod round_trip;
+mod series;
 mod support;
 mod tiles;
 mod views;

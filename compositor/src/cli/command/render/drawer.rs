@@ -3,14 +3,16 @@
 use std::time::Duration;
 
 use anyhow::anyhow;
+use brickcast_volume::StoreHash;
 use brickcast_volume::lod::{LevelSet, Lod, Rule, Selection};
 use brickcast_volume::scene::{Scene, Transport};
 
-use super::plan::ScenesPlan;
+use super::scenes::ScenesPlan;
 use crate::balance::Settings;
 use crate::cli::args::{BalanceArg, RenderArgs};
 use crate::cli::failure::Failure;
 use crate::plan::StoreFacts;
+use crate::session::ahead::stores_of;
 use crate::session::levels::LevelSessions;
 use crate::session::levels::pace::FramePace;
 use crate::session::{Frame, LoadStats, Session, SessionError};
@@ -173,6 +175,32 @@ impl Drawer {
                 Some(selection) => levels.render(scene, &selection, transport, deadline).await,
                 None => levels.render_full(scene, transport, deadline).await,
             },
+        }
+    }
+
+    /// The stores that its frames are of.
+    pub(super) fn stores(&self) -> Vec<StoreHash> {
+        stores_of(&self.store)
+    }
+
+    /// Loads what it will render of `scene`, beside frames of the stores `keep`.
+    pub(super) async fn load_ahead(&mut self, scene: &Scene, keep: &[StoreHash]) {
+        match &mut self.sessions {
+            Sessions::One(session, _) => session.load_ahead(scene, keep).await,
+            Sessions::Levels(levels, by) => {
+                if let Ok(Some(selection)) = by.selected(levels, scene) {
+                    levels.draw(scene, &selection);
+                    levels.load_ahead(scene, keep).await;
+                }
+            }
+        }
+    }
+
+    /// Lets go of what was loaded; `scene` was shown.
+    pub(super) async fn let_go(&mut self, scene: &Scene) {
+        match &mut self.sessions {
+            Sessions::One(session, _) => session.let_go(scene).await,
+            Sessions::Levels(levels, _) => levels.let_go(scene).await,
         }
     }
 

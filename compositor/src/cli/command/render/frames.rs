@@ -5,8 +5,8 @@ use brickcast_volume::Camera;
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::store::Manifest;
 
-use super::plan::ScenesPlan;
 use super::redraw::Redraw;
+use super::scenes::ScenesPlan;
 use crate::cli::failure::Failure;
 use crate::cli::say::say;
 use crate::cli::scene::SceneChoice;

@@ -17,6 +17,8 @@ pub(crate) struct Origin<'a> {
     /// RGB in 0..=1, of a file without alpha.
     pub(crate) background: Option<[f32; 3]>,
     pub(crate) lod: Lod,
+    /// Of a series.
+    pub(crate) step: Option<usize>,
 }
 
 /// The manifest of a frame that shows `scene` of `store`, its level 0.
@@ -39,6 +41,7 @@ pub(crate) fn manifest(
         scene: scene.clone(),
         transport,
         store: store.hash,
+        step: origin.step.map(|step| step as u64),
         path: origin.path.map(str::to_owned),
         background: origin.background,
         lod: origin.lod,

@@ -11,7 +11,7 @@ use crate::cli::input::tell;
 use crate::cli::say::say;
 use crate::cli::source::Source;
 use crate::cluster::Dial;
-use crate::embedded::{Backend, BackendChoice, EmbeddedNodes, parse_size};
+use crate::embedded::{Backend, BackendChoice, DataRoot, EmbeddedNodes, parse_size};
 use crate::session::Session;
 
 /// Who renders, and for how long a frame may take.
@@ -26,6 +26,14 @@ pub(crate) struct NodePlan {
     /// For bricks of each of them, bytes.
     pub(super) memory_budget: u64,
     pub(crate) deadline: Duration,
+}
+
+/// Nodes that sessions may be opened on.
+#[derive(Debug, Clone)]
+pub(super) struct Reached {
+    pub(super) dial: Dial,
+    pub(super) addresses: Vec<String>,
+    pub(super) are_embedded: bool,
 }
 
 impl NodeArgs {
@@ -73,14 +81,31 @@ impl NodePlan {
             return Ok((session, None));
         }
         let Source::Store(store) = source else { return Err(anyhow!("{}: no such store", path.display()).into()) };
+        let nodes = self.embedded(DataRoot::Single(store.path()), quiet).await?;
+        let session = Session::open_through(nodes.dial(), &nodes.addresses(), source.choice()).await?;
+        Ok((session, Some(nodes)))
+    }
+
+    /// The nodes that are named, or some inside this process, whose stores lie below `place`.
+    ///
+    /// # Errors
+    /// Certificates that cannot be read; no kernel of the kind that was asked for.
+    pub(super) async fn reach(&self, place: &Path, quiet: bool) -> Result<(Reached, Option<EmbeddedNodes>), Failure> {
+        if self.are_elsewhere() {
+            let (dial, addresses) = (self.dial()?, self.elsewhere.clone());
+            return Ok((Reached { dial, addresses, are_embedded: false }, None));
+        }
+        let nodes = self.embedded(DataRoot::Folder(place.to_path_buf()), quiet).await?;
+        Ok((Reached { dial: nodes.dial(), addresses: nodes.addresses(), are_embedded: true }, Some(nodes)))
+    }
+
+    async fn embedded(&self, data: DataRoot, quiet: bool) -> Result<EmbeddedNodes, Failure> {
         let opened = Backend::open(self.backend)?;
         let (backend, adapter, notes) = opened.describe();
         for note in notes {
             say(quiet, note)?;
         }
         tracing::info!("{backend}: {adapter}");
-        let nodes = EmbeddedNodes::start(&opened, self.count, &store.path(), self.memory_budget).await?;
-        let session = Session::open_through(nodes.dial(), &nodes.addresses(), source.choice()).await?;
-        Ok((session, Some(nodes)))
+        Ok(EmbeddedNodes::serving(&opened, self.count, data, self.memory_budget).await?)
     }
 }

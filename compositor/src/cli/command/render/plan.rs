@@ -4,26 +4,28 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use anyhow::anyhow;
-use brickcast_volume::StoreHash;
 use brickcast_volume::lod::Lod;
-use brickcast_volume::scene::{Leap, Look};
-use brickcast_volume::style::{Mode, Style};
 
 use super::drawer;
 use super::nodes::NodePlan;
 use super::output_paths::{RenderPaths, real};
 use super::redraw::Redraw;
+use super::scenes::ScenesPlan;
+use super::source::SourcePlan;
+use super::time::TimePlan;
 use crate::balance::Settings;
-use crate::cli::args::{Background, BalanceArg, CameraPath, OnTheWayArgs, RenderArgs, Unasked};
+use crate::cli::args::{Background, BalanceArg, RenderArgs};
 use crate::cli::failure::Failure;
-use crate::cli::scene::ScenePlan;
-use crate::cli::source::Source;
 use crate::output::{MAX_FRAMES, OutputFormat};
 
 /// Everything that a render is asked to do.
 #[derive(Debug)]
 pub(super) struct RenderPlan {
     pub(super) source: SourcePlan,
+    /// Where the volume is a series.
+    pub(super) time: Option<TimePlan>,
+    /// The next step is loaded beside the frames of one.
+    pub(super) fetches_ahead: bool,
     pub(super) nodes: NodePlan,
     pub(super) scenes: ScenesPlan,
     pub(super) output: Option<OutputPlan>,
@@ -44,26 +46,6 @@ pub(super) struct RenderPlan {
     pub(super) unbalanced: Option<String>,
 }
 
-/// The volume.
-#[derive(Debug)]
-pub(super) struct SourcePlan {
-    /// None: the nodes know it by the hash.
-    path: Option<PathBuf>,
-    /// As it was given, or as a manifest has it: for manifests.
-    pub(super) given: Option<String>,
-    prepare: OnTheWayArgs,
-    nodes_know: bool,
-}
-
-/// The scenes of the frames.
-#[derive(Debug)]
-pub(super) enum ScenesPlan {
-    /// One that was asked for, seen by a camera that moves.
-    Asked { scene: Box<ScenePlan>, frames: u32, path: CameraPath, degrees: f64 },
-    /// Those of pictures that were drawn before.
-    Drawn(Redraw),
-}
-
 /// Where the pictures go.
 #[derive(Debug)]
 pub(super) struct OutputPlan {
@@ -78,13 +60,19 @@ impl RenderPlan {
     /// Usage: values out of range, what contradicts itself, files that would replace each other. Failure: a manifest,
     /// or the picture beside it, that cannot be read.
     pub(super) fn of(args: RenderArgs) -> Result<Self, Failure> {
-        let scenes = match &args.picture {
-            Some(manifest) => ScenesPlan::Drawn(Redraw::read(manifest, args.check)?),
-            None => ScenesPlan::asked(&args)?,
-        };
-        if !(1..=MAX_FRAMES).contains(&args.frames) {
-            return Err(Failure::usage(anyhow!("--frames {}: must lie between 1 and {MAX_FRAMES}", args.frames)));
+        let redraw = args.picture.as_ref().map(|manifest| Redraw::read(manifest, args.check)).transpose()?;
+        let nodes = args.nodes.plan()?;
+        let source = SourcePlan::of(args.path.clone(), args.prepare.clone(), redraw.as_ref(), nodes.are_elsewhere())?;
+        let time = source.time_plan(args.frames, redraw.as_ref())?;
+        let count = args.frames.unwrap_or_else(|| time.as_ref().map_or(1, TimePlan::frames));
+        if !(1..=MAX_FRAMES).contains(&count) {
+            return Err(Failure::usage(anyhow!("--frames {count}: must lie between 1 and {MAX_FRAMES}")));
         }
+        let is_over_time = time.as_ref().is_some_and(TimePlan::is_sequence);
+        let scenes = match redraw {
+            Some(redraw) => ScenesPlan::Drawn(redraw),
+            None => ScenesPlan::asked(&args, count, if is_over_time { 0.0 } else { 360.0 })?,
+        };
         let lod = drawer::asked(&args, &scenes)?;
         let progressive = drawer::is_progressive(&args, &scenes, &lod)?;
         if args.audit {
@@ -97,10 +85,9 @@ impl RenderPlan {
         if args.orbit.is_some_and(|d| !d.is_finite()) {
             return Err(Failure::usage(anyhow!("--orbit: must be a finite number of degrees")));
         }
-        if args.orbit.is_some() && args.frames == 1 {
+        if args.orbit.is_some() && scenes.count() == 1 {
             return Err(Failure::usage(anyhow!("--orbit turns over a sequence: add --frames N")));
         }
-        let nodes = args.nodes.plan()?;
         let output = match &args.output {
             Some(path) => Some(OutputPlan::of(path, &args)?),
             None => None,
@@ -128,7 +115,9 @@ impl RenderPlan {
             lod,
             progressive,
             frame_budget: args.lod.frame_budget,
-            source: SourcePlan::of(args.path, args.prepare, &scenes, nodes.are_elsewhere())?,
+            source,
+            time,
+            fetches_ahead: !args.no_fetch_ahead,
             balance: args.balance.settings(if several { BalanceArg::Dynamic } else { BalanceArg::Off }),
             background,
             stats: args.stats,
@@ -200,157 +189,5 @@ fn check_error(path: &Path) -> Result<(), Failure> {
             "--error {}: widths are written as OpenEXR; give the file a name that ends in .exr",
             path.display()
         ))),
-    }
-}
-
-impl ScenesPlan {
-    fn asked(args: &RenderArgs) -> Result<Self, Failure> {
-        let mut asked = args.scene.clone();
-        if args.audit || args.error.is_some() {
-            // Both are of the picture with leaps, whatever they save.
-            asked.accel.settle_for_leaps();
-        }
-        let scene = Box::new(asked.plan(if args.audit { Unasked::Plain } else { Unasked::Chosen })?);
-        Ok(Self::Asked { scene, frames: args.frames, path: args.camera_path, degrees: args.orbit.unwrap_or(360.0) })
-    }
-
-    pub(super) fn count(&self) -> u32 {
-        match self {
-            Self::Asked { frames, .. } => *frames,
-            Self::Drawn(redraw) => redraw.manifests.len() as u32,
-        }
-    }
-
-    /// The files that are read for them, with the flags that name them.
-    fn files(&self) -> Vec<(&'static str, PathBuf)> {
-        match self {
-            Self::Asked { scene, .. } => scene.files(),
-            Self::Drawn(redraw) => {
-                let picture = redraw.picture.as_ref().map(|file| ("the picture beside --scene", file.path.clone()));
-                std::iter::once(("--scene", redraw.path.clone())).chain(picture).collect()
-            }
-        }
-    }
-
-    fn compared(&self) -> Option<&Path> {
-        match self {
-            Self::Asked { .. } => None,
-            Self::Drawn(redraw) => redraw.picture.as_ref().map(|file| file.path.as_path()),
-        }
-    }
-
-    /// What asks for a picture of regions.
-    fn shows_regions(&self) -> Option<String> {
-        match self {
-            Self::Asked { scene, .. } => scene.shows_regions(),
-            Self::Drawn(redraw) => {
-                let mut looks = redraw.manifests.iter().map(|manifest| &manifest.scene.look);
-                looks.any(Look::tells_regions_apart).then(|| "the picture of --scene".to_owned())
-            }
-        }
-    }
-
-    fn background(&self) -> Option<[f32; 3]> {
-        match self {
-            Self::Asked { .. } => None,
-            Self::Drawn(redraw) => redraw.manifests.first()?.background,
-        }
-    }
-
-    /// The store that it must be.
-    pub(super) fn store(&self) -> Option<StoreHash> {
-        match self {
-            Self::Asked { .. } => None,
-            Self::Drawn(redraw) => redraw.manifests.first().map(|manifest| manifest.store),
-        }
-    }
-
-    /// `flag` asks for intervals.
-    fn check_intervals(&self, flag: &str) -> Result<(), Failure> {
-        let has_any = |style: &Style| style.mode == Mode::Composite;
-        let (leaps, has_intervals) = match self {
-            Self::Asked { scene, .. } => (scene.leaps_through_regions(), has_any(scene.style())),
-            Self::Drawn(redraw) => {
-                let scenes = || redraw.manifests.iter().map(|manifest| &manifest.scene);
-                let leaps = scenes().all(|scene| scene.quality.acceleration.leap == Leap::Regions);
-                (leaps, scenes().all(|scene| has_any(&scene.look.style)))
-            }
-        };
-        if !leaps {
-            return Err(Failure::usage(anyhow!(
-                "{flag} says what leaping through regions changes: add leap to --accel"
-            )));
-        }
-        if !has_intervals {
-            return Err(Failure::usage(anyhow!("{flag}: intervals are of colours; leave out --mode")));
-        }
-        Ok(())
-    }
-}
-
-impl SourcePlan {
-    fn of(
-        path: Option<PathBuf>,
-        prepare: OnTheWayArgs,
-        scenes: &ScenesPlan,
-        nodes_know: bool,
-    ) -> Result<Self, Failure> {
-        let (path, given) = match (path, scenes) {
-            (Some(path), _) => {
-                let given = path.display().to_string();
-                (Some(path), Some(given))
-            }
-            (None, ScenesPlan::Drawn(redraw)) => {
-                let told = redraw.manifests.first().and_then(|manifest| manifest.path.clone());
-                match (&told, nodes_know) {
-                    (_, true) => (None, told),
-                    (Some(path), false) => (Some(redraw.told_path(path)?), told),
-                    (None, false) => {
-                        let manifest = redraw.path.display();
-                        return Err(Failure::usage(anyhow!(
-                            "--scene {manifest}: it does not tell where its store lies: give PATH, or --nodes that \
-                             have it"
-                        )));
-                    }
-                }
-            }
-            (None, ScenesPlan::Asked { .. }) => return Err(Failure::usage(anyhow!("PATH is missing"))),
-        };
-        Ok(Self { path, given, prepare, nodes_know })
-    }
-
-    /// For people.
-    pub(super) fn shown(&self) -> &Path {
-        self.path.as_deref().unwrap_or(Path::new("the store"))
-    }
-
-    /// Opens it; an input is prepared on the way. `wanted` is the store that it must be.
-    ///
-    /// # Errors
-    /// As [`OnTheWayArgs::open`]; another store.
-    pub(super) fn open(&self, scenes: &ScenesPlan, quiet: bool) -> Result<Source, Failure> {
-        let source = match (&self.path, scenes.store()) {
-            (Some(path), _) => {
-                let prepare = self.prepare.clone().with_regions_for(path, scenes.shows_regions().as_deref(), quiet)?;
-                prepare.open(path, self.nodes_know)?
-            }
-            (None, Some(hash)) => Source::Hash(hash),
-            (None, None) => return Err(Failure::usage(anyhow!("PATH is missing"))),
-        };
-        if let Source::Store(store) = &source {
-            self.agree(scenes, store.hash())?;
-        }
-        Ok(source)
-    }
-
-    /// # Errors
-    /// The store is another one than that of the pictures that are drawn again.
-    pub(super) fn agree(&self, scenes: &ScenesPlan, got: StoreHash) -> Result<(), Failure> {
-        match scenes {
-            ScenesPlan::Drawn(redraw) if scenes.store().is_some_and(|wanted| wanted != got) => {
-                Err(redraw.another_store(self.shown(), got))
-            }
-            ScenesPlan::Drawn(_) | ScenesPlan::Asked { .. } => Ok(()),
-        }
     }
 }

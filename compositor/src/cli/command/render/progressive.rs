@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use brickcast_volume::scene::{Scene, Transport};
 
 use super::drawer::Drawer;
+use super::drawers::Drawn;
 use super::frames::Frames;
 use super::plan::RenderPlan;
 use super::sequence::{Files, Sequence, warn_of_tight_budgets};
@@ -21,7 +22,7 @@ use crate::words::time;
 pub(super) async fn draw(
     plan: &RenderPlan,
     frames: &Frames<'_>,
-    drawer: &mut Drawer,
+    (drawer, step): (&mut Drawer, Option<usize>),
     quiet: bool,
 ) -> Result<Sequence, Failure> {
     let (started, mut all) = (Instant::now(), Sequence::new(LoadStats::default()));
@@ -53,7 +54,12 @@ pub(super) async fn draw(
         let is_empty = frame.complete && nothing_shows::is_empty(&frame.picture);
         // Of the last picture, not of all that came before it.
         all.empty = usize::from(is_empty);
-        files.push(drawer, (&scene, transport), &frame, is_empty.then_some(frames.outlook.as_ref()))?;
+        files.push(
+            Drawn::by(drawer, step),
+            (&scene, transport),
+            &frame,
+            is_empty.then_some(frames.outlook.as_ref()),
+        )?;
         all.written = files.finish()?;
         say(quiet, &in_words((i + 1, count), &frame, since))?;
         all.frames.push(frame.stats);

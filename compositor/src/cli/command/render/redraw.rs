@@ -10,7 +10,7 @@ use crate::cli::failure::Failure;
 use crate::output::{Difference, DrawnFile, PictureManifest, read_manifest};
 use crate::picture::Picture;
 
-/// Pictures to draw again; all are of one store.
+/// Pictures to draw again; all are of one store, or of steps of one series.
 #[derive(Debug)]
 pub(super) struct Redraw {
     /// The manifest's file.
@@ -26,18 +26,21 @@ impl Redraw {
     /// A file that is no manifest; with `check`, no picture beside it that is complete and of its size.
     pub(super) fn read(path: &Path, check: bool) -> Result<Self, Failure> {
         let manifests = read_manifest(path)?;
-        if let [first, others @ ..] = &manifests[..]
-            && let Some(other) = others.iter().find(|other| other.store != first.store)
-        {
-            let file = path.display();
-            let (a, b) = (first.store, other.store);
-            return Err(anyhow!("{file}: its frames are of several stores, {a} and {b}: draw them apart").into());
-        }
         let mut redraw = Self { path: path.to_owned(), manifests, picture: None };
         if check {
             redraw.picture = Some(redraw.picture_beside()?);
         }
         Ok(redraw)
+    }
+
+    /// # Errors
+    /// Its pictures are of several stores; steps of a series may be.
+    pub(super) fn check_one_store(&self) -> Result<(), Failure> {
+        let Some((first, others)) = self.manifests.split_first() else { return Ok(()) };
+        let Some(other) = others.iter().find(|other| other.store != first.store) else { return Ok(()) };
+        let (file, a, b) = (self.path.display(), first.store, other.store);
+        let why = "draw them apart, or, where they are the steps of a series, give PATH of that";
+        Err(anyhow!("{file}: its frames are of several stores, {a} and {b}: {why}").into())
     }
 
     /// The levels that all frames are drawn of; of sets, the first frame's.

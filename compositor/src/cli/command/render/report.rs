@@ -6,7 +6,8 @@ use brickcast_volume::PictureSize;
 use serde_json::json;
 
 use super::frames::Frames;
-use super::plan::{RenderPlan, ScenesPlan};
+use super::plan::RenderPlan;
+use super::scenes::ScenesPlan;
 use super::sequence::Sequence;
 use crate::cli::failure::Failure;
 use crate::cli::say::{answer, say};

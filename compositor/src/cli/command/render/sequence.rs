@@ -3,15 +3,16 @@
 use std::time::Instant;
 
 use brickcast_volume::leftovers::Farewell;
-use brickcast_volume::lod::Lod;
 use brickcast_volume::scene::{Scene, Transport};
 
 use super::drawer::Drawer;
+use super::drawers::{Drawers, Drawn};
 use super::frames::Frames;
 use super::kept::Unended;
 use super::manifest::{Origin, manifest};
-use super::plan::{RenderPlan, ScenesPlan};
+use super::plan::RenderPlan;
 use super::proof;
+use super::scenes::ScenesPlan;
 use crate::cli::failure::Failure;
 use crate::cli::progress::Bar;
 use crate::cli::say::{answer, say};
@@ -79,22 +80,22 @@ pub(super) fn warn_of_tight_budgets(load: &LoadStats) {
 pub(super) async fn draw(
     plan: &RenderPlan,
     frames: &Frames<'_>,
-    drawer: &mut Drawer,
+    drawers: &mut Drawers,
     quiet: bool,
 ) -> Result<Sequence, Failure> {
-    drawer.balance(plan.balance.clone());
     let mut files = Files::open(plan, frames)?;
     let started = Instant::now();
-    let load = drawer.load(frames.first()).await?;
+    let load = drawers.load(frames.first()).await?;
     warn_of_tight_budgets(&load);
     let flag = if plan.audit { "--audit" } else { "--error" };
-    let has_regions = drawer.alone().is_some_and(|session| session.store().manifest.regions.is_some());
+    let alone = drawers.drawer().and_then(Drawer::alone);
+    let has_regions = alone.is_some_and(|session| session.store().manifest.regions.is_some());
     if (plan.audit || plan.error.is_some()) && !has_regions {
         let why = "the store has no regions, so no ray leaps, and the picture without leaping is the same";
         say(quiet, &format!("{flag}: {why}; stores that were prepared with --segmentation-range W have some"))?;
     }
     let mut all = Sequence::new(load);
-    let drawn = each(plan, frames, drawer, (&mut files, &mut all), (started, quiet)).await;
+    let drawn = each(plan, frames, drawers, (&mut files, &mut all), (started, quiet)).await;
     if let Err(failure) = drawn {
         if let Some(kept) = files.keep() {
             say(quiet, &kept)?;
@@ -108,7 +109,7 @@ pub(super) async fn draw(
 async fn each(
     plan: &RenderPlan,
     frames: &Frames<'_>,
-    drawer: &mut Drawer,
+    drawers: &mut Drawers,
     (files, all): (&mut Files<'_>, &mut Sequence),
     (started, quiet): (Instant, bool),
 ) -> Result<(), Failure> {
@@ -117,12 +118,7 @@ async fn each(
     let far = |done: usize| bar.iter().for_each(|bar| bar.at(done as u64, count.into()));
     far(0);
     for (i, (scene, transport)) in frames.each().enumerate() {
-        if let ScenesPlan::Drawn(redraw) = &plan.scenes
-            && let Some(Lod::Set(_)) = redraw.manifests.get(i).map(|manifest| &manifest.lod)
-        {
-            drawer.draw_by(&redraw.manifests[i].lod);
-        }
-        let frame = drawer.render(&scene, transport, plan.nodes.deadline).await?;
+        let frame = drawers.render(plan, frames, i, (&scene, transport)).await?;
         if i == 0 {
             all.first_frame_ms = started.elapsed().as_secs_f64() * 1e3;
             frame.stats.lod.as_ref().map_or(Ok(()), |lod| say(quiet, &lod.in_words()))?;
@@ -131,11 +127,12 @@ async fn each(
         let is_empty = frame.complete && nothing_shows::is_empty(&frame.picture);
         all.empty += usize::from(is_empty);
         let empty_because = is_empty.then_some(frames.outlook.as_ref());
-        files.push(drawer, (&scene, transport), &frame, empty_because)?;
+        files.push(drawers.drawn(), (&scene, transport), &frame, empty_because)?;
         if let (ScenesPlan::Drawn(redraw), true) = (&plan.scenes, frame.complete) {
             all.differences.extend(redraw.compare(i, &frame.picture, plan.background));
         }
-        if let (true, Some(session)) = (plan.audit || plan.error.is_some(), drawer.alone()) {
+        let alone = drawers.drawer().and_then(Drawer::alone);
+        if let (true, Some(session)) = (plan.audit || plan.error.is_some(), alone) {
             match proof::of_frame(plan, session, (&scene, transport), i, &frame).await? {
                 Ok(audit) => {
                     audit.map_or(Ok(()), |audit| answer(quiet, &audit.in_words()))?;
@@ -169,7 +166,7 @@ impl<'a> Files<'a> {
     /// `empty_because` is there where nothing shows.
     pub(super) fn push(
         &mut self,
-        drawer: &Drawer,
+        drawn: Drawn<'_>,
         shown: (&Scene, Transport),
         frame: &Frame,
         empty_because: Option<Option<&Outlook>>,
@@ -180,8 +177,8 @@ impl<'a> Files<'a> {
             return Ok(writer.push(&picture)?);
         }
         let background = output.format.background(self.plan.background);
-        let origin = Origin { path: self.plan.source.given.as_deref(), background, lod: drawer.lod() };
-        let mut manifest = manifest(drawer.store(), shown, frame, origin);
+        let origin = Origin { path: self.plan.source.given.as_deref(), background, lod: drawn.lod, step: drawn.step };
+        let mut manifest = manifest(&drawn.store, shown, frame, origin);
         manifest.about.empty = empty_because.is_some();
         manifest.about.empty_because = empty_because.flatten().map(|outlook| outlook.why().to_owned());
         if output.format.is_animation() {

@@ -74,6 +74,7 @@ async fn a_client_loads_and_asks_so_much_at_once_and_no_more() {
         scene: everything_shown(),
         background: false,
         release: Vec::new(),
+        keep: Vec::new(),
     };
     let mut loads = tokio::task::JoinSet::new();
     for _ in 0..=MAX_LOADS {
@@ -152,7 +153,8 @@ async fn loading_and_tables_do_not_hold_up_the_runtime() {
         let mut scene = everything_shown();
         scene = scene.with(|s| s.quality.step = 0.5 + f64::from(width) * 0.01).unwrap();
         let bricks = (0..175).map(BrickId::finest).collect();
-        let request = LoadRequest { session: SessionId(2), store, bricks, scene, background: false, release: vec![] };
+        let (session, background, release) = (SessionId(2), false, vec![]);
+        let request = LoadRequest { session, store, bricks, scene, background, release, keep: vec![] };
         loads.spawn(async move { client.load(request).await });
     }
     for _ in 0..10 {
