@@ -314,8 +314,6 @@ fn ome_zarr_behind_a_network_is_prepared_where_it_lies() {
     assert!(code == Some(0) && said.contains("OME-Zarr (Zarr v3)"), "{said}");
     let (code, said) = run(&["prepare", "s3://scans/nothing.zarr", "out", "--force"]);
     assert!(code == Some(1) && said.contains("s3://scans/nothing.zarr is no OME-Zarr"), "{said}");
-    let (code, said) = run(&["prepare", "v3-zstd.zarr", "s3://scans/out"]);
-    assert!(code == Some(2) && said.contains("none are written"), "{said}");
     let left: Vec<PathBuf> = fs::read_dir(at).unwrap().map(|entry| entry.unwrap().path()).collect();
     assert!(left.iter().all(|path| !path.to_string_lossy().contains("brickcast-tmp")), "{left:?}");
 }
