@@ -3,6 +3,8 @@
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
+use crate::shown::shown;
+
 /// Of a value, how many characters an error repeats.
 const SHOWN: usize = 60;
 /// Of a reason.
@@ -119,7 +121,8 @@ impl<'a> Fields<'a> {
     }
 
     fn wrong(&self, key: &str, problem: &str) -> FieldError {
-        FieldError { field: self.way_to(key), problem: problem.to_owned() }
+        // Whoever wrote the file wrote this, too.
+        FieldError { field: self.way_to(key), problem: shown(problem).into_owned() }
     }
 
     fn way_to(&self, key: &str) -> String {

@@ -174,8 +174,11 @@ mod tests {
             let (extremes, hi) = (TableExtremes::new(&table), (lo + width).min(1.0));
             let shown = extremes.over([lo, hi]);
             let mut met = NOTHING;
-            for i in 0..=3000 {
-                let [r, g, b, alpha] = read(&table, lo + (hi - lo) * (i as f32 / 3000.0));
+            // Peaks are narrower than any step: at the table's own entries, too.
+            let entries = (0..table.entries.len()).map(|i| table.c_first + i as f32 / table.scale());
+            let within = entries.filter(|code| (lo..=hi).contains(code));
+            for code in (0..=3000).map(|i| lo + (hi - lo) * (i as f32 / 3000.0)).chain(within) {
+                let [r, g, b, alpha] = read(&table, code);
                 met = around(met, [alpha; 2]);
                 prop_assert!(shown.alpha[0] <= alpha + 1e-6 && alpha <= shown.alpha[1] + 1e-6);
                 for (c, color) in [r, g, b].into_iter().enumerate().filter(|_| alpha > 0.0) {

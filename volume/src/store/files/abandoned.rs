@@ -4,9 +4,10 @@
 //! is empty; what a store has and scratch files go, and nothing else does.
 
 use std::ffi::OsString;
-use std::fs::{self, File};
+use std::fs;
 use std::path::Path;
 
+use super::lock::dead;
 use super::shape::StoreShape;
 use super::walk as store_walk;
 use crate::unfinished::is_settled;
@@ -84,14 +85,10 @@ fn entries(folder: &Path) -> impl Iterator<Item = OsString> {
     fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.file_name())
 }
 
-/// The lock of a working directory whose writer is dead. Without a lock file its writer is just starting.
-fn dead(dir: &Path) -> Option<File> {
-    let lock = File::options().write(true).open(dir.join("lock")).ok()?;
-    lock.try_lock().ok().map(|()| lock)
-}
-
 #[cfg(all(test, unix))]
 mod tests {
+    use std::fs::File;
+
     use super::*;
 
     /// Whatever is written beside it: its target may never be written again.

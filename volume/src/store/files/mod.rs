@@ -3,6 +3,7 @@
 
 pub(super) mod abandoned;
 pub(super) mod destination;
+mod lock;
 pub(super) mod position;
 pub(super) mod root;
 pub(super) mod shape;
