@@ -8,7 +8,7 @@ use bytes::Bytes;
 use crate::array::Array;
 use crate::codec::{most_encoded, undone};
 use crate::error::{ChunkFault, OmeZarrError};
-use crate::json::{is_missing, read_range};
+use crate::json::read_range;
 use crate::shards::{InnerError, OpenShards};
 
 #[derive(Debug)]
@@ -33,7 +33,7 @@ impl Chunks {
                 let key = array.key(at);
                 let object = match self.objects.open(&key) {
                     Ok(object) => object,
-                    Err(error) if is_missing(&error) => return Ok(None),
+                    Err(error) if error.is_missing() => return Ok(None),
                     Err(error) => return Err(error.into()),
                 };
                 let got = object.size()?;

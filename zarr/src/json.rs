@@ -1,6 +1,5 @@
 //! Metadata as JSON that someone else wrote.
 
-use std::io;
 use std::ops::Range;
 
 use brickcast_volume::json_fields::{FieldError, Fields};
@@ -26,7 +25,7 @@ impl Json {
     pub(crate) fn read(objects: &dyn Objects, file: String) -> Result<Option<Self>, OmeZarrError> {
         let object = match objects.open(&file) {
             Ok(object) => object,
-            Err(error) if is_missing(&error) => return Ok(None),
+            Err(error) if error.is_missing() => return Ok(None),
             Err(error) => return Err(error.into()),
         };
         let bytes = object.size()?;
@@ -58,10 +57,6 @@ impl Json {
 /// The bytes of one range.
 pub(crate) fn read_range(object: &dyn Object, range: Range<u64>) -> Result<Bytes, StoreError> {
     Ok(object.read(std::slice::from_ref(&range))?.pop().unwrap_or_default())
-}
-
-pub(crate) fn is_missing(error: &StoreError) -> bool {
-    matches!(error, StoreError::Io { source, .. } if source.kind() == io::ErrorKind::NotFound)
 }
 
 /// The key of `name` below `path`; an empty path is the root.

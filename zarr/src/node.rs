@@ -4,7 +4,7 @@ use brickcast_volume::store::Objects;
 use serde_json::{Map, Value};
 
 use crate::error::OmeZarrError;
-use crate::json::{Json, below, is_missing};
+use crate::json::{Json, below};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Version {
@@ -31,7 +31,7 @@ pub(crate) fn is_there(objects: &dyn Objects, path: &str) -> Result<bool, OmeZar
     for mark in MARKS {
         match objects.open(&below(path, mark)) {
             Ok(_) => return Ok(true),
-            Err(error) if is_missing(&error) => {}
+            Err(error) if error.is_missing() => {}
             Err(error) => return Err(error.into()),
         }
     }

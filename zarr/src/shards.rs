@@ -8,7 +8,7 @@ use brickcast_volume::store::{Object, Objects};
 use bytes::Bytes;
 
 use crate::error::{ChunkFault, OmeZarrError};
-use crate::json::{Json, is_missing, read_range};
+use crate::json::{Json, read_range};
 
 /// Start and length of an inner chunk, little endian.
 const ENTRY: u64 = 16;
@@ -75,7 +75,7 @@ impl Sharding {
     fn open(&self, objects: &dyn Objects, key: &str) -> Result<Option<Shard>, OmeZarrError> {
         let object = match objects.open(key) {
             Ok(object) => object,
-            Err(error) if is_missing(&error) => return Ok(None),
+            Err(error) if error.is_missing() => return Ok(None),
             Err(error) => return Err(error.into()),
         };
         let fault = |reason| OmeZarrError::Chunk { key: key.to_owned(), reason };

@@ -48,7 +48,8 @@ pub struct OmeZarrSource {
     band: (u64, Vec<u8>),
 }
 
-pub(crate) fn open(objects: Arc<dyn Objects>, hints: &RawHints) -> Result<OmeZarrSource, OmeZarrError> {
+/// The chunks of the image, and what is said of its voxels.
+pub(crate) fn found(objects: Arc<dyn Objects>, hints: &RawHints) -> Result<(Cut, SourceHeader), OmeZarrError> {
     let image = image::find(objects.as_ref())?;
     let array = Array::of(&image.node, &image.array)?;
     let axes = Axes::of(&image, &array, hints)?;
@@ -64,18 +65,24 @@ pub(crate) fn open(objects: Arc<dyn Objects>, hints: &RawHints) -> Result<OmeZar
         notes,
         ..SourceHeader::new(image.format(), space.geometry, array.voxel_type)
     };
+    Ok((Cut { chunks: Chunks::new(objects, array), axes }, header))
+}
+
+pub(crate) fn open(objects: Arc<dyn Objects>, hints: &RawHints) -> Result<OmeZarrSource, OmeZarrError> {
+    let (cut, header) = found(objects.clone(), hints)?;
     // What lies behind a network is no file; of a folder, all that is in it counts.
     let files = match objects.is_far() {
         true => Vec::new(),
         false => vec![objects.place().to_path_buf()],
     };
     let pool = objects.is_far().then(|| rayon::ThreadPoolBuilder::new().num_threads(FAR_THREADS).build());
-    let pool = pool.transpose().map_err(|reason| array.json.problem(format!("no threads to read it: {reason}")))?;
+    let no_threads = |reason| cut.array().json.problem(format!("no threads to read it: {reason}"));
+    let pool = pool.transpose().map_err(no_threads)?;
     let left = available().map_or(u64::MAX, |limit| limit.bytes / 4);
     Ok(OmeZarrSource {
         header,
         files,
-        cut: Cut { chunks: Chunks::new(objects, array), axes },
+        cut,
         pool,
         most_kept: KEPT_BYTES.min(usize::try_from(left).unwrap_or(usize::MAX)),
         kept: HashMap::new(),
@@ -83,12 +90,6 @@ pub(crate) fn open(objects: Arc<dyn Objects>, hints: &RawHints) -> Result<OmeZar
         next: 0,
         band: (0, Vec::new()),
     })
-}
-
-/// The chunks of the image, and voxels of the volume along x, y, z.
-pub(crate) fn found(objects: Arc<dyn Objects>, hints: &RawHints) -> Result<(Cut, [u32; 3]), OmeZarrError> {
-    let OmeZarrSource { cut, header, .. } = open(objects, hints)?;
-    Ok((cut, header.geometry.dims().to_array()))
 }
 
 impl OmeZarrSource {

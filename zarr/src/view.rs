@@ -24,8 +24,9 @@ pub fn whole(
     let Some(file) = ViewFile::read(objects.as_ref())? else { return Ok(objects) };
     let array = find(&file.input.place)?;
     let hints = RawHints { channel: file.input.channel, time: file.input.time, ..RawHints::default() };
-    let (cut, dims) = source::found(array.clone(), &hints).map_err(|reason| lost(array.as_ref(), reason))?;
+    let (cut, header) = source::found(array.clone(), &hints).map_err(|reason| lost(array.as_ref(), reason))?;
     let most = usize::try_from(room).unwrap_or(usize::MAX).max(2 * cut.array().chunk_bytes());
+    let dims = header.geometry.dims().to_array();
     let voxels = ArrayVoxels { cut, dims, most, kept: Mutex::default() };
     Ok(Arc::new(ViewObjects::new(objects, &file, Box::new(voxels))?))
 }

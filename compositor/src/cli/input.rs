@@ -99,8 +99,7 @@ pub fn prepare_input_to(
 /// # Errors
 /// No OME-Zarr; a place that cannot be looked at; an array on this machine for a view elsewhere.
 pub fn view_of(place: &Place, hints: &RawHints, view: Option<&Place>) -> anyhow::Result<ViewInput> {
-    let is_file = matches!(place, Place::Folder(path) if !path.is_dir());
-    if is_file || !brickcast_zarr::is_zarr(place.objects().as_ref())? {
+    if !brickcast_zarr::is_zarr(place.objects().as_ref())? {
         let why = "is no OME-Zarr, and of other formats there are no views; leave --in-place out";
         return Err(anyhow!("{} {why}", shown(place).display()));
     }

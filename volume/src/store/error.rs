@@ -233,7 +233,8 @@ impl StoreError {
     /// True where nothing is at the place that was looked at.
     #[must_use]
     pub fn is_missing(&self) -> bool {
-        matches!(self, Self::Io { source, .. } if source.kind() == io::ErrorKind::NotFound)
+        let none = |kind| matches!(kind, io::ErrorKind::NotFound | io::ErrorKind::NotADirectory);
+        matches!(self, Self::Io { source, .. } if none(source.kind()))
     }
 
     /// True where the same call may succeed later with nothing changed: the system failed, not the data.

@@ -9,7 +9,7 @@ use brickcast_volume::format::RawHints;
 use brickcast_volume::shown::shown;
 use brickcast_volume::store::{PrepareOptions, Progress, SeriesSummary, SeriesWriter};
 
-use crate::cli::args::{PartArgs, PrepareArgs, TimeChoice};
+use crate::cli::args::{PrepareArgs, TimeChoice};
 use crate::cli::failure::Failure;
 use crate::cli::input::{open_input, opened_input, shown as shown_place, tell, with_bar};
 use crate::cli::say::say;
@@ -33,8 +33,7 @@ pub(super) fn is_asked(args: &PrepareArgs) -> bool {
 /// # Errors
 /// Usage: what is not done of a series; steps that are not there. Inputs that differ in what all must have in common.
 pub(super) fn run(args: &PrepareArgs, target: &Path, options: &PrepareOptions, quiet: bool) -> Result<(), Failure> {
-    let PartArgs { shard, scan, merge, resume } = &args.parts;
-    if shard.is_some() || *scan || *merge || *resume {
+    if args.parts.is_some() {
         let why = "are of one store, and a series is prepared in one go: leave them out";
         return Err(Failure::usage(anyhow!("--shard, --scan, --merge and --resume {why}")));
     }

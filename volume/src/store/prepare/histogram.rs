@@ -79,30 +79,9 @@ impl Histogram {
         self.bounds().1
     }
 
-    /// Otsu's threshold: the largest ordinal of the lower class at the first maximum of the between-class variance
-    /// `w0 w1 (m0 - m1)^2` (Otsu 1979; the convention is scikit-image's `threshold_otsu`).
+    /// As [`otsu`].
     pub(crate) fn otsu(&self) -> u16 {
-        let (min, max) = self.bounds();
-        let total = self.total();
-        let sum: u64 = self.counts.iter().zip(0u64..).map(|(n, ordinal)| n * ordinal).sum();
-        let (mut best, mut threshold) = (f64::NEG_INFINITY, min);
-        let (mut n0, mut s0) = (0u64, 0u64);
-        for ordinal in min..max {
-            let n = self.counts[usize::from(ordinal)];
-            if n == 0 {
-                // The classes are those of the ordinal before.
-                continue;
-            }
-            n0 += n;
-            s0 += n * u64::from(ordinal);
-            let n1 = total - n0;
-            let apart = s0 as f64 / n0 as f64 - (sum - s0) as f64 / n1 as f64;
-            let variance = n0 as f64 * n1 as f64 * apart * apart;
-            if variance > best {
-                (best, threshold) = (variance, ordinal);
-            }
-        }
-        threshold
+        otsu(&self.counts) as u16
     }
 
     /// Counts per bin, where ordinal `o` falls into `bin_of[o]`.
@@ -113,6 +92,32 @@ impl Histogram {
         }
         out
     }
+}
+
+/// Otsu's threshold: the last place of the lower class at the first maximum of the between-class variance
+/// `w0 w1 (m0 - m1)^2` (Otsu 1979; the convention is scikit-image's `threshold_otsu`).
+pub(crate) fn otsu(counts: &[u64]) -> usize {
+    let first = counts.iter().position(|&n| n > 0).unwrap_or(0);
+    let last = counts.iter().rposition(|&n| n > 0).unwrap_or(0);
+    let total: u64 = counts.iter().sum();
+    let sum: u64 = counts.iter().zip(0u64..).map(|(n, place)| n * place).sum();
+    let (mut best, mut threshold) = (f64::NEG_INFINITY, first);
+    let (mut n0, mut s0) = (0u64, 0u64);
+    for (place, &n) in counts.iter().enumerate().take(last).skip(first) {
+        if n == 0 {
+            // The classes are those of the place before.
+            continue;
+        }
+        n0 += n;
+        s0 += n * place as u64;
+        let n1 = total - n0;
+        let apart = s0 as f64 / n0 as f64 - (sum - s0) as f64 / n1 as f64;
+        let variance = n0 as f64 * n1 as f64 * apart * apart;
+        if variance > best {
+            (best, threshold) = (variance, place);
+        }
+    }
+    threshold
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ mod describe;
 pub(super) mod disk;
 pub(super) mod fill;
 mod finish;
-mod histogram;
+pub(super) mod histogram;
 pub(super) mod job;
 mod memory;
 pub(super) mod missing;

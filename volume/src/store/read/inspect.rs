@@ -1,7 +1,6 @@
 //! Everything that is wrong with a store's folder: what is broken, what is missing, and what the manifest does not
 //! name.
 
-use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -251,12 +250,5 @@ pub(crate) fn fault(file: &str, error: &StoreError) -> Fault {
 }
 
 fn is_missing(error: &StoreError) -> bool {
-    match error {
-        StoreError::NotAStore { .. } => true,
-        StoreError::Io { source, .. } => {
-            matches!(source.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory)
-        }
-        StoreError::ShardMissing { .. } => true,
-        _ => false,
-    }
+    error.is_missing() || matches!(error, StoreError::ShardMissing { .. } | StoreError::NotAStore { .. })
 }

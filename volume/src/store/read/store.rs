@@ -1,7 +1,6 @@
 //! An open store and its bricks.
 
 use std::borrow::Cow;
-use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -93,9 +92,7 @@ impl Store {
     /// As [`Store::open`].
     pub fn open_objects(objects: Arc<dyn Objects>) -> Result<Self, StoreError> {
         let manifest_bytes = match objects.read_at_most(MANIFEST_FILE, Manifest::MAX_BYTES + 1) {
-            Err(StoreError::Io { source, .. })
-                if matches!(source.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) =>
-            {
+            Err(error) if error.is_missing() => {
                 return Err(StoreError::NotAStore { path: objects.place().to_path_buf() });
             }
             read => read?,

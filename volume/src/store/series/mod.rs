@@ -9,7 +9,6 @@ pub(super) mod inspect;
 mod make;
 mod objects;
 
-use std::io;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -40,9 +39,8 @@ impl Series {
     /// # Errors
     /// A manifest that is broken or cannot be read; other files of the series' own that are not those it names.
     pub fn find(objects: Arc<dyn Objects>) -> Result<Option<Self>, StoreError> {
-        let is_missing = |kind: io::ErrorKind| matches!(kind, io::ErrorKind::NotFound | io::ErrorKind::NotADirectory);
         let bytes = match objects.read_at_most(SERIES_FILE, SeriesManifest::MAX_BYTES + 1) {
-            Err(StoreError::Io { source, .. }) if is_missing(source.kind()) => return Ok(None),
+            Err(error) if error.is_missing() => return Ok(None),
             read => read?,
         };
         let manifest = SeriesManifest::from_bytes(&bytes)?;

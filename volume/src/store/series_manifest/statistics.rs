@@ -1,6 +1,7 @@
 //! What a look is chosen by, of all steps together.
 
 use crate::store::manifest::{HISTOGRAM_BINS, Manifest, QUANTILES};
+use crate::store::prepare::histogram::otsu;
 
 /// Of all voxels of all steps, data units. Values are as exact as the bins of the histogram that they are taken from.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,26 +74,4 @@ fn quantile(histogram: &[u64], share: f64) -> (usize, f64) {
         below += n;
     }
     (histogram.len().saturating_sub(1), 1.0)
-}
-
-/// Otsu's threshold: the last bin of the lower class, as of a store's own histogram.
-fn otsu(histogram: &[u64]) -> usize {
-    let all = histogram.iter().sum::<u64>() as f64;
-    let sum: f64 = histogram.iter().enumerate().map(|(bin, n)| *n as f64 * bin as f64).sum();
-    let first = histogram.iter().position(|n| *n > 0).unwrap_or(0);
-    let (mut best, mut threshold) = (f64::NEG_INFINITY, first);
-    let (mut n0, mut s0) = (0.0, 0.0);
-    for (bin, &n) in histogram.iter().enumerate().filter(|(_, n)| **n > 0) {
-        (n0, s0) = (n0 + n as f64, s0 + n as f64 * bin as f64);
-        let n1 = all - n0;
-        if n1 <= 0.0 {
-            break;
-        }
-        let apart: f64 = s0 / n0 - (sum - s0) / n1;
-        let variance = n0 * n1 * apart * apart;
-        if variance > best {
-            (best, threshold) = (variance, bin);
-        }
-    }
-    threshold
 }

@@ -70,9 +70,7 @@ pub(in crate::store) fn written(
 /// A server may refuse to say that something is not there.
 fn is_none(objects: &dyn Objects, error: &StoreError) -> bool {
     let is_refused = |kind| kind == io::ErrorKind::PermissionDenied && objects.is_far();
-    let is_no_folder = |kind| kind == io::ErrorKind::NotADirectory;
-    let kind = |source: &io::Error| is_no_folder(source.kind()) || is_refused(source.kind());
-    error.is_missing() || matches!(error, StoreError::Io { source, .. } if kind(source))
+    error.is_missing() || matches!(error, StoreError::Io { source, .. } if is_refused(source.kind()))
 }
 
 impl ViewFile {
