@@ -12,6 +12,7 @@ use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 use super::abandoned::{MARK, clear, clear_scratch, recover, remove_leftovers};
 use super::lock::locked;
@@ -56,7 +57,10 @@ impl WorkDir {
         remove_leftovers(&parent);
         sweep_once(&parent);
         check_target(target, force)?;
-        for n in 0..10_000u32 {
+        for _ in 0..10_000 {
+            // No name twice: whoever still looks at what had it would meddle with what has it now.
+            static COUNTER: AtomicU32 = AtomicU32::new(0);
+            let n = COUNTER.fetch_add(1, Ordering::Relaxed);
             let mut dir_name = prefix.clone();
             dir_name.push(format!("{}-{n}", std::process::id()));
             let dir = parent.join(dir_name);
@@ -64,9 +68,16 @@ impl WorkDir {
                 Err(e) if e.kind() == io::ErrorKind::AlreadyExists => continue,
                 made => Some(made.map_err(StoreError::io("create", &dir))?.1),
             };
-            let mut work =
-                Self { target: target.to_path_buf(), parent, dir, step: None, force, lock: None, keep: false, listed };
-            work.lock = Some(locked(&work.dir)?);
+            let lock = match locked(&dir) {
+                Ok(Some(lock)) => Some(lock),
+                // Somebody has taken it for a dead writer's.
+                Ok(None) => continue,
+                Err(error) => {
+                    clear(&dir);
+                    return Err(StoreError::io("create a lock in", &dir)(error));
+                }
+            };
+            let work = Self { target: target.to_path_buf(), parent, dir, step: None, force, lock, keep: false, listed };
             fs::create_dir(work.store()).map_err(StoreError::io("create", &work.store()))?;
             return Ok(work);
         }
