@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use brickcast_proto::{Failure, Fault};
+use brickcast_proto::{Failure, Fault, UnreadableBrick};
 use brickcast_remote::PlaceError;
 use brickcast_volume::pixel::KindError;
 use brickcast_volume::store::StoreError;
@@ -37,6 +37,8 @@ pub enum NodeError {
     Outside { name: String, file: PathBuf },
     #[error("store `{name}`: {source}")]
     Store { name: String, source: StoreError },
+    #[error("store `{name}`: {source}")]
+    Unreadable { name: String, brick: UnreadableBrick, source: StoreError },
 
     #[error("store `{name}` has no coarser level than this, and the order says that its chunks meet one")]
     NoCoarserLevel { name: String },
@@ -119,6 +121,14 @@ impl NodeError {
         }
     }
 
+    /// What went wrong with a brick of the store `name`.
+    pub(crate) fn of_brick(name: &str, brick: UnreadableBrick, source: StoreError) -> Self {
+        match Self::of_store(name, source) {
+            Self::Store { name, source } => Self::Unreadable { name, brick, source },
+            error => error,
+        }
+    }
+
     /// For the count of refusals in the log; nothing for what is no refusal.
     pub(crate) fn refusal(&self) -> Option<&'static str> {
         Some(match self {
@@ -150,7 +160,11 @@ impl NodeError {
             | Self::View(_)
             | Self::TooLong(_)
             | Self::OpacityUnit { .. } => Fault::Invalid,
-            Self::DataRoot { .. } | Self::Place(_) | Self::Store { .. } | Self::Outside { .. } => Fault::BrokenStore,
+            Self::DataRoot { .. }
+            | Self::Place(_)
+            | Self::Store { .. }
+            | Self::Unreadable { .. }
+            | Self::Outside { .. } => Fault::BrokenStore,
             Self::BrickTooLarge { .. }
             | Self::ChunkTooLarge { .. }
             | Self::BatchTooLarge { .. }
@@ -180,6 +194,10 @@ impl From<RaycastError> for NodeError {
 
 impl From<NodeError> for Failure {
     fn from(error: NodeError) -> Self {
-        Self::new(error.fault(), error.to_string())
+        let unreadable = match &error {
+            NodeError::Unreadable { brick, .. } => Some(*brick),
+            _ => None,
+        };
+        Self { unreadable, ..Self::new(error.fault(), error.to_string()) }
     }
 }

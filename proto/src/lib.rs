@@ -21,7 +21,7 @@ pub use cluster::{
 pub use convert::WireError;
 pub use order::{LayerOrder, LevelPart, RenderOrder};
 pub use part::{ChunkCost, FramePart, Part, Receipt, TilePart};
-pub use status::{Failure, Fault, Retry};
+pub use status::{Failure, Fault, Retry, UnreadableBrick};
 pub use tile::{EncodedTile, TileError, decode_tile, encode_tile};
 pub use tile_rect::{TILE, TileRect};
 

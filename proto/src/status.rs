@@ -1,6 +1,10 @@
 //! Errors on the wire: which gRPC code, and whether a retry helps.
 
+use brickcast_volume::{BrickId, StoreHash};
+use prost::Message as _;
 use tonic::{Code, Status};
+
+use crate::wire;
 
 /// Why a call failed, as far as the other side has to act differently.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -77,25 +81,46 @@ impl Retry {
     }
 }
 
+/// A brick that a node cannot read: a file of its store is missing or broken there, or does not come.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct UnreadableBrick {
+    pub store: StoreHash,
+    pub brick: BrickId,
+}
+
+impl UnreadableBrick {
+    /// What a failed call says of one; nothing where it names none.
+    #[must_use]
+    pub fn of(status: &Status) -> Option<Self> {
+        let told = wire::UnreadableBrick::decode(status.details()).ok()?;
+        Some(Self { store: told.store_hash.parse().ok()?, brick: BrickId::finest(told.brick) })
+    }
+}
+
 /// A fault in words with operands, ready for the wire.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
 pub struct Failure {
     pub fault: Fault,
     pub message: String,
+    pub unreadable: Option<UnreadableBrick>,
 }
 
 impl Failure {
     #[must_use]
     pub fn new(fault: Fault, message: impl Into<String>) -> Self {
-        Self { fault, message: message.into() }
+        Self { fault, message: message.into(), unreadable: None }
     }
 }
 
 impl From<Failure> for Status {
     fn from(failure: Failure) -> Self {
         // Statuses travel in a header: proxies refuse long ones.
-        Self::new(failure.fault.code(), crate::convert::clip(&failure.message, 2048))
+        let message = crate::convert::clip(&failure.message, 2048);
+        let details = failure.unreadable.map(|UnreadableBrick { store, brick }| {
+            wire::UnreadableBrick { store_hash: store.to_string(), brick: brick.linear() }.encode_to_vec()
+        });
+        Self::with_details(failure.fault.code(), message, details.unwrap_or_default().into())
     }
 }
 
@@ -140,6 +165,19 @@ mod tests {
         assert_eq!(Retry::after(Invalid.code()), Retry::Never);
         assert_eq!(Retry::after(Busy.code()), Retry::Later);
         assert_eq!(Retry::after(BrokenStore.code()), Retry::Elsewhere);
+    }
+
+    #[test]
+    fn a_brick_that_cannot_be_read_is_named_or_nothing_is() {
+        let hash = "0123456789abcdef0123456789abcdef".parse().unwrap();
+        let named = UnreadableBrick { store: hash, brick: BrickId::finest(7) };
+        let failure = Failure { unreadable: Some(named), ..Failure::new(Fault::BrokenStore, "gone") };
+        assert_eq!(UnreadableBrick::of(&failure.into()), Some(named));
+        assert_eq!(UnreadableBrick::of(&Failure::new(Fault::BrokenStore, "gone").into()), None);
+        for details in [&b"\xff\xff"[..], b"\x0a\x03abc", &[0; 4096]] {
+            let status = Status::with_details(Code::DataLoss, "x", bytes::Bytes::copy_from_slice(details));
+            assert_eq!(UnreadableBrick::of(&status), None);
+        }
     }
 
     #[test]

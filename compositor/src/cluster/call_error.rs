@@ -1,6 +1,6 @@
 //! What a node, or the way to it, did not do, and what can be done about it.
 
-use brickcast_proto::transport;
+use brickcast_proto::{UnreadableBrick, transport};
 
 use super::tls_words::{PERHAPS_TLS, handshake_in_brief};
 
@@ -24,6 +24,8 @@ pub enum CallError {
     Calmed { address: String, call: &'static str, reason: String },
     #[error("node {address}: {call}: {message}")]
     Refused { address: String, call: &'static str, code: tonic::Code, message: String },
+    #[error("node {address}: {call}: {message}")]
+    Unreadable { address: String, call: &'static str, brick: UnreadableBrick, message: String },
     #[error("node {address}: it is shutting down")]
     Draining { address: String },
     #[error(
@@ -69,6 +71,7 @@ impl CallError {
             Self::Refused { code: ResourceExhausted, .. } => "refused: limits".to_owned(),
             Self::Refused { code: Unimplemented, .. } => "foreign protocol: no such call".to_owned(),
             Self::Refused { code, .. } => format!("refused: {code:?}"),
+            Self::Unreadable { .. } => "broken store".to_owned(),
             Self::Draining { .. } => "draining".to_owned(),
             Self::Hanging { .. } => "hangs".to_owned(),
             Self::Invalid { .. } => "foreign protocol: not valid".to_owned(),
@@ -80,7 +83,8 @@ impl CallError {
     #[must_use]
     pub(crate) fn may_be_damage(&self) -> bool {
         use tonic::Code::{DataLoss, Internal, Unknown};
-        self.is_lost() || matches!(self, Self::Refused { code: Internal | Unknown | DataLoss, .. })
+        let refused = matches!(self, Self::Refused { code: Internal | Unknown | DataLoss, .. });
+        self.is_lost() || refused || matches!(self, Self::Unreadable { .. })
     }
 
     /// True where the node is well and only has, or had, too much to do: it is worth asking again after a pause.

@@ -15,8 +15,8 @@ use brickcast_proto::credentials::Badge;
 use brickcast_proto::status::innermost;
 use brickcast_proto::transport::Line;
 use brickcast_proto::{
-    FramePart, LoadReceipt, LoadRequest, NodeDescription, Part, RenderOrder, StoreDescription, StoreQuery, transport,
-    wire,
+    FramePart, LoadReceipt, LoadRequest, NodeDescription, Part, RenderOrder, StoreDescription, StoreQuery,
+    UnreadableBrick, transport, wire,
 };
 use brickcast_volume::StoreHash;
 use futures_util::StreamExt as _;
@@ -334,6 +334,9 @@ impl NodeClient {
         let address = self.address.clone();
         // Only what comes from the transport has a source; what the node itself says has none.
         let Some(source) = status.source() else {
+            if let Some(brick) = UnreadableBrick::of(status) {
+                return CallError::Unreadable { address, call, brick, message: status.message().to_owned() };
+            }
             return CallError::Refused { address, call, code: status.code(), message: status.message().to_owned() };
         };
         let reason = explained(&innermost(source));

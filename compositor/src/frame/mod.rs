@@ -4,8 +4,10 @@
 pub mod blend;
 mod collect;
 mod cost;
+mod deal;
 mod error;
 mod finished;
+mod lacking;
 pub mod ledger;
 mod node_frame;
 mod sink;
@@ -24,6 +26,7 @@ use tokio::time::Instant;
 pub(crate) use self::cost::NodeCost;
 pub use self::error::FrameError;
 pub(crate) use self::finished::{Finished, tiles_of_pixels};
+pub use self::lacking::Lacking;
 pub use self::node_frame::{LostNode, NodeFrame};
 pub use self::sink::{FinishedTile, FrameSink};
 pub(crate) use self::worker::workers;
@@ -36,6 +39,8 @@ use crate::plan::{Assignment, InView, Shown};
 
 /// How long a complete frame waits for receipts: they only tell what it cost.
 const RECEIPT_GRACE: Duration = Duration::from_millis(250);
+/// Bricks that cannot be read of which each is told.
+const LACKING_TOLD: usize = 4;
 /// Events between the connections and the loop.
 const EVENTS: usize = 256;
 
@@ -58,6 +63,8 @@ pub(crate) struct FrameEnd {
     /// Why it is not complete.
     pub(crate) problems: Vec<String>,
     pub(crate) nodes: Vec<NodeFrame>,
+    /// What is missing because no node can read it.
+    pub(crate) lacking: Vec<Lacking>,
     /// Layers that were void and ordered again.
     pub(crate) reissued: usize,
     /// Position in the list of workers, and why.
@@ -265,6 +272,11 @@ impl Run<'_, '_> {
             self.drop_ticket(ticket, Void::Open);
             return;
         }
+        if self.notes_lack(ticket, error) {
+            tracing::debug!("frame {}: {error}; ordered from others", self.order.frame.0);
+            self.drop_ticket(ticket, Void::Open);
+            return;
+        }
         let which = if matches!(error, CallError::Invalid { .. }) { Void::All } else { Void::Open };
         for other in (0..self.sent.len()).filter(|&t| self.sent[t].worker == worker).collect::<Vec<_>>() {
             self.drop_ticket(Ticket(other), which);
@@ -288,11 +300,6 @@ impl Run<'_, '_> {
         }
     }
 
-    fn can_work(&self, worker: usize) -> bool {
-        let worker = &self.workers[worker];
-        worker.out.is_none() && worker.client.is_some()
-    }
-
     /// Nodes that do nothing for a quarter of the deadline, from its half on, are taken for hanging where others are
     /// left. One that works is not hanging, however long it takes.
     fn watch_progress(&mut self, now: Instant) {
@@ -309,43 +316,6 @@ impl Run<'_, '_> {
                 self.fail(ticket, &CallError::Hanging { address, seconds: silent.as_secs_f64() }, now);
             }
         }
-    }
-
-    /// Orders what nobody renders from those that can; calls the lost again where nobody can. False where nobody ever
-    /// will, and a part of the picture is there.
-    fn deal(&mut self, now: Instant) -> Result<bool, FrameError> {
-        // After every event: nearly always there is nothing.
-        if self.ledger.unordered().is_empty() {
-            return Ok(true);
-        }
-        let open = self.ledger.unordered().clone();
-        let takers: Vec<usize> = (0..self.workers.len()).filter(|&w| self.workers[w].ready(now).is_some()).collect();
-        let count = takers.len().min(open.chunks().count());
-        if count > 0 {
-            for (worker, orders) in takers.into_iter().zip(self.in_view.deal(self.shown, &open, count)) {
-                for layers in orders {
-                    self.send(worker, layers, now)?;
-                }
-            }
-            self.reissued += std::mem::take(&mut self.void);
-            return Ok(true);
-        }
-        if !self.calls.is_empty() || (0..self.workers.len()).any(|w| self.can_work(w)) {
-            return Ok(true);
-        }
-        for (position, worker) in self.workers.iter_mut().enumerate() {
-            if let Some(call) = worker.call_again(self.dial) {
-                self.calls.spawn(async move { (position, call.await) });
-            }
-        }
-        if self.calls.is_empty() && self.tiles > 0 {
-            return Ok(false);
-        }
-        if self.calls.is_empty() {
-            let why = self.workers.iter().filter_map(|w| w.out.clone()).collect();
-            return Err(FrameError::NoNodeLeft(why));
-        }
-        Ok(true)
     }
 
     /// When something has to be looked at although nothing arrived.
@@ -369,7 +339,12 @@ impl Run<'_, '_> {
                 problems.push(format!("{owed} tiles of {} had not arrived after {deadline}", of.target.address));
             }
         }
-        let nobody = self.ledger.unordered().chunks().count();
+        let lacking = self.lacking();
+        problems.extend(lacking.iter().take(LACKING_TOLD).map(|lacking| lacking.why.clone()));
+        if lacking.len() > LACKING_TOLD {
+            problems.push(format!("{} more bricks cannot be read", lacking.len() - LACKING_TOLD));
+        }
+        let nobody = self.ledger.unordered().chunks().filter(|chunk| !self.nobody_has(*chunk)).count();
         if nobody > 0 {
             problems.push(format!("{nobody} chunks waited for a node {waited}"));
         }
@@ -377,6 +352,11 @@ impl Run<'_, '_> {
     }
 
     fn end(mut self, problems: Vec<String>) -> FrameEnd {
+        let lacking = self.lacking();
+        for (position, why) in self.damaged().collect::<Vec<_>>() {
+            let address = self.workers[position].target.address.clone();
+            self.lost.push((position, LostNode { address, why }));
+        }
         self.ledger.take_what_came();
         for (ticket, sent) in self.sent.iter().enumerate() {
             self.workers[sent.worker].stat.layers += self.ledger.layers_with_pixels(Ticket(ticket));
@@ -386,6 +366,7 @@ impl Run<'_, '_> {
             ledger: self.ledger,
             problems,
             nodes: took_part.map(|w| w.stat).collect(),
+            lacking,
             reissued: self.reissued,
             lost: self.lost,
             costs: self.costs.into_values().collect(),

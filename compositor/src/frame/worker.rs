@@ -1,10 +1,13 @@
 //! A node as one frame sees it: whether it may be asked, and what it contributed.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use brickcast_proto::NodeState;
+use brickcast_volume::ChunkId;
 use tokio::time::Instant;
 
+use super::lacking::Lacking;
 use super::node_frame::NodeFrame;
 use crate::cluster::{CallError, Dial, NodeClient, Roster, Slot, Target};
 
@@ -42,6 +45,8 @@ pub(crate) struct Worker {
     ready_at: Option<Instant>,
     pause: Duration,
     calmed: u32,
+    /// What it cannot read.
+    pub(super) lacks: BTreeMap<ChunkId, Lacking>,
     pub(crate) stat: NodeFrame,
 }
 
@@ -63,6 +68,7 @@ impl Worker {
             ready_at: None,
             pause: PAUSE.0,
             calmed: 0,
+            lacks: BTreeMap::new(),
             stat,
         }
     }

@@ -59,6 +59,13 @@ impl LevelShown {
         voxels_of(&self.tree, &self.bricks)
     }
 
+    /// Has a chunk of this level a part of a brick of another, which is no finer?
+    pub(super) fn lies_in(&self, chunk: ChunkIndex, (brick, level): (BrickIndex, u8)) -> bool {
+        let (edge, ratio) = (self.tree.chunk_bricks(), 1 << (level - self.level));
+        let met = |(chunk, brick): (u32, u32)| chunk * edge < (brick + 1) * ratio && brick * ratio < (chunk + 1) * edge;
+        chunk.0.into_iter().zip(brick.0).all(met)
+    }
+
     /// The shown bricks of what this level draws in a chunk of the finest level.
     pub(super) fn bricks_of(&self, chunk: ChunkId) -> impl Iterator<Item = BrickIndex> + '_ {
         let bricks = self.chunks.get(&chunk).into_iter().flat_map(|of_level| self.tree.bricks_of(*of_level));

@@ -3,21 +3,21 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use brickcast_proto::LevelPart;
+use brickcast_proto::{LevelPart, UnreadableBrick};
 use brickcast_volume::lod::Selection;
 use brickcast_volume::look_on::{BricksOf, LookOn, NewTables};
 use brickcast_volume::merge::MergeTree;
 use brickcast_volume::regions::{BrickFacts, Drawn};
 use brickcast_volume::scene::Scene;
 use brickcast_volume::store::{BrickRanges, CellRanges, Manifest, Store};
-use brickcast_volume::{BrickId, BrickIndex, ChunkId, ChunkIndex, OwnedBox, PerChunk};
+use brickcast_volume::{BrickId, BrickIndex, ChunkId, ChunkIndex, OwnedBox, PerChunk, StoreHash};
 
 use super::level_shown::{LevelShown, voxels_of};
 
 /// A store as the compositor knows it: no voxels, only what planning needs.
 #[derive(Debug, Clone)]
 pub struct StoreFacts {
-    pub hash: brickcast_volume::StoreHash,
+    pub hash: StoreHash,
     pub manifest: Manifest,
     pub ranges: BrickRanges,
     /// What the store says of its regions, per brick; nothing where it has none.
@@ -38,7 +38,7 @@ impl StoreFacts {
     /// From what a store says; `cells` are missing in older ones.
     #[must_use]
     pub fn new(
-        hash: brickcast_volume::StoreHash,
+        hash: StoreHash,
         manifest: Manifest,
         (ranges, cells): (BrickRanges, Option<CellRanges>),
         facts: Option<Vec<BrickFacts>>,
@@ -145,6 +145,24 @@ impl Shown {
         parts.iter().filter_map(|part| part.order(&wanted)).collect()
     }
 
+    /// The chunks that are shown and cannot be without a brick of `own`, the store that this is of, or of a level: it
+    /// is in them, or is what they meet a coarser level by.
+    #[must_use]
+    pub fn needing(&self, own: StoreHash, brick: UnreadableBrick) -> Vec<ChunkId> {
+        let Some(parts) = self.parts() else {
+            let in_it = Some(brick).filter(|brick| brick.store == own).and_then(|brick| index_in(&self.tree, brick));
+            return in_it.map(|brick| self.tree.chunk_id(self.tree.chunk_of(brick))).into_iter().collect();
+        };
+        let Some(of) = parts.iter().find(|part| part.store == brick.store) else { return Vec::new() };
+        let Some(index) = index_in(&of.tree, brick) else { return Vec::new() };
+        let finer = parts.iter().filter(|part| part.level <= of.level);
+        let chunks = finer.flat_map(|part| {
+            let needs = move |chunk: &ChunkIndex| part.lies_in(*chunk, (index, of.level));
+            part.chunks.iter().filter(move |(_, chunk)| needs(chunk)).map(|(finest, _)| *finest)
+        });
+        chunks.collect()
+    }
+
     /// Of all levels.
     #[must_use]
     pub fn brick_count(&self) -> usize {
@@ -197,4 +215,10 @@ impl Shown {
     pub fn bricks_of(&self, chunk: ChunkIndex) -> impl Iterator<Item = BrickIndex> + '_ {
         self.tree.bricks_of(chunk).filter(|b| self.bricks[self.tree.grid().id(*b).index()])
     }
+}
+
+/// Nothing where the grid has no such brick.
+fn index_in(tree: &MergeTree, brick: UnreadableBrick) -> Option<BrickIndex> {
+    let grid = tree.grid();
+    ((brick.brick.index() as u64) < grid.brick_count()).then(|| grid.index_of(brick.brick))
 }

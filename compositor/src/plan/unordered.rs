@@ -34,6 +34,12 @@ impl Unordered {
         self.0.get(&chunk).map_or(&[], |tiles| &tiles[..])
     }
 
+    /// That of some chunks.
+    #[must_use]
+    pub(crate) fn only(&self, wanted: impl Fn(ChunkId) -> bool) -> Self {
+        Self(self.0.iter().filter(|(chunk, _)| wanted(**chunk)).map(|(chunk, tiles)| (*chunk, tiles.clone())).collect())
+    }
+
     /// Takes tiles out; false, and nothing is changed, where one of them is not open.
     pub(crate) fn take(&mut self, chunk: ChunkId, tiles: &TileRect) -> bool {
         let Some(open) = self.0.get_mut(&chunk) else { return false };

@@ -27,6 +27,8 @@ pub enum SessionError {
     Levels(#[from] LodError),
     #[error("{}", no_level(*.level, *.coarsest))]
     NoLevel { level: u8, coarsest: u8 },
+    #[error("nothing of the picture can be read: {}", .0.join("; "))]
+    Unreadable(Vec<String>),
     #[error("level {0} of the store is not what its manifest promises; prepare the store anew")]
     OtherLevel(u8),
 }

@@ -12,7 +12,7 @@ use super::balanced::BalanceStats;
 use super::error::SessionError;
 use super::stats::{FrameFaults, FrameStats};
 use crate::frame::blend::{BlendError, Layers, blend};
-use crate::frame::{self, FrameEnd, FrameError};
+use crate::frame::{self, FrameEnd, FrameError, Lacking};
 use crate::picture::Picture;
 use crate::plan::StoreFacts;
 
@@ -25,6 +25,8 @@ pub struct Frame {
     pub problems: Vec<String>,
     /// Tiles of 64 pixels of the picture for which an answer is missing, wholly or of some of its rays.
     pub missing_tiles: Vec<[u32; 2]>,
+    /// Of what is missing, what no node can read.
+    pub lacking: Vec<Lacking>,
     pub stats: FrameStats,
 }
 
@@ -36,7 +38,19 @@ impl Frame {
         let tiles = [size.width(), size.height()].map(|n| n.div_ceil(TILE));
         let missing_tiles = (0..tiles[1]).flat_map(|y| (0..tiles[0]).map(move |x| [x, y])).collect();
         let stats = FrameStats::sum(0.0, (0, 0), false, FrameFaults::default(), Vec::new());
-        Self { picture: Picture::empty(size), complete: false, problems: vec![why], missing_tiles, stats }
+        let (picture, lacking) = (Picture::empty(size), Vec::new());
+        Self { picture, complete: false, problems: vec![why], missing_tiles, lacking, stats }
+    }
+
+    /// An error where no part of it can be read.
+    ///
+    /// # Errors
+    /// As it says.
+    pub fn of_something(self) -> Result<Self, SessionError> {
+        match self.stats.tiles == 0 && !self.lacking.is_empty() {
+            true => Err(SessionError::Unreadable(self.problems)),
+            false => Ok(self),
+        }
     }
 }
 
@@ -87,7 +101,7 @@ impl<'a> Joining<'a> {
         let missing_tiles = frame::tiles_of_pixels(end.ledger.missing_tiles(), samples);
         let lost = end.lost.into_iter().map(|(_, lost)| lost).collect();
         let faults = FrameFaults { epoch: epoch.0, reissued: end.reissued, lost };
-        let ledger = end.ledger;
+        let (ledger, lacking) = (end.ledger, end.lacking);
         let join = move || {
             let layers = Layers { ledger: &ledger, tree: &tree, from };
             Ok::<_, BlendError>(blend(layers, rays, &coloring)?.averaged(size, samples)?)
@@ -96,6 +110,6 @@ impl<'a> Joining<'a> {
         let frame_ms = started.elapsed().as_secs_f64() * 1e3;
         let stats = FrameStats::sum(frame_ms, (end.tiles, end.bytes_received), complete, faults, end.nodes);
         let stats = FrameStats { balance, ..stats };
-        Ok(Frame { picture, complete, problems: end.problems, missing_tiles, stats })
+        Ok(Frame { picture, complete, problems: end.problems, missing_tiles, lacking, stats })
     }
 }

@@ -2,7 +2,7 @@
 //! level each chunk is drawn.
 
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use brickcast_volume::lod::{Content, LevelSet, Levels, Rule, Selection};
 use brickcast_volume::scene::{Scene, Transport};
@@ -10,15 +10,17 @@ use brickcast_volume::store::Manifest;
 use brickcast_volume::{ChunkId, PictureSize, PixelRect};
 use futures_util::future::{BoxFuture, try_join_all};
 
+use self::floor::Floor;
 use super::error::SessionError;
 use super::layered::{Frame, Joining};
 use super::look::ShownLook;
 use super::stats::{LoadStats, LodStats};
 use super::{Session, StoreChoice};
-use crate::frame::FrameSink;
+use crate::frame::{FrameSink, Lacking};
 use crate::plan::{Assignment, LevelShown, Shown, StoreFacts};
 
 mod budgeted;
+mod floor;
 pub mod pace;
 
 impl Session {
@@ -63,6 +65,7 @@ pub struct LevelSessions {
     seen: Option<Seen>,
     /// What was selected last, and what is shown of it.
     dealt: Option<(Selection, Arc<Shown>)>,
+    floor: Floor,
 }
 
 /// What a look shows of a volume, whatever the view.
@@ -90,7 +93,7 @@ impl LevelSessions {
             };
             let coarser = try_join_all(levels.all().skip(1).map(facts)).await?;
             let stores = std::iter::once(finest.store().clone()).chain(coarser).collect();
-            Ok(Self { session: finest, stores, levels, seen: None, dealt: None })
+            Ok(Self { session: finest, stores, levels, seen: None, dealt: None, floor: Floor::default() })
         })
     }
 
@@ -107,6 +110,12 @@ impl LevelSessions {
     /// Has the session draw what is selected from now on.
     pub fn draw(&mut self, scene: &Scene, selection: &Selection) {
         self.deal(scene, selection);
+    }
+
+    /// What the last frame was drawn of, where that is not what was asked for.
+    #[must_use]
+    pub fn drawn_instead(&self) -> Option<LevelSet> {
+        self.dealt.as_ref().filter(|_| !self.floor.is_none()).map(|(selection, _)| selection.set())
     }
 
     /// Renders by a table of its own from now on, instead of contiguous runs: `table` makes it for so many chunks of
@@ -174,12 +183,13 @@ impl LevelSessions {
         selection: &'a Selection,
     ) -> BoxFuture<'a, Result<LoadStats, SessionError>> {
         Box::pin(async move {
-            self.deal(scene, selection);
+            let selection = self.floor.had(selection);
+            self.deal(scene, &selection);
             self.session.load(scene).await
         })
     }
 
-    /// Renders one frame, each chunk on the level that is selected.
+    /// Renders one frame, each chunk on the level that is selected, or the next coarser one that a node can read.
     ///
     /// # Errors
     /// As [`Session::render`].
@@ -205,15 +215,45 @@ impl LevelSessions {
         sink: &'s mut dyn FrameSink,
     ) -> BoxFuture<'a, Result<Frame, SessionError>> {
         Box::pin(async move {
-            let shown = self.deal(scene, selection);
-            let joining = Joining::new(self.session.store(), scene)?;
-            let rays = scene.by_rays();
-            let layered = self.session.layered((scene, &rays), transport, deadline, sink).await?;
-            let told = self.told(selection, &shown, (rays.view.size, &layered.in_view));
-            let mut frame = joining.join(layered).await?;
-            frame.stats.lod = Some(told);
-            Ok(frame)
+            let until = Instant::now() + deadline;
+            loop {
+                let had = self.floor.had(selection);
+                let left = until.saturating_duration_since(Instant::now());
+                let frame = self.drawn(scene, &had, (transport, left), sink).await?;
+                if frame.complete || Instant::now() >= until || !self.draw_instead_of(&frame.lacking) {
+                    return frame.of_something();
+                }
+            }
         })
+    }
+
+    /// Learns what nobody can read, so that coarser levels are drawn there; false where there is nothing to draw in its
+    /// place.
+    pub fn draw_instead_of(&mut self, lacking: &[Lacking]) -> bool {
+        let Self { stores, levels, floor, .. } = self;
+        let of_brick = |lacking: &Lacking| {
+            let level = stores.iter().position(|store| store.hash == lacking.brick.store)? as u8;
+            Some((level, lacking.brick.brick, lacking.why.clone()))
+        };
+        floor.raise(levels, lacking.iter().filter_map(of_brick))
+    }
+
+    /// Renders what is selected, whatever of it can be read.
+    async fn drawn(
+        &mut self,
+        scene: &Scene,
+        selection: &Selection,
+        (transport, deadline): (Transport, Duration),
+        sink: &mut dyn FrameSink,
+    ) -> Result<Frame, SessionError> {
+        let shown = self.deal(scene, selection);
+        let joining = Joining::new(self.session.store(), scene)?;
+        let rays = scene.by_rays();
+        let layered = self.session.layered((scene, &rays), transport, deadline, sink).await?;
+        let told = self.told(selection, &shown, (rays.view.size, &layered.in_view));
+        let mut frame = joining.join(layered).await?;
+        frame.stats.lod = Some(told);
+        Ok(frame)
     }
 
     /// What was drawn on which level, and what of it is in view.
@@ -239,6 +279,7 @@ impl LevelSessions {
             in_view: self.levels.all().map(seen).collect(),
             share_of_bytes: if full > 0 { drawn as f64 / full as f64 } else { 1.0 },
             share_of_pixels: share_outside(size, coarse),
+            unreadable: self.floor.reasons(),
             frame_budget: None,
         }
     }
@@ -261,7 +302,15 @@ impl LevelSessions {
         transport: Transport,
         deadline: Duration,
     ) -> Result<Frame, SessionError> {
-        self.whole().render(scene, transport, deadline).await
+        let started = Instant::now();
+        if self.floor.is_none() {
+            let frame = self.whole().render(scene, transport, deadline).await?;
+            if frame.complete || !self.draw_instead_of(&frame.lacking) {
+                return frame.of_something();
+            }
+        }
+        let all = self.select(scene, Rule::Error { pixels: 0.0 })?;
+        self.render(scene, &all, transport, deadline.saturating_sub(started.elapsed())).await
     }
 
     fn whole(&mut self) -> &mut Session {

@@ -202,6 +202,8 @@ impl Session {
                     Err(error) if error.is_busy() && started.elapsed() < limit => {
                         (again, pause) = (true, BUSY_PAUSE);
                     }
+                    // Its frames say what becomes of that, and load the rest.
+                    Err(error @ CallError::Unreadable { .. }) => tracing::debug!("loading: {error}"),
                     Err(error) => {
                         again = true;
                         tracing::warn!("loading: {error}; the others load its share");

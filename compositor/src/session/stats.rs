@@ -56,6 +56,9 @@ pub struct LodStats {
     pub share_of_bytes: f64,
     /// The share of the picture's pixels in which nothing is drawn coarser than it is; at least.
     pub share_of_pixels: f64,
+    /// Why some of it is drawn coarser than was asked: what no node could read.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub unreadable: Vec<String>,
     /// Where frames have a time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame_budget: Option<FrameBudget>,

@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
+use brickcast_proto::UnreadableBrick;
 use brickcast_volume::brick::BrickVoxels;
 use brickcast_volume::lod::take_coarser;
 use brickcast_volume::regions::{BrickRegions, Region, RegionTable};
@@ -147,7 +148,9 @@ fn read<'a>(
     reads_regions: bool,
     cache: &ChunkCache,
 ) -> Result<Read<'a>, NodeError> {
-    let broken = |source| NodeError::of_store(&store.name, source);
+    let brick = store.store.manifest().grid.id(index);
+    let unreadable = UnreadableBrick { store: store.store.hash(), brick };
+    let broken = |source| NodeError::of_brick(&store.name, unreadable, source);
     let voxels = store.store.read_brick(index, key.ghost, cache).map_err(broken)?;
     let regions = match store.store.region_table().filter(|_| reads_regions) {
         Some(table) => {

@@ -40,6 +40,7 @@ mod store_interop;
 mod talk;
 mod time;
 mod transfer_function;
+mod unreadable;
 mod values;
 
 fn main() -> std::process::ExitCode {

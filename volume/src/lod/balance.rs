@@ -30,6 +30,37 @@ pub(super) fn balance(levels: &Levels, of: &mut PerChunk<u8>) {
     }
 }
 
+/// Raises levels until none is finer than its chunk's `floor`, coarse chunks are whole, and face neighbours differ by
+/// one at most: the finest assignment that keeps these laws and is nowhere finer than what was there, of which there is
+/// one by the same reason. Floors are levels that there are.
+pub(super) fn coarsen(levels: &Levels, of: &mut PerChunk<u8>, floor: &PerChunk<u8>) {
+    let tree = levels.finest();
+    let dims = tree.chunk_dims();
+    let chunks: Vec<ChunkIndex> = tree.chunk_ids().filter_map(|chunk| tree.chunk_at(chunk)).collect();
+    let raise = |of: &mut PerChunk<u8>, chunk: ChunkIndex, to: u8| {
+        let level = &mut of[tree.chunk_id(chunk)];
+        let is_finer = *level < to;
+        *level = to.max(*level);
+        is_finer
+    };
+    loop {
+        let mut changed = false;
+        for &chunk in &chunks {
+            changed |= raise(of, chunk, floor[tree.chunk_id(chunk)]);
+            let level = of[tree.chunk_id(chunk)];
+            for same in levels.under(level, levels.over(level, chunk)) {
+                changed |= raise(of, same, level);
+            }
+            for near in neighbours(chunk, dims.to_array()) {
+                changed |= raise(of, near, level.saturating_sub(1));
+            }
+        }
+        if !changed {
+            return;
+        }
+    }
+}
+
 /// Those that share a face with `chunk`.
 pub(super) fn neighbours(chunk: ChunkIndex, dims: [u32; 3]) -> impl Iterator<Item = ChunkIndex> {
     (0..6).filter_map(move |side| {

@@ -1,6 +1,6 @@
 //! Which chunk is drawn on which level.
 
-use super::balance::balance;
+use super::balance::{balance, coarsen};
 use super::content::Content;
 use super::levels::Levels;
 use super::rule::Rule;
@@ -62,6 +62,16 @@ impl Selection {
         let tree = levels.finest();
         let shows = tree.chunk_ids().filter_map(|c| tree.chunk_at(c)).map(|c| content.shows(std::iter::once(c)));
         Self { shows: shows.collect(), levels: levels.clone(), of }
+    }
+
+    /// The same, drawn nowhere finer than `floor` says of each finest chunk, as fine as that allows.
+    #[must_use]
+    pub fn no_finer(&self, floor: &PerChunk<u8>) -> Self {
+        let mut of = self.of.clone();
+        let coarsest = self.levels.count() - 1;
+        let floor = floor.values().map(|&level| level.min(coarsest)).collect();
+        coarsen(&self.levels, &mut of, &floor);
+        Self { of, ..self.clone() }
     }
 
     /// The chunks of all levels that are drawn, whether they show anything or not.

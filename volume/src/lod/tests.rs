@@ -155,6 +155,51 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(120))]
+    #[test]
+    fn what_cannot_be_had_is_drawn_coarser_and_as_little_else_as_the_laws_allow(
+        which in 0..DIMS.len(), seed in 0_u32..50, pixels in 0.01..20.0_f64, places in prop::collection::vec(
+            (any::<prop::sample::Index>(), 0_u8..5), 0..4), more in (any::<prop::sample::Index>(), 0_u8..5),
+    ) {
+        let levels = levels(DIMS[which].0, DIMS[which].1);
+        let content = content(&levels, seed);
+        let seen = seen(&levels, [0.3, -0.2, 1.0], 3.0, false);
+        let asked = Selection::new(&levels, &content, Rule::Error { pixels }, &seen).unwrap();
+        let count = asked.per_chunk().count();
+        let floor = |places: &[(prop::sample::Index, u8)]| {
+            let mut floor = PerChunk::filled(0, count);
+            places.iter().for_each(|(at, level)| {
+                let of: &mut u8 = &mut floor[ChunkId::new(at.index(count) as u32)];
+                *of = (*of).max(*level);
+            });
+            floor
+        };
+        prop_assert_eq!(&asked.no_finer(&floor(&[])), &asked);
+        let (few, many) = (floor(&places), floor(&[&places[..], &[more]].concat()));
+        let had = asked.no_finer(&few);
+        check(&had);
+        let lowest = levels.count() - 1;
+        for (chunk, &level) in had.per_chunk().iter() {
+            prop_assert!(level >= few[chunk].min(lowest) && level >= asked.per_chunk()[chunk], "{chunk}");
+            prop_assert!(level <= asked.no_finer(&many).per_chunk()[chunk], "more that is broken made {chunk} finer");
+        }
+        prop_assert_eq!(&had.no_finer(&few), &had);
+        // No coarse chunk could be finer by itself: it was asked for, it has to be, or one beside it is coarser.
+        let (tree, of) = (levels.finest(), had.per_chunk());
+        for chunk in tree.chunk_ids().filter(|c| of[*c] > 0) {
+            let level = of[chunk];
+            let mut whole = levels.under(level, levels.over(level, tree.chunk_at(chunk).unwrap()));
+            let has_to = |c: ChunkIndex| {
+                let id = tree.chunk_id(c);
+                let mut beside = neighbours(c, tree.chunk_dims().to_array());
+                asked.per_chunk()[id] == level || few[id] >= level || beside.any(|near| of[tree.chunk_id(near)] > level)
+            };
+            prop_assert!(whole.any(has_to), "{chunk} is on {level} without need");
+        }
+    }
+}
+
 #[test]
 fn nothing_is_coarse_where_no_error_is_allowed_and_all_is_where_any_is() {
     for (dims, brick) in DIMS {

@@ -131,6 +131,12 @@ impl Ledger {
         }
     }
 
+    /// True where nothing that is ordered is open: what is missing is ordered from nobody.
+    #[must_use]
+    pub fn owes_nothing(&self) -> bool {
+        self.open == 0
+    }
+
     /// Makes layers of `ticket` void: their pixels go, their tiles are ordered from nobody. Returns how many.
     pub fn make_void(&mut self, ticket: Ticket, which: Void) -> usize {
         let hit = |d: &mut Debt| d.ticket == ticket && (d.open > 0 || which == Void::All);

@@ -1,6 +1,6 @@
 //! Whoever draws a render's frames: a session of the store or of one of its levels, or one of every level.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use brickcast_volume::StoreHash;
@@ -166,6 +166,26 @@ impl Drawer {
         transport: Transport,
         deadline: Duration,
     ) -> Result<Frame, SessionError> {
+        let started = Instant::now();
+        if let Sessions::One(session, lod) = &mut self.sessions {
+            let frame = session.render(scene, transport, deadline).await?;
+            let is_full = matches!(lod, Lod::Full);
+            if frame.complete || frame.lacking.is_empty() || !is_full || self.store.manifest.levels.is_empty() {
+                return frame.of_something();
+            }
+            // What cannot be read is drawn of a coarser level.
+            match LevelSessions::open(Session::on(session.cluster().clone())).await {
+                Ok(mut levels) => {
+                    levels.draw_instead_of(&frame.lacking);
+                    self.sessions = Sessions::Levels(Box::new(levels), By::Full);
+                }
+                Err(error) => {
+                    tracing::debug!("no other level: {error}");
+                    return frame.of_something();
+                }
+            }
+        }
+        let deadline = deadline.saturating_sub(started.elapsed());
         match &mut self.sessions {
             Sessions::One(session, _) => session.render(scene, transport, deadline).await,
             Sessions::Levels(levels, By::Time(rule, pace)) => {
@@ -206,6 +226,11 @@ impl Drawer {
 
     /// What the last frame was drawn of, for whoever draws it again.
     pub(super) fn lod(&self) -> Lod {
+        if let Sessions::Levels(levels, _) = &self.sessions
+            && let Some(set) = levels.drawn_instead()
+        {
+            return Lod::Set(set);
+        }
         match &self.sessions {
             Sessions::One(_, lod) => lod.clone(),
             Sessions::Levels(_, By::Full) => Lod::Full,

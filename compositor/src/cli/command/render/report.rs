@@ -62,9 +62,16 @@ fn coarse(plan: &RenderPlan, frames: &[FrameStats]) -> Option<Failure> {
     let coarse = lods().map(LodStats::coarse_in_view).max().filter(|&chunks| chunks > 0)?;
     let of = lods().map(|lod| lod.in_view.iter().sum::<u64>()).max().unwrap_or(coarse);
     let output = plan.output.as_ref()?.path.display();
+    let mut reasons: Vec<String> = lods().flat_map(|lod| lod.unreadable.iter().cloned()).collect();
+    reasons.dedup();
+    let why = match reasons.split_first() {
+        None => "; --lod full draws all as they are".to_owned(),
+        Some((why, [])) => format!(", since not all can be read: {why}"),
+        Some((why, more)) => format!(", since not all can be read: {why}; and {} more bricks", more.len()),
+    };
     Some(Failure::Coarse(format!(
         "complete picture written to {output}, not at full resolution: {coarse} of {of} chunks in view are drawn \
-         coarser; --lod full draws all as they are"
+         coarser{why}"
     )))
 }
 
