@@ -5,15 +5,20 @@
 //! driver)`, and in the summary's `N ignored`. Filters and flags are the usual ones (`libtest-mimic`), and so is what
 //! one sees: what tests say goes to standard error, which is shown for failures only, or always with `--nocapture`.
 //!
-//! Where `BRICKCAST_REQUIRE_ALL` is set, in CI, whatever is missing fails the test.
+//! Where `BRICKCAST_REQUIRE_ALL` is set, in CI, whatever is missing fails the test. `BRICKCAST_TEST_TIMES` names a file
+//! to which each test's seconds are added.
 
 mod said;
 
 use std::cell::RefCell;
 use std::fmt::Display;
+use std::fs::File;
+use std::io::Write as _;
 use std::panic::{catch_unwind, resume_unwind};
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
 
@@ -107,12 +112,26 @@ fn trial(test: &'static Test, said: Option<Arc<Said>>) -> Trial {
     let name = test.path.split_once("::").map_or(test.path, |(_program, name)| name);
     let run = move || {
         let from = said.as_ref().map_or(0, |said| said.len());
-        outcome(name, test.run).map_err(|Failure| match said {
+        let started = Instant::now();
+        let outcome = outcome(name, test.run);
+        tell_time(test.path, started.elapsed());
+        outcome.map_err(|Failure| match said {
             Some(said) => Failed::from(format!("said meanwhile, by tests beside it, too:\n{}", said.since(from))),
             None => Failed::without_message(),
         })
     };
     Trial::ignorable_test(name, run).with_ignored_flag(test.is_ignored)
+}
+
+/// Where `BRICKCAST_TEST_TIMES` names a file, a line in it: seconds and name.
+fn tell_time(name: &str, took: Duration) {
+    let Some(path) = std::env::var_os("BRICKCAST_TEST_TIMES") else { return };
+    let line = format!("{:8.2} {name}\n", took.as_secs_f64());
+    let file = File::options().append(true).create(true).open(&path);
+    // At once, so that lines of several programs do not mix.
+    if let Err(error) = file.and_then(|mut file| file.write_all(line.as_bytes())) {
+        eprintln!("{}: {error}", Path::new(&path).display());
+    }
 }
 
 struct Failure;
