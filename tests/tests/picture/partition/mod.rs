@@ -356,6 +356,7 @@ fn copy(frame: &Frame) -> Frame {
         picture: frame.picture.clone(),
         complete: frame.complete,
         problems: Vec::new(),
+        lacking: Vec::new(),
         missing_tiles: Vec::new(),
         stats: frame.stats.clone(),
     }
