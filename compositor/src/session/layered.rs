@@ -1,8 +1,10 @@
 //! What nodes leave of a frame becomes its picture: layers joined at the nodes of the merge tree.
 
+use std::collections::BTreeSet;
 use std::time::Instant;
 
 use brickcast_proto::TILE;
+use brickcast_volume::lod::Hidden;
 use brickcast_volume::merge::{MergeTree, Viewpoint};
 use brickcast_volume::pixel::Coloring;
 use brickcast_volume::scene::Scene;
@@ -25,6 +27,8 @@ pub struct Frame {
     pub problems: Vec<String>,
     /// Tiles of 64 pixels of the picture for which an answer is missing, wholly or of some of its rays.
     pub missing_tiles: Vec<[u32; 2]>,
+    /// What coarser levels hide; nothing where it is not known, or none is drawn.
+    pub hidden: Option<Hidden>,
     pub stats: FrameStats,
 }
 
@@ -36,7 +40,8 @@ impl Frame {
         let tiles = [size.width(), size.height()].map(|n| n.div_ceil(TILE));
         let missing_tiles = (0..tiles[1]).flat_map(|y| (0..tiles[0]).map(move |x| [x, y])).collect();
         let stats = FrameStats::sum(0.0, (0, 0), false, FrameFaults::default(), Vec::new());
-        Self { picture: Picture::empty(size), complete: false, problems: vec![why], missing_tiles, stats }
+        let problems = vec![why];
+        Self { picture: Picture::empty(size), complete: false, problems, missing_tiles, hidden: None, stats }
     }
 }
 
@@ -55,6 +60,10 @@ pub(super) struct Layered {
 impl Layered {
     pub(super) fn is_complete(&self) -> bool {
         self.end.ledger.is_complete()
+    }
+
+    pub(super) fn chunks_in_view(&self) -> BTreeSet<ChunkId> {
+        self.in_view.iter().map(|(chunk, _)| *chunk).collect()
     }
 }
 
@@ -96,6 +105,6 @@ impl<'a> Joining<'a> {
         let frame_ms = started.elapsed().as_secs_f64() * 1e3;
         let stats = FrameStats::sum(frame_ms, (end.tiles, end.bytes_received), complete, faults, end.nodes);
         let stats = FrameStats { balance, ..stats };
-        Ok(Frame { picture, complete, problems: end.problems, missing_tiles, stats })
+        Ok(Frame { picture, complete, problems: end.problems, missing_tiles, hidden: None, stats })
     }
 }

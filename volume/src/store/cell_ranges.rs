@@ -36,6 +36,51 @@ pub(super) fn cells_of(dims: UVec3, level: u8) -> Cubes {
     cubes
 }
 
+/// Where the cells of a volume lie.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Cells {
+    /// Voxels per edge.
+    edge: u32,
+    /// The volume's.
+    dims: UVec3,
+}
+
+impl Cells {
+    pub(super) fn new(cubes: Cubes) -> Self {
+        Self { edge: cubes.edge, dims: cubes.dims }
+    }
+
+    fn cubes(self) -> Cubes {
+        Cubes { dims: self.dims, edge: self.edge, margin: 0 }
+    }
+
+    #[must_use]
+    pub fn edge(self) -> u32 {
+        self.edge
+    }
+
+    /// Per axis.
+    #[must_use]
+    pub fn counts(self) -> UVec3 {
+        self.cubes().counts()
+    }
+
+    /// The voxels of the cell at a place of a table.
+    #[must_use]
+    pub fn voxels(self, place: usize) -> OwnedBox {
+        let lo = self.cubes().at(place) * self.edge;
+        OwnedBox { lo, hi: (lo + self.edge).min(self.dims) }
+    }
+
+    /// The places of the cells that some voxels lie in; none of those beyond the volume.
+    pub fn around(self, voxels: &OwnedBox) -> impl Iterator<Item = usize> + use<> {
+        let n = self.counts();
+        let (lo, hi) = (voxels.lo / self.edge, voxels.hi.map(|v| v.div_ceil(self.edge)).min(n));
+        let row = move |y, z| (lo.x..hi.x).map(move |x| ((z * n.y + y) * n.x + x) as usize);
+        (lo.z..hi.z).flat_map(move |z| (lo.y..hi.y).flat_map(move |y| row(y, z)))
+    }
+}
+
 impl CellRanges {
     pub(super) fn new(cubes: Cubes, ranges: Vec<[u16; 2]>) -> Self {
         Self { edge: cubes.edge, dims: cubes.dims, ranges }
@@ -54,13 +99,25 @@ impl CellRanges {
     pub fn from_bytes(manifest: &Manifest, bytes: &[u8]) -> Result<Option<Self>, StoreError> {
         let Some(hash) = manifest.files.cells else { return Ok(None) };
         let cubes = cells_of(manifest.geometry.dims(), manifest.level);
-        let ranges = table_from_bytes("cell", cubes, bytes, hash, manifest.no_data.is_some())?;
+        let ranges = table_from_bytes(("cell", 1), cubes, bytes, hash, manifest.no_data.is_some())?;
         Ok(Some(Self::new(cubes, ranges)))
     }
 
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         table_to_bytes(&self.ranges)
+    }
+
+    /// All cells.
+    #[must_use]
+    pub fn cells(&self) -> Cells {
+        Cells::new(Cubes { dims: self.dims, edge: self.edge, margin: 0 })
+    }
+
+    /// In the order of their table.
+    #[must_use]
+    pub fn ranges(&self) -> &[[u16; 2]] {
+        &self.ranges
     }
 
     /// The smallest box of voxels around all cells whose range of codes `shows`; nothing where none does. Cells without

@@ -177,13 +177,32 @@ pub(crate) const SUM_BYTES: usize = 4 * 4096;
 /// Offset and length of each of the 16^3 inner chunks of a shard, and a crc32c.
 pub(crate) const INDEX_BYTES: usize = 16 * 4096 + 4;
 
-/// Makes a store one of an older version: without levels before 9, without cells before 7, without checksums of their
-/// chunks at the end of its shards before 6. Its `zarr.json` goes on to speak of levels, which we never read.
+/// Makes a store one of an older version: without means before 10, without levels before 9, without cells before 7,
+/// without checksums of their chunks at the end of its shards before 6. Its `zarr.json` goes on to speak of levels, which
+/// we never read.
 pub(crate) fn downgrade(path: &Path, version: u64) {
     let manifest = path.join("brickcast.json");
     let mut text = std::fs::read_to_string(&manifest).unwrap();
-    assert!(text.contains("\"version\": 9"));
-    text = text.replacen("\"version\": 9", &format!("\"version\": {version}"), 1);
+    let older = |text: &str| {
+        assert!(text.contains("\"version\": 10"));
+        text.replacen("\"version\": 10", &format!("\"version\": {version}"), 1)
+    };
+    text = older(&text);
+    if version == 9 {
+        for level in 1.. {
+            let folder = path.join(format!("levels/{level}"));
+            let Ok(new) = std::fs::read_to_string(folder.join("level.json")) else { break };
+            let key = ",\n    \"means.bin\": ";
+            let from = new.find(key).unwrap();
+            let ends = from + key.len() + new[from + key.len()..].find('\n').unwrap();
+            let old = older(&format!("{}{}", &new[..from], &new[ends..]));
+            let hash = |text: &str| ContentHash::of(text.as_bytes()).to_string();
+            text = text.replace(&hash(&new), &hash(&old));
+            std::fs::write(folder.join("level.json"), old).unwrap();
+            std::fs::remove_file(folder.join("means.bin")).unwrap();
+        }
+        return std::fs::write(manifest, text).unwrap();
+    }
     if let Some(from) = text.find(",\n  \"levels\": [") {
         let ends = from + text[from..].find("\n  ]").unwrap() + "\n  ]".len();
         text.replace_range(from..ends, "");
