@@ -155,7 +155,7 @@ pub struct StoreDescription {
     pub facts: Option<BrickFactsTable>,
     /// Likewise, where the store has them.
     pub cells: Option<CellRanges>,
-    /// Likewise, of a coarser level.
+    /// Likewise.
     pub means: Option<MeanRanges>,
 }
 

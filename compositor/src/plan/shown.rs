@@ -24,7 +24,7 @@ pub struct StoreFacts {
     pub facts: Option<Vec<BrickFacts>>,
     /// The volume seen from afar: its cells, or its bricks where the store is older than cells.
     pub cells: CellRanges,
-    /// Of a coarser level, what it hides; nothing in stores older than that.
+    /// What its own voxels are, cell by cell; nothing in stores older than that.
     pub means: Option<MeanRanges>,
 }
 

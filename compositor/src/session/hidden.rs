@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use brickcast_volume::ChunkId;
-use brickcast_volume::lod::{Hidden, HiddenNote, Hides, LevelRanges, Untold};
+use brickcast_volume::lod::{Hidden, HiddenNote, Hides, Untold};
 use brickcast_volume::scene::Scene;
 
 use super::layered::Frame;
@@ -32,9 +32,10 @@ impl OnLevel {
     ) -> Result<Hidden, Untold> {
         let known = self.hides.take().filter(|(known, _)| is_same_look(known, scene));
         let (_, hides) = self.hides.insert(known.unwrap_or_else(|| {
-            let level = store.means.as_ref().map(|means| (LevelRanges::Coarser(self.level, means), store.tree()));
-            let hides = level.ok_or(Untold::Older).and_then(|level| Hides::new(scene, self.finest.bricks(), [level]));
-            (scene.clone(), hides)
+            let tables = self.finest.means.as_ref().zip(store.means.as_ref()).ok_or(Untold::Older);
+            let level = |means| [(self.level, store.tree(), means)];
+            let hides = |(finest, means)| Hides::new(scene, (self.finest.bricks(), finest), level(means));
+            (scene.clone(), tables.and_then(hides))
         }));
         let hides = hides.as_ref().map_err(|why| *why)?;
         Ok(hides.hidden(|_, chunk| in_view.contains(&chunk), |_| None))
@@ -47,13 +48,12 @@ fn is_same_look(a: &Scene, b: &Scene) -> bool {
 
 /// What levels hide in a look, the finest first.
 pub(super) fn of_levels(stores: &[StoreFacts], scene: &Scene) -> Result<Hides, Untold> {
-    let Some((finest, coarser)) = stores.split_first() else { return Err(Untold::Older) };
-    let mut levels = vec![(LevelRanges::Finest(&finest.cells), finest.tree())];
-    for (level, store) in (1..).zip(coarser) {
-        let means = store.means.as_ref().ok_or(Untold::Older)?;
-        levels.push((LevelRanges::Coarser(level, means), store.tree()));
+    let mut levels = Vec::new();
+    for (level, store) in (0..).zip(stores) {
+        levels.push((level, store.tree(), store.means.as_ref().ok_or(Untold::Older)?));
     }
-    Hides::new(scene, finest.bricks(), levels)
+    let (Some(finest), Some((.., means))) = (stores.first(), levels.first()) else { return Err(Untold::Older) };
+    Hides::new(scene, (finest.bricks(), means), levels.iter().copied())
 }
 
 /// What is hidden of what is drawn of several levels, in those of the finest level's chunks that are in view.

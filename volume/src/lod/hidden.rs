@@ -1,22 +1,24 @@
 //! What a picture of coarser levels hides of full resolution, cell by cell: by store, look and levels alone.
 //!
-//! Invariant: *of each finest voxel that the look shows, the voxel that is drawn in its place shows, too, or the voxel
-//! lies in a hidden cell*; and likewise of each that is clear. Ranges of cells tell it without any voxel: what a cell
-//! may hold at all lies between the ends of what its finest voxels are, and what may be drawn in the place of any of
-//! them between those of its means. So cells may be told that hide nothing, none that hides something is left out.
+//! Invariant: *of whatever hangs together and shows at full resolution, some voxel is drawn where it is, or all of it
+//! lies in hidden cells*; and likewise of what is clear. Ranges of cells tell it without any voxel. The finest voxels
+//! of a cell lie between the ends of their range, and what is drawn in the place of any of them between the ends of
+//! that of the level's own voxels: a cell is hidden where one of those may show and one of these may not. So cells may
+//! be told that hide nothing, and none that hides something is left out.
 
+use std::collections::VecDeque;
+
+use glam::{DVec4, UVec3};
+
+use super::borders::{Borders, Sides};
 use crate::brick::OwnedBox;
 use crate::ids::{ChunkId, ChunkIndex};
 use crate::look_on::{BricksOf, LookOn, NewTables};
 use crate::merge::MergeTree;
 use crate::scene::Scene;
-use crate::space::Geometry;
-use crate::store::{BrickRanges, CellRanges, Cells, MeanRange, MeanRanges};
+use crate::store::{BrickRanges, MeanRanges};
 use crate::style::Mode;
 use crate::transfer_function::extremes::{NOTHING, Span, TableExtremes};
-use glam::{DVec4, UVec3};
-
-use super::borders::{Borders, Sides};
 
 mod note;
 
@@ -26,7 +28,7 @@ pub use self::note::{HiddenNote, Untold};
 const CLEARLY: f32 = 4.0;
 const LAST_CODE: f32 = 65_535.0;
 
-/// A box of cells in a row of which the same is hidden.
+/// Cells in a row of which the same is hidden.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct HiddenPlace {
     /// On which level it is drawn.
@@ -43,7 +45,7 @@ pub struct How {
     pub lost: bool,
     /// Something is drawn there where full resolution shows nothing, or clearly less: a pore that is filled.
     pub filled: bool,
-    /// Nor is it shown by any cell around: not the coarser outline of what is drawn, but gone.
+    /// Nor is it drawn by any voxel around: no coarser outline of what is drawn, but gone.
     pub gone: bool,
 }
 
@@ -60,7 +62,7 @@ impl How {
 /// What is hidden of a picture.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Hidden {
-    /// Level by level, the finest first, each x fastest.
+    /// x fastest.
     pub places: Vec<HiddenPlace>,
     /// Cells in them, and of these those of each kind.
     pub cells: u64,
@@ -91,90 +93,93 @@ impl Opacity {
     }
 }
 
-/// The opacities of a cell.
+/// The opacities of a cell: of its finest voxels, and of what is drawn in their place.
 #[derive(Debug, Clone, Copy)]
 struct Spans {
     finest: Span,
-    means: Span,
+    drawn: Span,
 }
 
 impl Spans {
-    fn of(opacity: &Opacity, range: &MeanRange) -> Self {
-        Self { finest: opacity.over(range.finest), means: opacity.over(range.means) }
-    }
+    const NOTHING: Self = Self { finest: NOTHING, drawn: NOTHING };
 
     fn shows(&self) -> bool {
-        self.finest[1] > 0.0 || self.means[1] > 0.0
+        self.finest[1] > 0.0 || self.drawn[1] > 0.0
     }
 
     /// The worst that may be: the voxel that shows most under the mean that shows least, and the other way round.
     fn judged(&self) -> How {
-        let is_less = |less: f32, more: f32| more > 0.0 && less * CLEARLY < more;
-        let lost = is_less(self.means[0], self.finest[1]);
-        How { lost, filled: is_less(self.finest[0], self.means[1]), gone: false }
+        let lost = is_clearly_less(self.drawn[0], self.finest[1]);
+        How { lost, filled: is_clearly_less(self.finest[0], self.drawn[1]), gone: false }
+    }
+
+    /// All of it shows, at full resolution and as it is drawn.
+    fn is_full(&self) -> [bool; 2] {
+        [self.finest, self.drawn].map(|[least, most]| least > 0.0 && least <= most)
+    }
+
+    /// Likewise, nothing of it.
+    fn is_clear(&self) -> [bool; 2] {
+        [self.finest, self.drawn].map(|[least, most]| most <= 0.0 && least <= most)
     }
 }
 
-/// One level, as far as a look shows it.
+fn is_clearly_less(less: f32, more: f32) -> bool {
+    more > 0.0 && less * CLEARLY < more
+}
+
+/// What is known of a level's voxels.
 #[derive(Debug)]
 struct OfLevel {
     level: u8,
     tree: MergeTree,
-    cells: Cells,
-    ranges: Vec<MeanRange>,
-    /// By opacity, and by cell.
-    spans: Vec<Vec<Spans>>,
+    means: MeanRanges,
+}
+
+/// What is drawn in a cell of the finest level.
+#[derive(Debug, Clone, Copy)]
+struct Drawn {
+    level: u8,
+    codes: [u16; 2],
+    /// By the finest voxels, as they are.
+    as_it_is: bool,
 }
 
 /// What each of a volume's levels hides in a look, whatever is drawn of it.
 #[derive(Debug)]
 pub struct Hides {
-    dims: UVec3,
+    finest: MeanRanges,
     opacities: Vec<Opacity>,
     /// Of the finest level's index space: what clips leave lies above all of them.
     clips: Vec<DVec4>,
     levels: Vec<OfLevel>,
 }
 
-/// What is known of a level without its voxels.
-#[derive(Debug, Clone, Copy)]
-pub enum LevelRanges<'a> {
-    /// Of level 0, which hides nothing but where it takes a coarser level's values.
-    Finest(&'a CellRanges),
-    Coarser(u8, &'a MeanRanges),
-}
-
 impl Hides {
-    /// `finest` are level 0's bricks.
+    /// `finest` are level 0's bricks, and its own voxels' ranges; `levels` those that may be drawn, level 0 among them
+    /// where it may.
     ///
     /// # Errors
     /// More than a sample's value decides what it shows: in projections, and where regions are told apart.
     pub fn new<'a>(
         scene: &Scene,
-        finest: BricksOf<'_>,
-        levels: impl IntoIterator<Item = (LevelRanges<'a>, MergeTree)>,
+        (bricks, finest): (BricksOf<'_>, &MeanRanges),
+        levels: impl IntoIterator<Item = (u8, MergeTree, &'a MeanRanges)>,
     ) -> Result<Self, Untold> {
-        let (geometry, style): (&Geometry, _) = (&finest.manifest.geometry, &scene.look.style);
+        let style = &scene.look.style;
         if style.mode != Mode::Composite || scene.look.tells_regions_apart() {
             return Err(Untold::Look);
         }
-        let table = Opacity::Table(TableExtremes::new(LookOn::new(scene, finest, &NewTables).main()));
-        let surfaces = style.surface_codes(finest.manifest.range);
-        let opacities: Vec<_> = std::iter::once(table).chain(surfaces.into_iter().map(Opacity::From)).collect();
-        let of_level = |(ranges, tree): (LevelRanges<'_>, MergeTree)| {
-            let (level, cells, ranges) = match ranges {
-                LevelRanges::Finest(of) => {
-                    let same = |range: &[u16; 2]| MeanRange { finest: *range, means: *range };
-                    (0, of.cells(), of.ranges().iter().map(same).collect())
-                }
-                LevelRanges::Coarser(level, of) => (level, of.cells(), of.ranges().to_vec()),
-            };
-            let spans = |opacity: &Opacity| ranges.iter().map(|range| Spans::of(opacity, range)).collect();
-            let spans = opacities.iter().map(spans).collect();
-            OfLevel { level, tree, cells, ranges, spans }
-        };
-        let levels = levels.into_iter().map(of_level).collect();
-        Ok(Self { dims: geometry.dims(), clips: style.clip.index_planes(geometry), opacities, levels })
+        let table = Opacity::Table(TableExtremes::new(LookOn::new(scene, bricks, &NewTables).main()));
+        let surfaces = style.surface_codes(bricks.manifest.range).into_iter().map(Opacity::From);
+        let of_level =
+            |(level, tree, means): (u8, MergeTree, &MeanRanges)| OfLevel { level, tree, means: means.clone() };
+        Ok(Self {
+            finest: finest.clone(),
+            opacities: std::iter::once(table).chain(surfaces).collect(),
+            clips: style.clip.index_planes(&bricks.manifest.geometry),
+            levels: levels.into_iter().map(of_level).collect(),
+        })
     }
 
     /// Of what is drawn: `chunks` says of a level's chunk whether it is, and `borders` where that meets other levels.
@@ -184,75 +189,128 @@ impl Hides {
         chunks: impl Fn(u8, ChunkId) -> bool,
         borders: impl Fn(u8) -> Option<&'a Borders>,
     ) -> Hidden {
+        let drawn = self.drawn(chunks, borders);
+        let mut found = vec![(How::default(), false); drawn.len()];
+        for opacity in &self.opacities {
+            self.judge(opacity, &drawn, &mut found);
+        }
         let mut hidden = Hidden::default();
-        for of in &self.levels {
-            let (tree, borders) = (&of.tree, borders(of.level));
-            for id in tree.chunk_ids().filter(|id| chunks(of.level, *id)) {
-                let Some(chunk) = tree.chunk_at(id) else { continue };
-                let voxels = chunk_box(tree, chunk);
-                let coarser = borders.and_then(|borders| borders.of_chunk(id)).unwrap_or_default().coarser;
-                if of.level == 0 && coarser.is_empty() {
-                    continue;
-                }
-                for place in of.cells.around(&voxels) {
-                    let cell = of.cells.voxels(place);
-                    let ends = |at: UVec3, end: UVec3| [0, 1, 2].map(|axis| at[axis] == end[axis]);
-                    let touches = coarser.within(ends(cell.lo, voxels.lo), ends(cell.hi, voxels.hi));
-                    self.judge(of, place, touches, &mut hidden);
-                }
+        for (place, (drawn, (how, shows))) in drawn.iter().zip(&found).enumerate() {
+            let Some(drawn) = drawn.filter(|drawn| !drawn.as_it_is) else { continue };
+            hidden.of += u64::from(*shows);
+            if how.is_hidden() {
+                let voxels = self.finest.cells().voxels(place);
+                hidden.add(HiddenPlace { level: drawn.level, voxels, how: *how });
             }
         }
         hidden
     }
 
-    /// `touches` are the coarser level's places around a cell.
-    fn judge(&self, of: &OfLevel, place: usize, touches: Sides, hidden: &mut Hidden) {
-        let takes = (!touches.is_empty()).then(|| self.taken(of, place));
-        if of.level == 0 && takes.is_none() {
-            return;
+    /// By cell; nothing where nothing is drawn, or clips leave nothing.
+    fn drawn<'a>(
+        &self,
+        chunks: impl Fn(u8, ChunkId) -> bool,
+        borders: impl Fn(u8) -> Option<&'a Borders>,
+    ) -> Vec<Option<Drawn>> {
+        let cells = self.finest.cells();
+        let mut all = vec![None; cells.count()];
+        for of in &self.levels {
+            let (tree, borders) = (&of.tree, borders(of.level));
+            for id in tree.chunk_ids().filter(|id| chunks(of.level, *id)) {
+                let Some(chunk) = tree.chunk_at(id) else { continue };
+                let own = chunk_box(tree, chunk);
+                let coarser = borders.and_then(|borders| borders.of_chunk(id)).unwrap_or_default().coarser;
+                let finest = OwnedBox { lo: own.lo << u32::from(of.level), hi: own.hi << u32::from(of.level) };
+                for place in cells.around(&finest) {
+                    let cell = cells.voxels(place);
+                    if !self.is_clipped(&cell) {
+                        all[place] = Some(self.drawn_in(of, &cell, (&own, coarser)));
+                    }
+                }
+            }
         }
-        let voxels = self.finest_box(of, place);
-        if self.is_clipped(&voxels) {
-            return;
-        }
-        let (mut how, mut shows) = (How::default(), false);
-        for (opacity, spans) in self.opacities.iter().zip(&of.spans) {
-            let own = &spans[place];
-            let all = takes.map_or(*own, |range| Spans { means: opacity.over(range), ..*own });
-            let found = all.judged();
-            let gone = found.is_hidden() && self.is_gone(of, place, spans, found);
-            (how, shows) = (how.or(How { gone, ..found }), shows || all.shows());
-        }
-        hidden.of += u64::from(shows);
-        if how.is_hidden() {
-            hidden.add(HiddenPlace { level: of.level, voxels, how });
+        all
+    }
+
+    /// In a cell of a chunk, `own` in the level's voxels, around which a coarser level is drawn at some places.
+    fn drawn_in(&self, of: &OfLevel, cell: &OwnedBox, (own, coarser): (&OwnedBox, Sides)) -> Drawn {
+        let at = OwnedBox { lo: cell.lo >> u32::from(of.level), hi: cell.hi.map(|v| v.div_ceil(1 << of.level)) };
+        let ends = |at: UVec3, end: UVec3| [0, 1, 2].map(|axis| at[axis] == end[axis]);
+        let touches = coarser.within(ends(at.lo, own.lo), ends(at.hi, own.hi));
+        let codes = of.means.ranges()[of.means.cells().place(at.lo)];
+        match touches.is_empty() {
+            true => Drawn { level: of.level, codes, as_it_is: of.level == 0 },
+            false => Drawn { level: of.level, codes: self.taken(of.level + 1, &at, codes), as_it_is: false },
         }
     }
 
-    /// The codes that are drawn in a cell some of whose voxels take the next coarser level's values: those between its
-    /// own and all from which these are interpolated.
-    fn taken(&self, of: &OfLevel, place: usize) -> [u16; 2] {
-        let own = of.ranges[place].means;
-        let Some(next) = self.levels.iter().find(|next| next.level == of.level + 1) else { return [0, u16::MAX] };
-        let cell = of.cells.voxels(place);
-        let near = OwnedBox { lo: (cell.lo / 2).saturating_sub(UVec3::ONE), hi: cell.hi.map(|v| v.div_ceil(2)) + 1 };
-        next.cells.around(&near).map(|place| next.ranges[place].means).fold(own, around)
+    /// The codes of voxels some of which take the next coarser level's values: those between their own and all from
+    /// which these are interpolated.
+    fn taken(&self, coarser: u8, voxels: &OwnedBox, own: [u16; 2]) -> [u16; 2] {
+        let Some(next) = self.levels.iter().find(|next| next.level == coarser) else { return [0, u16::MAX] };
+        let near =
+            OwnedBox { lo: (voxels.lo / 2).saturating_sub(UVec3::ONE), hi: voxels.hi.map(|v| v.div_ceil(2)) + 1 };
+        next.means.cells().around(&near).map(|place| next.means.ranges()[place]).fold(own, around)
     }
 
-    /// Does no cell around draw what is hidden in this one, nor this one itself?
-    fn is_gone(&self, of: &OfLevel, place: usize, spans: &[Spans], how: How) -> bool {
-        let cell = of.cells.voxels(place);
-        let edge = UVec3::splat(of.cells.edge());
-        let near = OwnedBox { lo: cell.lo.saturating_sub(edge), hi: cell.hi + edge };
-        let finest = spans[place].finest;
-        let all = |is_other: &dyn Fn(Span) -> bool| of.cells.around(&near).all(|place| is_other(spans[place].means));
-        (how.lost && all(&|means| means[1] * CLEARLY < finest[1]))
-            || (how.filled && all(&|means| finest[0] * CLEARLY < means[0]))
+    /// Adds how each cell is hidden by one opacity, and whether it shows anything.
+    fn judge(&self, opacity: &Opacity, drawn: &[Option<Drawn>], found: &mut [(How, bool)]) {
+        let of_cell = |(drawn, finest): (&Option<Drawn>, &[u16; 2])| {
+            let of = |drawn: Drawn| Spans { finest: opacity.over(*finest), drawn: opacity.over(drawn.codes) };
+            drawn.map_or(Spans::NOTHING, of)
+        };
+        let spans: Vec<Spans> = drawn.iter().zip(self.finest.ranges()).map(of_cell).collect();
+        let [full, clear] = [Spans::is_full, Spans::is_clear].map(|is| self.joined(&spans, is));
+        for (place, spans_here) in spans.iter().enumerate() {
+            let Some(drawn) = drawn[place].filter(|drawn| !drawn.as_it_is) else { continue };
+            let mut how = spans_here.judged();
+            // What is joined to what is drawn has a coarser outline, and that is told where it runs.
+            how.lost &= !(full[place] && spans_here.drawn[0] <= 0.0);
+            how.filled &= !clear[place];
+            how.gone = how.is_hidden() && self.is_gone((&spans, place), drawn.level, how);
+            let (all, shows) = &mut found[place];
+            (*all, *shows) = (all.or(how), *shows || spans_here.shows());
+        }
     }
 
-    fn finest_box(&self, of: &OfLevel, place: usize) -> OwnedBox {
-        let cell = of.cells.voxels(place);
-        OwnedBox { lo: cell.lo << u32::from(of.level), hi: (cell.hi << u32::from(of.level)).min(self.dims) }
+    /// Cells that are all of a kind at full resolution, and joined, face to face by such cells, to one that is drawn so.
+    fn joined(&self, spans: &[Spans], is: impl Fn(&Spans) -> [bool; 2]) -> Vec<bool> {
+        let n = self.finest.cells().counts();
+        let mut joined = vec![false; spans.len()];
+        let mut open: VecDeque<usize> = (0..spans.len()).filter(|place| is(&spans[*place]) == [true; 2]).collect();
+        open.iter().for_each(|place| joined[*place] = true);
+        let steps = [1, n.x as usize, (n.x * n.y) as usize];
+        while let Some(place) = open.pop_front() {
+            let mut rest = place as u32;
+            for (axis, step) in steps.into_iter().enumerate() {
+                let at = rest % n[axis];
+                rest /= n[axis];
+                let before = (at > 0).then(|| place - step);
+                for next in before.into_iter().chain((at + 1 < n[axis]).then(|| place + step)) {
+                    if !joined[next] && is(&spans[next])[0] {
+                        joined[next] = true;
+                        open.push_back(next);
+                    }
+                }
+            }
+        }
+        joined
+    }
+
+    /// Does no voxel of the level around draw what is hidden in a cell, nor that in its place?
+    fn is_gone(&self, (spans, place): (&[Spans], usize), level: u8, how: How) -> bool {
+        let cells = self.finest.cells();
+        let step = cells.edge().max(1 << level);
+        let here = cells.voxels(place).lo / step;
+        let (finest, last) = (spans[place].finest, cells.counts() * cells.edge());
+        let near = |i: u32| (here + UVec3::new(i % 3, i / 3 % 3, i / 9)).checked_sub(UVec3::ONE).map(|at| at * step);
+        let near = (0..27).filter_map(near).filter(|at| at.cmplt(last).all());
+        let all = |is_other: &dyn Fn(Span) -> bool| {
+            let mut drawn = near.clone().map(|at| spans[cells.place(at)].drawn).chain([spans[place].drawn]);
+            drawn.all(|drawn| drawn[0] > drawn[1] || is_other(drawn))
+        };
+        (how.lost && all(&|drawn| is_clearly_less(drawn[1], finest[1])))
+            || (how.filled && all(&|drawn| is_clearly_less(finest[0], drawn[0])))
     }
 
     fn is_clipped(&self, voxels: &OwnedBox) -> bool {
@@ -299,7 +357,7 @@ mod tests {
     #[test]
     fn what_is_clearly_other_is_hidden_and_noise_is_not() {
         let judged = |finest, means| {
-            let how = Spans { finest, means }.judged();
+            let how = Spans { finest, drawn: means }.judged();
             (how.lost, how.filled)
         };
         assert_eq!(judged([0.0, 0.5], [0.0, 0.0]), (true, false), "a pore that shows, in a mean that does not");
@@ -316,7 +374,7 @@ mod tests {
     #[test]
     fn an_isosurface_parts_what_lies_on_both_sides_of_it() {
         let surface = Opacity::From(1000);
-        let judged = |finest, means| Spans::of(&surface, &MeanRange { finest, means }).judged();
+        let judged = |finest, means| Spans { finest: surface.over(finest), drawn: surface.over(means) }.judged();
         assert!(judged([10, 2000], [900, 900]).lost && judged([10, 2000], [1000, 1000]).filled);
         assert!(!judged([1000, 2000], [1500, 1500]).is_hidden() && !judged([10, 999], [500, 500]).is_hidden());
     }

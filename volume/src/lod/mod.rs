@@ -21,7 +21,7 @@ mod sight;
 pub use self::borders::{Borders, Meets, Sides};
 pub use self::budget::Budget;
 pub use self::content::Content;
-pub use self::hidden::{Hidden, HiddenNote, HiddenPlace, Hides, How, LevelRanges, Untold};
+pub use self::hidden::{Hidden, HiddenNote, HiddenPlace, Hides, How, Untold};
 pub use self::levels::Levels;
 pub use self::rule::{Criterion, Lod, LodError, Rule};
 pub use self::seam::take_coarser;

@@ -29,7 +29,7 @@ impl BrickRanges {
     /// Bytes that are not the ones that `manifest` speaks of.
     pub fn from_bytes(manifest: &Manifest, bytes: &[u8]) -> Result<Self, StoreError> {
         let cubes = Cubes::bricks(manifest.grid);
-        table_from_bytes(("brick", 1), cubes, bytes, manifest.files.ranges, manifest.no_data.is_some()).map(Self)
+        table_from_bytes("brick", cubes, bytes, manifest.files.ranges, manifest.no_data.is_some()).map(Self)
     }
 
     #[must_use]
@@ -38,21 +38,21 @@ impl BrickRanges {
     }
 }
 
-/// Minima and maxima of each cube, u16 little endian, x fastest.
-pub(super) fn table_to_bytes<'a>(ranges: impl IntoIterator<Item = &'a [u16; 2]>) -> Vec<u8> {
-    ranges.into_iter().flatten().flat_map(|v| v.to_le_bytes()).collect()
+/// Minimum and maximum of each cube, u16 little endian, x fastest.
+pub(super) fn table_to_bytes(ranges: &[[u16; 2]]) -> Vec<u8> {
+    ranges.iter().flatten().flat_map(|v| v.to_le_bytes()).collect()
 }
 
-/// The ranges in `bytes`, which must be those of `hash` and `each` for each of `cubes`; only where voxels may lack data,
+/// The ranges in `bytes`, which must be those of `hash` and one for each of `cubes`; only where voxels may lack data,
 /// a cube may hold none. `what` is a cube, in words.
 pub(super) fn table_from_bytes(
-    (what, each): (&'static str, u64),
+    what: &'static str,
     cubes: Cubes,
     bytes: &[u8],
     hash: ContentHash,
     may_lack: bool,
 ) -> Result<Vec<[u16; 2]>, StoreError> {
-    let want = cubes.count() * each * 4;
+    let want = cubes.count() * 4;
     if bytes.len() as u64 != want {
         return Err(RangesError::Length { what, got: bytes.len(), want, count: cubes.count() }.into());
     }
@@ -64,7 +64,7 @@ pub(super) fn table_from_bytes(
     let ranges: Vec<_> = bytes.chunks_exact(4).map(|b| [u16_at(b, 0), u16_at(b, 2)]).collect();
     let sound = |range: &[u16; 2]| range[0] <= range[1] || (may_lack && *range == BrickRanges::NONE);
     if let Some((index, &[min, max])) = ranges.iter().enumerate().find(|(_, range)| !sound(range)) {
-        let at = BrickIndex(cubes.at(index / each as usize).to_array());
+        let at = BrickIndex(cubes.at(index).to_array());
         return Err(RangesError::Inverted { what, at, min, max }.into());
     }
     Ok(ranges)

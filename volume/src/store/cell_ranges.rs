@@ -59,6 +59,18 @@ impl Cells {
         self.edge
     }
 
+    #[must_use]
+    pub fn count(self) -> usize {
+        self.cubes().count() as usize
+    }
+
+    /// The place of the cell that a voxel lies in.
+    #[must_use]
+    pub fn place(self, voxel: UVec3) -> usize {
+        let (n, at) = (self.counts(), voxel / self.edge);
+        ((at.z * n.y + at.y) * n.x + at.x) as usize
+    }
+
     /// Per axis.
     #[must_use]
     pub fn counts(self) -> UVec3 {
@@ -99,25 +111,13 @@ impl CellRanges {
     pub fn from_bytes(manifest: &Manifest, bytes: &[u8]) -> Result<Option<Self>, StoreError> {
         let Some(hash) = manifest.files.cells else { return Ok(None) };
         let cubes = cells_of(manifest.geometry.dims(), manifest.level);
-        let ranges = table_from_bytes(("cell", 1), cubes, bytes, hash, manifest.no_data.is_some())?;
+        let ranges = table_from_bytes("cell", cubes, bytes, hash, manifest.no_data.is_some())?;
         Ok(Some(Self::new(cubes, ranges)))
     }
 
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         table_to_bytes(&self.ranges)
-    }
-
-    /// All cells.
-    #[must_use]
-    pub fn cells(&self) -> Cells {
-        Cells::new(Cubes { dims: self.dims, edge: self.edge, margin: 0 })
-    }
-
-    /// In the order of their table.
-    #[must_use]
-    pub fn ranges(&self) -> &[[u16; 2]] {
-        &self.ranges
     }
 
     /// The smallest box of voxels around all cells whose range of codes `shows`; nothing where none does. Cells without

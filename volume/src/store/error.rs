@@ -298,8 +298,6 @@ pub enum RangesError {
     Hash { got: ContentHash, want: ContentHash },
     #[error("{what} {at} has minimum {min} above maximum {max}")]
     Inverted { what: &'static str, at: BrickIndex, min: u16, max: u16 },
-    #[error("cell {at} has means {means:?}, which are none of voxels between {finest:?}")]
-    Means { at: BrickIndex, finest: [u16; 2], means: [u16; 2] },
 }
 
 /// What is wrong with a shard's index.

@@ -47,7 +47,7 @@ pub use manifest::levels::LevelEntry;
 pub use manifest::notes::{MAX_NOTE_BYTES, MAX_NOTES};
 pub use manifest::regions::{RegionHashes, RegionsEntry, SegmentationMethod};
 pub use manifest::{FileHashes, HISTOGRAM_BINS, Manifest, NotFinite, QUANTILES, Source};
-pub use mean_ranges::{MeanRange, MeanRanges};
+pub use mean_ranges::MeanRanges;
 pub use no_data::{NO_DATA_CODE, NoData};
 pub use objects::folder::StoreFolder;
 pub use objects::jail::Jail;

@@ -357,6 +357,7 @@ fn copy(frame: &Frame) -> Frame {
         complete: frame.complete,
         problems: Vec::new(),
         missing_tiles: Vec::new(),
+        hidden: None,
         stats: frame.stats.clone(),
     }
 }

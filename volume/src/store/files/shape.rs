@@ -13,7 +13,6 @@ use crate::store::hash::ContentHash;
 use crate::store::level::{LevelArray, MAX_COARSER, SHARED_FILES, key_on};
 use crate::store::manifest::Manifest;
 use crate::store::manifest::file as manifest_file;
-use crate::store::mean_ranges;
 use crate::store::objects::Objects;
 use crate::store::objects::folder::StoreFolder;
 use crate::store::profile::{
@@ -52,7 +51,7 @@ pub(crate) fn small_files(manifest: &Manifest) -> Vec<SmallFile> {
     ];
     let cells = cells_of(manifest.geometry.dims(), manifest.level).count() * 4;
     files.extend(f.cells.map(|hash| file(CELLS_FILE, cells, hash)));
-    files.extend(f.means.map(|hash| file(MEANS_FILE, mean_ranges::bytes_of(manifest), hash)));
+    files.extend(f.means.map(|hash| file(MEANS_FILE, cells, hash)));
     let index = |records: usize| bricks * (records * ENTRY_BYTES) as u64;
     if let Some(halo) = &manifest.halo {
         files.push(file(HALO_INDEX_FILE, index(VOXEL_HALO.records()), halo.voxels.index));
@@ -127,14 +126,10 @@ impl StoreShape {
         let dims = std::iter::once(manifest.geometry.dims()).chain(manifest.levels.iter().map(|level| level.dims));
         let mut shape = Self::on_levels(&files, &arrays, dims.map(|dims| dims.map(|n| n.div_ceil(SHARD_EDGE))));
         shape.files.push(VIEW_FILE.into());
-        if manifest.has_means() {
-            let levels = 1..=manifest.levels.len() as u8;
-            shape.files.extend(levels.map(|level| Cow::from(key_on(level, MEANS_FILE).into_owned())));
-        }
         shape
     }
 
-    /// The files and arrays that a store has on all of its levels, which have so many `shards` per axis.
+    /// The files and arrays of a store on its levels, which have so many `shards` per axis: all levels have the same.
     fn on_levels(files: &[Cow<'static, str>], arrays: &[StoreArray], shards: impl Iterator<Item = UVec3>) -> Self {
         let mut shape = Self::default();
         for (level, shards) in (0..).zip(shards) {

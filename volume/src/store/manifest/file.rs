@@ -24,7 +24,7 @@ const FORMAT: &str = "brickcast-store";
 pub const VERSION: u64 = 10;
 /// Read as well: 4 lacks keys that may be left out, before 6 shards have no checksums of their chunks at their end,
 /// before 7 there are no cells, before 8 nothing says which values leap voxels have, before 9 there are no levels, and
-/// before 10 nothing says what these hide.
+/// before 10 nothing says what they hide.
 const OLDEST: u64 = 4;
 const FIRST_WITH_CELLS: u64 = 7;
 const FIRST_WITH_LEVELS: u64 = 9;
@@ -107,7 +107,7 @@ struct Files {
     /// Left out before version 7.
     #[serde(rename = "cells.bin", default, skip_serializing_if = "Option::is_none")]
     cells: Option<String>,
-    /// Of coarser levels alone, and left out before version 10.
+    /// Left out before version 10.
     #[serde(rename = "means.bin", default, skip_serializing_if = "Option::is_none")]
     means: Option<String>,
 }
@@ -164,13 +164,13 @@ fn cells_hash(version: u64, cells: Option<&str>) -> Result<Option<ContentHash>, 
     }
 }
 
-/// Coarser levels have means from version 10 on, and nothing else has.
-fn means_hash(version: u64, level: u8, means: Option<&str>) -> Result<Option<ContentHash>, ManifestError> {
-    match (version >= FIRST_WITH_MEANS && level > 0, means) {
+/// Stores have means from version 10 on, and not before.
+fn means_hash(version: u64, means: Option<&str>) -> Result<Option<ContentHash>, ManifestError> {
+    match (version >= FIRST_WITH_MEANS, means) {
         (true, Some(text)) => hash("files", text).map(Some),
         (false, None) => Ok(None),
-        (true, None) => Err(field("files", format!("means.bin is missing, which level {level} has"))),
-        (false, Some(_)) => Err(field("files", format!("means.bin, which level {level} of version {version} has not"))),
+        (true, None) => Err(field("files", format!("means.bin is missing, which version {version} has"))),
+        (false, Some(_)) => Err(field("files", format!("means.bin, which version {version} has not"))),
     }
 }
 
@@ -204,11 +204,6 @@ impl Manifest {
         // The store must be readable, not only the manifest.
         ShardGrid::new(manifest.geometry.dims())?;
         Ok(manifest)
-    }
-
-    /// Do coarser levels say what they hide?
-    pub(crate) fn has_means(&self) -> bool {
-        self.version >= FIRST_WITH_MEANS
     }
 
     /// The same values always give the same bytes.
@@ -312,7 +307,7 @@ impl TryFrom<ManifestFile> for Manifest {
                 ranges: hash("files", &file.files.ranges)?,
                 shards: hash("files", &file.files.shards)?,
                 cells: cells_hash(file.version, file.files.cells.as_deref())?,
-                means: means_hash(file.version, level, file.files.means.as_deref())?,
+                means: means_hash(file.version, file.files.means.as_deref())?,
             },
             halo: halo::parse(file.halo, file.brick_size, file.regions.is_some())?,
             regions: file.regions.map(|regions| regions.parse(&geometry)).transpose()?,

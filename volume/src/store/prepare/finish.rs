@@ -46,7 +46,7 @@ impl Job<'_> {
             ranges: ContentHash::of(&bricks),
             shards: ContentHash::of(&table),
             cells: Some(ContentHash::of(&cells)),
-            means: means.as_deref().map(ContentHash::of),
+            means: Some(ContentHash::of(&means)),
         };
         let region_halos = regions.as_mut().and_then(|r| r.halos.take());
         if let Some((entry, halos)) = manifest.halo.as_mut().zip(halos.as_ref()) {
@@ -61,8 +61,7 @@ impl Job<'_> {
             false => shards.iter().map(|s| s.bytes).sum(),
         };
         let mut files = vec![(GROUP_FILE, group.to_vec()), (ARRAY_FILE, array), (RANGES_FILE, bricks)];
-        files.extend([(SHARDS_FILE, table), (CELLS_FILE, cells)]);
-        files.extend(means.map(|means| (MEANS_FILE, means)));
+        files.extend([(SHARDS_FILE, table), (CELLS_FILE, cells), (MEANS_FILE, means)]);
         if let Some(regions) = regions {
             files.extend(regions.files);
             store_bytes += regions.shard_bytes;

@@ -25,7 +25,7 @@ const HALO_BYTES: u64 = 4 + 1;
 /// and a quarter of it as it is written, with its bounds.
 const LEVEL_BYTES: u64 = 24 / 3 + 10_u64.div_ceil(4);
 /// Bytes of a cell's ranges.
-const CELL_BYTES: u64 = 4 + 8;
+const CELL_BYTES: u64 = 4 + 4;
 /// Bytes that are gathered of a shard's voxels, where they lie in several voxels of the coarsest levels.
 const SEAM_BYTES: u64 = 24;
 /// Bytes of length and checksum of a record of a halo.

@@ -9,20 +9,12 @@ use crate::store::mean_ranges::{self, MeanRanges};
 use crate::store::tiles::Tile;
 use crate::store::voxel::Voxel;
 
-/// Ranges of bricks and of cells; of a coarser level also what its voxels are beside those that they stand for.
+/// Ranges of bricks and of cells, and of its own voxels in cells.
 #[derive(Debug)]
 pub(crate) struct Tables {
     cells: Cubes,
     of_bricks: RangeBuilder,
     of_cells: RangeBuilder,
-    means: Option<Means>,
-}
-
-/// Of the cells without a margin.
-#[derive(Debug)]
-struct Means {
-    cells: Cubes,
-    of_finest: RangeBuilder,
     of_means: RangeBuilder,
 }
 
@@ -40,7 +32,7 @@ pub(crate) struct MeanPlane<'a> {
 pub(crate) struct TableBytes {
     pub(crate) bricks: Vec<u8>,
     pub(crate) cells: Vec<u8>,
-    pub(crate) means: Option<Vec<u8>>,
+    pub(crate) means: Vec<u8>,
 }
 
 impl Tables {
@@ -48,58 +40,44 @@ impl Tables {
     pub(crate) fn new(grid: BrickGrid, level: u8, no_data: Option<u16>) -> Self {
         let cells = cells_of(grid.volume_dims(), level);
         let of_bricks = RangeBuilder::new(Cubes::bricks(grid), no_data);
-        let means = (level > 0).then(|| {
-            let cells = mean_ranges::cubes_of(grid.volume_dims(), level);
-            let [of_finest, of_means] = [(); 2].map(|()| RangeBuilder::new(cells, None));
-            Means { cells, of_finest, of_means }
-        });
-        Self { cells, of_bricks, of_cells: RangeBuilder::new(cells, no_data), means }
+        let of_means = RangeBuilder::new(mean_ranges::cubes_of(grid.volume_dims(), level), no_data);
+        Self { cells, of_bricks, of_cells: RangeBuilder::new(cells, no_data), of_means }
     }
 
     /// See [`RangeBuilder::add`].
     pub(crate) fn add<T: Voxel>(&mut self, tile: &Tile, z0: u32, slab: &[T]) {
         self.of_bricks.add(tile, z0, slab);
         self.of_cells.add(tile, z0, slab);
+        self.of_means.add(tile, z0, slab);
     }
 
     /// See [`RangeBuilder::add_bounds`].
     pub(crate) fn add_means(&mut self, tile: &Tile, z: u32, MeanPlane { low, high, means }: MeanPlane<'_>) {
         self.of_bricks.add_bounds(tile, z, low, high);
         self.of_cells.add_bounds(tile, z, low, high);
-        if let Some(of) = &mut self.means {
-            of.of_finest.add_bounds(tile, z, low, high);
-            of.of_means.add_bounds(tile, z, means[0], means[1]);
-        }
-    }
-
-    fn builders(&mut self) -> impl Iterator<Item = &mut RangeBuilder> {
-        let means = self.means.iter_mut().flat_map(|means| [&mut means.of_finest, &mut means.of_means]);
-        [&mut self.of_bricks, &mut self.of_cells].into_iter().chain(means)
+        self.of_means.add_bounds(tile, z, means[0], means[1]);
     }
 
     /// What voxels of these planes say, u16 little endian.
     pub(crate) fn part(&self, planes: Range<u32>) -> Vec<u8> {
-        let means = self.means.iter().flat_map(|means| [&means.of_finest, &means.of_means]);
-        let ranges = [&self.of_bricks, &self.of_cells].into_iter().chain(means).flat_map(|of| of.part(&planes));
+        let all = [&self.of_bricks, &self.of_cells, &self.of_means];
+        let ranges = all.into_iter().flat_map(|of| of.part(&planes));
         ranges.flatten().flat_map(|ordinal| ordinal.to_le_bytes()).collect()
     }
 
     /// Takes what voxels of these planes say from elsewhere, which are as many bytes as is returned.
     pub(crate) fn join(&mut self, planes: Range<u32>, bytes: &[u8]) -> usize {
         let mut ranges = bytes.as_chunks::<4>().0.iter().map(|b| [[b[0], b[1]], [b[2], b[3]]].map(u16::from_le_bytes));
-        let taken: usize = self.builders().map(|of| of.join(&planes, &mut ranges)).sum();
+        let all = [&mut self.of_bricks, &mut self.of_cells, &mut self.of_means];
+        let taken: usize = all.map(|of| of.join(&planes, &mut ranges)).into_iter().sum();
         taken * size_of::<[u16; 2]>()
     }
 
     pub(crate) fn finish(self, code_of_ordinal: &[u16]) -> TableBytes {
-        let means = self.means.map(|of| {
-            let [finest, means] = [of.of_finest, of.of_means].map(|builder| builder.finish(code_of_ordinal));
-            MeanRanges::new(of.cells, finest, means).to_bytes()
-        });
         TableBytes {
             bricks: BrickRanges(self.of_bricks.finish(code_of_ordinal)).to_bytes(),
             cells: CellRanges::new(self.cells, self.of_cells.finish(code_of_ordinal)).to_bytes(),
-            means,
+            means: MeanRanges::new(self.cells, self.of_means.finish(code_of_ordinal)).to_bytes(),
         }
     }
 }

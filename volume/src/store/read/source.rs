@@ -31,7 +31,7 @@ pub trait BrickSource: Debug + Send + Sync {
     /// Which codes sampling each cell can meet; nothing in stores before version 7.
     fn cell_ranges(&self) -> Option<&CellRanges>;
 
-    /// What the voxels of a coarser level hide; nothing of level 0, and in stores before version 10.
+    /// Between which codes its own voxels lie in each cell; nothing in stores before version 10.
     fn mean_ranges(&self) -> Option<&MeanRanges>;
 
     /// In the grid's linear order; nothing where there are no regions.

@@ -20,7 +20,7 @@ use crate::store::halo::reach::VOXEL_HALO;
 use crate::store::halo::read::Halos;
 use crate::store::level::{LevelArray, key_on};
 use crate::store::manifest::Manifest;
-use crate::store::mean_ranges::{self, MeanRanges};
+use crate::store::mean_ranges::MeanRanges;
 use crate::store::no_data::NO_DATA_CODE;
 use crate::store::objects::Objects;
 use crate::store::objects::folder::StoreFolder;
@@ -140,18 +140,11 @@ impl Store {
         }
         let ranges = objects.read_exactly(RANGES_FILE, manifest.grid.brick_count() * 4)?;
         let ranges = BrickRanges::from_bytes(&manifest, &ranges)?;
-        let cells = match manifest.files.cells {
-            Some(_) => {
-                objects.read_exactly(CELLS_FILE, cells_of(manifest.geometry.dims(), manifest.level).count() * 4)?
-            }
-            None => Bytes::new(),
-        };
-        let cells = CellRanges::from_bytes(&manifest, &cells)?;
-        let means = match manifest.files.means {
-            Some(_) => objects.read_exactly(MEANS_FILE, mean_ranges::bytes_of(&manifest))?,
-            None => Bytes::new(),
-        };
-        let means = MeanRanges::from_bytes(&manifest, &means)?;
+        let of_cells = cells_of(manifest.geometry.dims(), manifest.level).count() * 4;
+        let of_cells =
+            |name, hash: Option<_>| hash.map_or_else(|| Ok(Bytes::new()), |_| objects.read_exactly(name, of_cells));
+        let cells = CellRanges::from_bytes(&manifest, &of_cells(CELLS_FILE, manifest.files.cells)?)?;
+        let means = MeanRanges::from_bytes(&manifest, &of_cells(MEANS_FILE, manifest.files.means)?)?;
         let grid = ShardGrid::new(manifest.geometry.dims())?;
         let voxel_bytes = manifest.stored_type.bytes();
         let layout = TailLayout::of_version(manifest.version);
@@ -237,7 +230,7 @@ impl Store {
         self.inner.cells.as_ref()
     }
 
-    /// Of coarser levels alone; nothing in stores before version 10.
+    /// Nothing in stores before version 10.
     #[must_use]
     pub fn mean_ranges(&self) -> Option<&MeanRanges> {
         self.inner.means.as_ref()

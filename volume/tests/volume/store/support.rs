@@ -188,14 +188,19 @@ pub(crate) fn downgrade(path: &Path, version: u64) {
         text.replacen("\"version\": 10", &format!("\"version\": {version}"), 1)
     };
     text = older(&text);
+    let without = |text: &str, name: &str| {
+        let key = format!(",\n    \"{name}\": ");
+        let from = text.find(&key).unwrap();
+        let ends = from + key.len() + text[from + key.len()..].find('\n').unwrap();
+        format!("{}{}", &text[..from], &text[ends..])
+    };
+    text = without(&text, "means.bin");
+    std::fs::remove_file(path.join("means.bin")).unwrap();
     if version == 9 {
         for level in 1.. {
             let folder = path.join(format!("levels/{level}"));
             let Ok(new) = std::fs::read_to_string(folder.join("level.json")) else { break };
-            let key = ",\n    \"means.bin\": ";
-            let from = new.find(key).unwrap();
-            let ends = from + key.len() + new[from + key.len()..].find('\n').unwrap();
-            let old = older(&format!("{}{}", &new[..from], &new[ends..]));
+            let old = older(&without(&new, "means.bin"));
             let hash = |text: &str| ContentHash::of(text.as_bytes()).to_string();
             text = text.replace(&hash(&new), &hash(&old));
             std::fs::write(folder.join("level.json"), old).unwrap();
@@ -213,10 +218,7 @@ pub(crate) fn downgrade(path: &Path, version: u64) {
         }
     }
     if version < 7 {
-        let key = ",\n    \"cells.bin\": ";
-        let from = text.find(key).unwrap();
-        let ends = from + key.len() + text[from + key.len()..].find('\n').unwrap();
-        text.replace_range(from..ends, "");
+        text = without(&text, "cells.bin");
         std::fs::remove_file(path.join("cells.bin")).unwrap();
     }
     if version >= 6 {
