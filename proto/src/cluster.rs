@@ -1,7 +1,7 @@
 //! Who a node is, what it holds, and loading ahead of a frame.
 
 use brickcast_volume::scene::Scene;
-use brickcast_volume::store::{BrickFactsTable, BrickRanges, CellRanges, Manifest};
+use brickcast_volume::store::{BrickFactsTable, BrickRanges, CellRanges, Manifest, MeanRanges};
 use brickcast_volume::{BrickId, SessionId, StoreHash};
 use bytes::Bytes;
 
@@ -155,6 +155,8 @@ pub struct StoreDescription {
     pub facts: Option<BrickFactsTable>,
     /// Likewise, where the store has them.
     pub cells: Option<CellRanges>,
+    /// Likewise.
+    pub means: Option<MeanRanges>,
 }
 
 #[derive(Debug, Clone, PartialEq)]

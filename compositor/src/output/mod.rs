@@ -22,7 +22,7 @@ mod writer;
 
 pub use error::OutputError;
 pub use format::OutputFormat;
-pub use hatch::hatched;
+pub use hatch::{hatched, striped};
 pub use likeness::{Difference, DrawnFile};
 pub use limits::MAX_FRAMES;
 pub use manifest::{write_json, write_manifest, write_text};

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use brickcast_volume::StoreHash;
 use brickcast_volume::json_fields::{FieldError, Fields};
-use brickcast_volume::lod::Lod;
+use brickcast_volume::lod::{HiddenNote, Lod};
 use brickcast_volume::scene::{SCENE_FIELDS, Scene, Transport};
 use brickcast_volume::small_file::{FileError, read_text};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -34,6 +34,8 @@ pub struct PictureManifest {
     /// RGB in 0..=1, of a picture that has no alpha.
     pub background: Option<[f32; 3]>,
     pub complete: bool,
+    /// It is striped where coarser levels hide something.
+    pub marks_hidden: bool,
     pub about: AboutPicture,
 }
 
@@ -53,6 +55,9 @@ pub struct AboutPicture {
     pub nodes: Vec<NodeNote>,
     pub store_short: String,
     pub notes: Vec<String>,
+    /// What coarser levels hide; nothing where none is drawn.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hidden: Option<HiddenNote>,
     /// True where no pixel shows anything.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub empty: bool,
@@ -77,7 +82,7 @@ pub struct NodeNote {
 }
 
 /// The fields beside the scene's.
-const FIELDS: [&str; 19] = [
+const FIELDS: [&str; 21] = [
     "transport",
     "lod",
     "store",
@@ -95,6 +100,8 @@ const FIELDS: [&str; 19] = [
     "nodes",
     "store_short",
     "notes",
+    "hidden",
+    "marks_hidden",
     "empty",
     "empty_because",
 ];
@@ -138,6 +145,9 @@ impl PictureManifest {
         if let Some(step) = self.step {
             fields.insert("series_step".to_owned(), step.into());
         }
+        if self.marks_hidden {
+            fields.insert("marks_hidden".to_owned(), true.into());
+        }
         if !self.about.empty {
             fields.remove("empty_because");
         }
@@ -166,6 +176,7 @@ impl PictureManifest {
             path: fields.get_optional("path")?,
             background,
             complete: fields.get("complete")?,
+            marks_hidden: fields.get_optional("marks_hidden")?.unwrap_or_default(),
             about: AboutPicture {
                 brickcast: fields.get_optional("brickcast")?.unwrap_or_default(),
                 protocol: fields.get_optional("protocol")?.unwrap_or_default(),
@@ -177,6 +188,7 @@ impl PictureManifest {
                 nodes: fields.get_optional("nodes")?.unwrap_or_default(),
                 store_short: fields.get_optional("store_short")?.unwrap_or_default(),
                 notes: fields.get_optional("notes")?.unwrap_or_default(),
+                hidden: fields.get_optional("hidden")?,
                 empty: fields.get_optional("empty")?.unwrap_or_default(),
                 empty_because: fields.get_optional("empty_because")?,
             },

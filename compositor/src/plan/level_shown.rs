@@ -42,6 +42,19 @@ impl LevelShown {
         (!chunks.is_empty()).then_some(Self { level, store, geometry, tree, bricks, chunks, borders })
     }
 
+    /// The level's chunks that are drawn where some of the finest level's chunks are.
+    #[must_use]
+    pub fn chunks_in(&self, finest: &BTreeSet<ChunkId>) -> BTreeSet<ChunkId> {
+        let in_them = self.chunks.iter().filter(|(chunk, _)| finest.contains(chunk));
+        in_them.map(|(_, of_level)| self.tree.chunk_id(*of_level)).collect()
+    }
+
+    /// Where it meets other levels.
+    #[must_use]
+    pub fn borders(&self) -> Option<&Borders> {
+        self.borders.as_ref()
+    }
+
     /// Chunks of the level.
     #[must_use]
     pub fn chunk_count(&self) -> usize {

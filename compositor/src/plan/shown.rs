@@ -9,7 +9,7 @@ use brickcast_volume::look_on::{BricksOf, LookOn, NewTables};
 use brickcast_volume::merge::MergeTree;
 use brickcast_volume::regions::{BrickFacts, Drawn};
 use brickcast_volume::scene::Scene;
-use brickcast_volume::store::{BrickRanges, CellRanges, Manifest, Store};
+use brickcast_volume::store::{BrickRanges, CellRanges, Manifest, MeanRanges, Store};
 use brickcast_volume::{BrickId, BrickIndex, ChunkId, ChunkIndex, OwnedBox, PerChunk, StoreHash};
 
 use super::level_shown::{LevelShown, voxels_of};
@@ -24,6 +24,8 @@ pub struct StoreFacts {
     pub facts: Option<Vec<BrickFacts>>,
     /// The volume seen from afar: its cells, or its bricks where the store is older than cells.
     pub cells: CellRanges,
+    /// What its own voxels are, cell by cell; nothing in stores older than that.
+    pub means: Option<MeanRanges>,
 }
 
 impl StoreFacts {
@@ -31,20 +33,20 @@ impl StoreFacts {
     #[must_use]
     pub fn of(store: &Store) -> Self {
         let facts = store.brick_facts().map(<[_]>::to_vec);
-        let tables = (store.brick_ranges().clone(), store.cell_ranges().cloned());
+        let tables = (store.brick_ranges().clone(), store.cell_ranges().cloned(), store.mean_ranges().cloned());
         Self::new(store.hash(), store.manifest().clone(), tables, facts)
     }
 
-    /// From what a store says; `cells` are missing in older ones.
+    /// From what a store says; `cells` and `means` are missing in older ones.
     #[must_use]
     pub fn new(
         hash: StoreHash,
         manifest: Manifest,
-        (ranges, cells): (BrickRanges, Option<CellRanges>),
+        (ranges, cells, means): (BrickRanges, Option<CellRanges>, Option<MeanRanges>),
         facts: Option<Vec<BrickFacts>>,
     ) -> Self {
         let cells = cells.unwrap_or_else(|| CellRanges::of_bricks(&manifest, &ranges));
-        Self { hash, manifest, ranges, facts, cells }
+        Self { hash, manifest, ranges, facts, cells, means }
     }
 
     #[must_use]

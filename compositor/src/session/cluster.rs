@@ -220,7 +220,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 fn facts(description: &StoreDescription) -> StoreFacts {
-    let StoreDescription { hash, manifest, ranges, facts, cells, .. } = description;
+    let StoreDescription { hash, manifest, ranges, facts, cells, means, .. } = description;
     let facts = facts.as_ref().map(|table| table.0.clone());
-    StoreFacts::new(*hash, manifest.clone(), (ranges.clone(), cells.clone()), facts)
+    StoreFacts::new(*hash, manifest.clone(), (ranges.clone(), cells.clone(), means.clone()), facts)
 }

@@ -1,8 +1,10 @@
 //! What nodes leave of a frame becomes its picture: layers joined at the nodes of the merge tree.
 
+use std::collections::BTreeSet;
 use std::time::Instant;
 
 use brickcast_proto::TILE;
+use brickcast_volume::lod::Hidden;
 use brickcast_volume::merge::{MergeTree, Viewpoint};
 use brickcast_volume::pixel::Coloring;
 use brickcast_volume::scene::Scene;
@@ -27,6 +29,8 @@ pub struct Frame {
     pub missing_tiles: Vec<[u32; 2]>,
     /// Of what is missing, what no node can read.
     pub lacking: Vec<Lacking>,
+    /// What coarser levels hide; nothing where it is not known, or none is drawn.
+    pub hidden: Option<Hidden>,
     pub stats: FrameStats,
 }
 
@@ -38,8 +42,8 @@ impl Frame {
         let tiles = [size.width(), size.height()].map(|n| n.div_ceil(TILE));
         let missing_tiles = (0..tiles[1]).flat_map(|y| (0..tiles[0]).map(move |x| [x, y])).collect();
         let stats = FrameStats::sum(0.0, (0, 0), false, FrameFaults::default(), Vec::new());
-        let (picture, lacking) = (Picture::empty(size), Vec::new());
-        Self { picture, complete: false, problems: vec![why], missing_tiles, lacking, stats }
+        let (picture, problems, lacking) = (Picture::empty(size), vec![why], Vec::new());
+        Self { picture, complete: false, problems, missing_tiles, lacking, hidden: None, stats }
     }
 
     /// An error where no part of it can be read.
@@ -69,6 +73,10 @@ pub(super) struct Layered {
 impl Layered {
     pub(super) fn is_complete(&self) -> bool {
         self.end.ledger.is_complete()
+    }
+
+    pub(super) fn chunks_in_view(&self) -> BTreeSet<ChunkId> {
+        self.in_view.iter().map(|(chunk, _)| *chunk).collect()
     }
 }
 
@@ -110,6 +118,6 @@ impl<'a> Joining<'a> {
         let frame_ms = started.elapsed().as_secs_f64() * 1e3;
         let stats = FrameStats::sum(frame_ms, (end.tiles, end.bytes_received), complete, faults, end.nodes);
         let stats = FrameStats { balance, ..stats };
-        Ok(Frame { picture, complete, problems: end.problems, missing_tiles, lacking, stats })
+        Ok(Frame { picture, complete, problems: end.problems, missing_tiles, lacking, hidden: None, stats })
     }
 }

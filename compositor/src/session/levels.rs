@@ -4,7 +4,7 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use brickcast_volume::lod::{Content, LevelSet, Levels, Rule, Selection};
+use brickcast_volume::lod::{Content, Hides, LevelSet, Levels, Rule, Selection, Untold};
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::store::Manifest;
 use brickcast_volume::{ChunkId, PictureSize, PixelRect};
@@ -12,6 +12,7 @@ use futures_util::future::{BoxFuture, try_join_all};
 
 use self::floor::Floor;
 use super::error::SessionError;
+use super::hidden::{self, OnLevel};
 use super::layered::{Frame, Joining};
 use super::look::ShownLook;
 use super::stats::{LoadStats, LodStats};
@@ -37,7 +38,10 @@ impl Session {
             let hash = entry.ok_or(SessionError::NoLevel { level, coarsest })?.hash.into();
             let cluster = self.cluster.again(StoreChoice::Hash(hash)).await?;
             is_level(store, level, &cluster.store().manifest)?;
-            Ok(Self::on(cluster))
+            let on_level = Some(OnLevel::new(level, self.store().clone()));
+            let mut session = Self::on(cluster);
+            session.on_level = on_level;
+            Ok(session)
         })
     }
 }
@@ -75,6 +79,8 @@ struct Seen {
     content: Content,
     /// What is shown of each level, were all of it drawn on that.
     levels: Vec<Arc<Shown>>,
+    /// What levels hide; made when one is drawn.
+    hides: Option<Result<Hides, Untold>>,
 }
 
 impl LevelSessions {
@@ -152,7 +158,7 @@ impl LevelSessions {
             let content = Content::new(self.levels.finest(), scene, self.stores[0].bricks(), shows);
             let coarser = self.stores[1..].iter().map(|store| Arc::new(Shown::in_scene(store, scene)));
             let levels = std::iter::once(look.shown.clone()).chain(coarser).collect();
-            Seen { look, content, levels }
+            Seen { look, content, levels, hides: None }
         });
         (&self.levels, &self.seen.insert(seen).content)
     }
@@ -251,8 +257,14 @@ impl LevelSessions {
         let rays = scene.by_rays();
         let layered = self.session.layered((scene, &rays), transport, deadline, sink).await?;
         let told = self.told(selection, &shown, (rays.view.size, &layered.in_view));
+        let in_view = layered.chunks_in_view();
         let mut frame = joining.join(layered).await?;
         frame.stats.lod = Some(told);
+        let parts = shown.parts().unwrap_or_default();
+        if let (Some(seen), true) = (&mut self.seen, parts.iter().any(|part| part.level > 0)) {
+            let hides = seen.hides.get_or_insert_with(|| hidden::of_levels(&self.stores, scene));
+            frame.hides(hides.as_ref().map(|hides| hidden::of_parts(hides, parts, &in_view)).map_err(|why| *why));
+        }
         Ok(frame)
     }
 

@@ -7,6 +7,7 @@ pub mod audit;
 mod balanced;
 mod cluster;
 mod error;
+mod hidden;
 pub mod interval;
 mod layered;
 pub mod levels;
@@ -29,6 +30,7 @@ pub use self::layered::Frame;
 pub use self::stats::{FrameFaults, FrameStats, LoadStats, LodStats};
 pub use crate::cluster::StoreChoice;
 
+use self::hidden::OnLevel;
 use self::layered::{Joining, Layered};
 use self::look::ShownLook;
 use crate::balance::{Demand, Settings};
@@ -53,6 +55,8 @@ pub struct Session {
     mixed: Option<Arc<Shown>>,
     /// All that the last scene shows, of which `planned` may be a part.
     whole: Option<Arc<ShownLook>>,
+    /// Where its store is a coarser level of another.
+    on_level: Option<OnLevel>,
 }
 
 /// What is the same for every view of a sequence: kept until the look or the table changes.
@@ -87,7 +91,16 @@ impl Session {
     /// On a cluster that others use, too.
     #[must_use]
     pub fn on(cluster: Arc<Cluster>) -> Self {
-        Self { cluster, id: new_id(), next_frame: 1, fixed: None, planned: None, mixed: None, whole: None }
+        Self {
+            cluster,
+            id: new_id(),
+            next_frame: 1,
+            fixed: None,
+            planned: None,
+            mixed: None,
+            whole: None,
+            on_level: None,
+        }
     }
 
     fn id(&self) -> SessionId {
@@ -263,7 +276,12 @@ impl Session {
         let cluster = self.cluster.clone();
         let joining = Joining::new(cluster.store(), scene)?;
         let part = self.layered((scene, &scene.by_rays()), transport, deadline, sink).await?;
-        joining.join(part).await
+        let in_view = self.on_level.is_some().then(|| part.chunks_in_view());
+        let mut frame = joining.join(part).await?;
+        if let (Some(on_level), Some(in_view)) = (&mut self.on_level, in_view) {
+            frame.hides(on_level.hidden(self.cluster.store(), scene, &in_view));
+        }
+        Ok(frame)
     }
 
     /// A frame as the nodes leave it. `seen` is what the user sees; nodes, tables and tiles are of its rays, which

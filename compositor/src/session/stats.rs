@@ -1,5 +1,6 @@
 //! What a frame took, as `--stats` and the bench report it.
 
+use brickcast_volume::lod::HiddenNote;
 use serde::Serialize;
 
 use super::balanced::BalanceStats;
@@ -39,6 +40,9 @@ pub struct FrameStats {
     /// Where several levels are drawn.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lod: Option<LodStats>,
+    /// Where a coarser level than the finest is drawn: what it hides.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hidden: Option<HiddenNote>,
 }
 
 /// What of a volume a frame draws on which of its levels; each list has an entry a level, the finest first.
@@ -119,6 +123,7 @@ impl FrameStats {
             nodes,
             balance: None,
             lod: None,
+            hidden: None,
         }
     }
 }
@@ -187,6 +192,9 @@ pub fn report(load: &LoadStats, frames: &[FrameStats], first_frame_ms: f64) -> s
     });
     if let Some(lod) = frames.last().and_then(|f| f.lod.as_ref()) {
         out["lod"] = serde_json::json!(lod);
+    }
+    if let Some(hidden) = frames.last().and_then(|f| f.hidden.as_ref()) {
+        out["hidden"] = serde_json::json!(hidden);
     }
     if frames.len() > 1 {
         out["frames"] = serde_json::json!(frames);

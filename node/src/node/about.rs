@@ -31,6 +31,7 @@ impl Node {
                 ranges: open.store.brick_ranges().clone(),
                 facts: open.store.brick_facts().map(|facts| BrickFactsTable(facts.to_vec())),
                 cells: open.store.cell_ranges().cloned(),
+                means: open.store.mean_ranges().cloned(),
             })
         };
         self.aside(&caller, description).await.inspect_err(|error| self.life.failed(error))

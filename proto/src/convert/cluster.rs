@@ -1,7 +1,7 @@
 //! Descriptions of nodes and stores, and loading ahead.
 
 use brickcast_volume::brick::MAX_BRICKS;
-use brickcast_volume::store::{BrickFactsTable, BrickRanges, CellRanges, Manifest, StoreError};
+use brickcast_volume::store::{BrickFactsTable, BrickRanges, CellRanges, Manifest, MeanRanges, StoreError};
 use brickcast_volume::{BrickId, SessionId, StoreHash};
 use bytes::Bytes;
 
@@ -139,6 +139,7 @@ impl From<StoreDescription> for wire::StoreDescription {
             brick_ranges: store.ranges.to_bytes().into(),
             brick_facts: store.facts.map_or_else(Bytes::new, |facts| facts.to_bytes().into()),
             cell_ranges: store.cells.map_or_else(Bytes::new, |cells| cells.to_bytes().into()),
+            mean_ranges: store.means.map_or_else(Bytes::new, |means| means.to_bytes().into()),
         }
     }
 }
@@ -161,8 +162,9 @@ impl TryFrom<wire::StoreDescription> for StoreDescription {
             None => None,
         };
         let cells = CellRanges::from_bytes(&manifest, &store.cell_ranges).map_err(broken)?;
+        let means = MeanRanges::from_bytes(&manifest, &store.mean_ranges).map_err(broken)?;
         let name = text("store name", store.name, MAX_TEXT)?;
-        Ok(Self { name, hash, manifest, manifest_bytes: store.manifest, ranges, facts, cells })
+        Ok(Self { name, hash, manifest, manifest_bytes: store.manifest, ranges, facts, cells, means })
     }
 }
 

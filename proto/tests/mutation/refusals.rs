@@ -170,6 +170,7 @@ fn descriptions_with_wrong_hashes_or_texts_are_refused() {
         brick_ranges: vec![0; 4].into(),
         brick_facts: Vec::new().into(),
         cell_ranges: Vec::new().into(),
+        mean_ranges: Vec::new().into(),
     };
     assert!(matches!(StoreDescription::try_from(message.clone()), Err(WireError::ManifestHash { .. })));
     let resealed = wire::StoreDescription { hash: StoreHash::of(b"{}").to_string(), ..message };

@@ -11,6 +11,7 @@ mod analytic;
 mod directions;
 mod faces;
 mod harness_can_fail;
+mod hidden;
 mod holes;
 mod integral;
 mod intervals;

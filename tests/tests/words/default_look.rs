@@ -136,8 +136,10 @@ fn nodes_that_have_the_store_alone_give_the_same_picture() {
     let manifest = at.join("data/two/brickcast.json");
     let mut json: Value = serde_json::from_slice(&std::fs::read(&manifest).unwrap()).unwrap();
     json["version"] = 6.into();
-    json["files"].as_object_mut().unwrap().remove("cells.bin").unwrap();
-    std::fs::remove_file(at.join("data/two/cells.bin")).unwrap();
+    for name in ["cells.bin", "means.bin"] {
+        json["files"].as_object_mut().unwrap().remove(name).unwrap();
+        std::fs::remove_file(at.join("data/two").join(name)).unwrap();
+    }
     std::fs::write(&manifest, serde_json::to_vec_pretty(&json).unwrap()).unwrap();
     let old = draw(at, &["data/two"]);
     assert_eq!(point(old.camera(), "focalPoint"), [9.75, 7.75, 23.5]);

@@ -57,7 +57,7 @@ impl Sides {
     }
 
     /// Those of a box within, which is the first of its kind on some axes, and the last.
-    fn within(self, first: [bool; 3], last: [bool; 3]) -> Self {
+    pub(super) fn within(self, first: [bool; 3], last: [bool; 3]) -> Self {
         let out = |axis: usize, side: i32| match side {
             -1 if first[axis] => -1,
             1 if last[axis] => 1,
@@ -134,6 +134,11 @@ impl Borders {
     #[must_use]
     pub fn finest(&self) -> f32 {
         (-f32::from(self.level.min(MOST_HALVINGS))).exp2()
+    }
+
+    /// Of a chunk; nothing where it has none.
+    pub(super) fn of_chunk(&self, chunk: ChunkId) -> Option<Meets> {
+        self.meets.get(&chunk).copied()
     }
 
     /// Of a brick of `tree`.

@@ -36,6 +36,63 @@ pub(super) fn cells_of(dims: UVec3, level: u8) -> Cubes {
     cubes
 }
 
+/// Where the cells of a volume lie.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Cells {
+    /// Voxels per edge.
+    edge: u32,
+    /// The volume's.
+    dims: UVec3,
+}
+
+impl Cells {
+    pub(super) fn new(cubes: Cubes) -> Self {
+        Self { edge: cubes.edge, dims: cubes.dims }
+    }
+
+    fn cubes(self) -> Cubes {
+        Cubes { dims: self.dims, edge: self.edge, margin: 0 }
+    }
+
+    #[must_use]
+    pub fn edge(self) -> u32 {
+        self.edge
+    }
+
+    #[must_use]
+    pub fn count(self) -> usize {
+        self.cubes().count() as usize
+    }
+
+    /// The place of the cell that a voxel lies in.
+    #[must_use]
+    pub fn place(self, voxel: UVec3) -> usize {
+        let (n, at) = (self.counts(), voxel / self.edge);
+        ((at.z * n.y + at.y) * n.x + at.x) as usize
+    }
+
+    /// Per axis.
+    #[must_use]
+    pub fn counts(self) -> UVec3 {
+        self.cubes().counts()
+    }
+
+    /// The voxels of the cell at a place of a table.
+    #[must_use]
+    pub fn voxels(self, place: usize) -> OwnedBox {
+        let lo = self.cubes().at(place) * self.edge;
+        OwnedBox { lo, hi: (lo + self.edge).min(self.dims) }
+    }
+
+    /// The places of the cells that some voxels lie in; none of those beyond the volume.
+    pub fn around(self, voxels: &OwnedBox) -> impl Iterator<Item = usize> + use<> {
+        let n = self.counts();
+        let (lo, hi) = (voxels.lo / self.edge, voxels.hi.map(|v| v.div_ceil(self.edge)).min(n));
+        let row = move |y, z| (lo.x..hi.x).map(move |x| ((z * n.y + y) * n.x + x) as usize);
+        (lo.z..hi.z).flat_map(move |z| (lo.y..hi.y).flat_map(move |y| row(y, z)))
+    }
+}
+
 impl CellRanges {
     pub(super) fn new(cubes: Cubes, ranges: Vec<[u16; 2]>) -> Self {
         Self { edge: cubes.edge, dims: cubes.dims, ranges }

@@ -37,6 +37,8 @@ pub(super) const ARRAY_FILE: &str = "0/zarr.json";
 pub(super) const RANGES_FILE: &str = "bricks.bin";
 /// Not in stores before version 7.
 pub(super) const CELLS_FILE: &str = "cells.bin";
+/// Not in stores before version 10.
+pub(super) const MEANS_FILE: &str = "means.bin";
 pub(super) const SHARDS_FILE: &str = "shards.bin";
 /// Files of stores whose bricks have halos.
 pub(super) const HALOS_FILE: &str = "halos.bin";

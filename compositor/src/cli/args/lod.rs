@@ -1,5 +1,6 @@
 //! Levels of detail: which of a volume's levels is drawn.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::anyhow;
@@ -53,6 +54,12 @@ pub struct LodArgs {
     /// A line says of each what it is of. The last one is the picture without this flag, bit for bit.
     #[arg(long)]
     pub progressive: bool,
+    /// Where coarser levels hide what full resolution shows, as JSON: boxes in voxels of the finest level
+    #[arg(long, value_name = "FILE.json")]
+    pub hidden: Option<PathBuf>,
+    /// Stripe the picture where coarser levels hide what full resolution shows
+    #[arg(long)]
+    pub mark_hidden: bool,
 }
 
 fn lod(text: &str) -> Result<LodArg, String> {

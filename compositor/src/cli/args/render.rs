@@ -13,7 +13,7 @@ use super::on_the_way::OnTheWayArgs;
 use super::scene::SceneArgs;
 
 /// What the manifest of `--scene` says: camera, look, quality and levels.
-const SAID_BY_A_MANIFEST: [&str; 57] = [
+const SAID_BY_A_MANIFEST: [&str; 58] = [
     "size",
     "look",
     "transfer_function",
@@ -68,6 +68,7 @@ const SAID_BY_A_MANIFEST: [&str; 57] = [
     "lod_criterion",
     "focus",
     "frame_budget",
+    "mark_hidden",
     "frames",
     "camera_path",
     "orbit",

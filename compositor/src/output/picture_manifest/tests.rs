@@ -30,12 +30,14 @@ fn manifest() -> PictureManifest {
         path: Some("part".to_owned()),
         background: Some([0.1, 0.2, 0.7]),
         complete: true,
+        marks_hidden: true,
         about: AboutPicture {
             brickcast: "0.1.0".to_owned(),
             protocol: 7,
             nodes: vec![node(1), node(2)],
             lost: vec![LostNote { address: "a".to_owned(), why: "b".to_owned() }],
             missing_tiles: vec![[1, 2]],
+            hidden: Some(HiddenNote::nothing()),
             empty: true,
             empty_because: Some("why".to_owned()),
             ..AboutPicture::default()

@@ -358,6 +358,7 @@ fn copy(frame: &Frame) -> Frame {
         problems: Vec::new(),
         lacking: Vec::new(),
         missing_tiles: Vec::new(),
+        hidden: None,
         stats: frame.stats.clone(),
     }
 }

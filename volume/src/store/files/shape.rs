@@ -17,8 +17,8 @@ use crate::store::objects::Objects;
 use crate::store::objects::folder::StoreFolder;
 use crate::store::profile::{
     ARRAY_FILE, CELLS_FILE, DISTANCE_ARRAY_FILE, DISTANCE_SHARDS_FILE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE,
-    LABEL_ARRAY_FILE, LABEL_IMAGE_FILE, LABEL_SHARDS_FILE, LABELS_GROUP_FILE, MANIFEST_FILE, PART_FILE, RANGES_FILE,
-    REGION_BRICKS_FILE, REGION_HALO_INDEX_FILE, REGION_HALOS_FILE, REGIONS_FILE, SEAM_FILE, SERIES_FILE,
+    LABEL_ARRAY_FILE, LABEL_IMAGE_FILE, LABEL_SHARDS_FILE, LABELS_GROUP_FILE, MANIFEST_FILE, MEANS_FILE, PART_FILE,
+    RANGES_FILE, REGION_BRICKS_FILE, REGION_HALO_INDEX_FILE, REGION_HALOS_FILE, REGIONS_FILE, SEAM_FILE, SERIES_FILE,
     SERIES_LIST_FILE, SHARD_EDGE, SHARDS_FILE, STATISTICS_FILE, ShardIndex, StoreArray, VIEW_FILE, gathered_file,
     tables_file,
 };
@@ -51,6 +51,7 @@ pub(crate) fn small_files(manifest: &Manifest) -> Vec<SmallFile> {
     ];
     let cells = cells_of(manifest.geometry.dims(), manifest.level).count() * 4;
     files.extend(f.cells.map(|hash| file(CELLS_FILE, cells, hash)));
+    files.extend(f.means.map(|hash| file(MEANS_FILE, cells, hash)));
     let index = |records: usize| bricks * (records * ENTRY_BYTES) as u64;
     if let Some(halo) = &manifest.halo {
         files.push(file(HALO_INDEX_FILE, index(VOXEL_HALO.records()), halo.voxels.index));
@@ -150,6 +151,7 @@ impl StoreShape {
             RANGES_FILE,
             SHARDS_FILE,
             CELLS_FILE,
+            MEANS_FILE,
             HALOS_FILE,
             HALO_INDEX_FILE,
             REGION_HALOS_FILE,

@@ -21,12 +21,14 @@ use crate::store::voxel::{SOURCE_TYPES, StoredType};
 
 const FORMAT: &str = "brickcast-store";
 /// Of the format that is written.
-pub const VERSION: u64 = 9;
+pub const VERSION: u64 = 10;
 /// Read as well: 4 lacks keys that may be left out, before 6 shards have no checksums of their chunks at their end,
-/// before 7 there are no cells, before 8 nothing says which values leap voxels have, and before 9 there are no levels.
+/// before 7 there are no cells, before 8 nothing says which values leap voxels have, before 9 there are no levels, and
+/// before 10 nothing says what they hide.
 const OLDEST: u64 = 4;
 const FIRST_WITH_CELLS: u64 = 7;
 const FIRST_WITH_LEVELS: u64 = 9;
+const FIRST_WITH_MEANS: u64 = 10;
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -105,6 +107,9 @@ struct Files {
     /// Left out before version 7.
     #[serde(rename = "cells.bin", default, skip_serializing_if = "Option::is_none")]
     cells: Option<String>,
+    /// Left out before version 10.
+    #[serde(rename = "means.bin", default, skip_serializing_if = "Option::is_none")]
+    means: Option<String>,
 }
 
 /// Says whether bytes are a manifest of any version, however broken otherwise.
@@ -156,6 +161,16 @@ fn cells_hash(version: u64, cells: Option<&str>) -> Result<Option<ContentHash>, 
         (false, None) => Ok(None),
         (true, None) => Err(field("files", format!("cells.bin is missing, which version {version} has"))),
         (false, Some(_)) => Err(field("files", format!("cells.bin, which version {version} has not"))),
+    }
+}
+
+/// Stores have means from version 10 on, and not before.
+fn means_hash(version: u64, means: Option<&str>) -> Result<Option<ContentHash>, ManifestError> {
+    match (version >= FIRST_WITH_MEANS, means) {
+        (true, Some(text)) => hash("files", text).map(Some),
+        (false, None) => Ok(None),
+        (true, None) => Err(field("files", format!("means.bin is missing, which version {version} has"))),
+        (false, Some(_)) => Err(field("files", format!("means.bin, which version {version} has not"))),
     }
 }
 
@@ -292,6 +307,7 @@ impl TryFrom<ManifestFile> for Manifest {
                 ranges: hash("files", &file.files.ranges)?,
                 shards: hash("files", &file.files.shards)?,
                 cells: cells_hash(file.version, file.files.cells.as_deref())?,
+                means: means_hash(file.version, file.files.means.as_deref())?,
             },
             halo: halo::parse(file.halo, file.brick_size, file.regions.is_some())?,
             regions: file.regions.map(|regions| regions.parse(&geometry)).transpose()?,
@@ -361,6 +377,7 @@ impl From<&Manifest> for ManifestFile {
                 ranges: m.files.ranges.to_string(),
                 shards: m.files.shards.to_string(),
                 cells: m.files.cells.map(|cells| cells.to_string()),
+                means: m.files.means.map(|means| means.to_string()),
             },
             halo: m.halo.as_ref().map(HaloFile::from),
             regions: m.regions.as_ref().map(RegionsFile::from),

@@ -120,7 +120,7 @@ impl NotFinite {
     }
 }
 
-/// Hashes of the files that every store has, the last from version 7 on.
+/// Hashes of the files that every store has: cells from version 7 on, means from version 10 on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FileHashes {
     /// `zarr.json`: the OME-Zarr group.
@@ -133,13 +133,22 @@ pub struct FileHashes {
     pub shards: ContentHash,
     /// `cells.bin`: the cell ranges. Nothing in stores before version 7.
     pub cells: Option<ContentHash>,
+    /// `means.bin`: the mean ranges. Nothing in stores before version 10.
+    pub means: Option<ContentHash>,
 }
 
 impl FileHashes {
     /// Of files that are still to be written.
     pub(super) const UNKNOWN: Self = {
         let unknown = ContentHash(0);
-        Self { group: unknown, array: unknown, ranges: unknown, shards: unknown, cells: Some(unknown) }
+        Self {
+            group: unknown,
+            array: unknown,
+            ranges: unknown,
+            shards: unknown,
+            cells: Some(unknown),
+            means: Some(unknown),
+        }
     };
 }
 

@@ -10,7 +10,7 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::spool::Spool;
-use super::tables::Tables;
+use super::tables::{MeanPlane, Tables};
 use crate::brick::BrickGrid;
 use crate::format::{SourceHeader, VolumeSource};
 use crate::space::Geometry;
@@ -133,6 +133,8 @@ struct Planes {
     /// Smallest and largest finest ordinal.
     low: Vec<u16>,
     high: Vec<u16>,
+    /// The voxels' own, likewise.
+    means: [Vec<u16>; 2],
 }
 
 impl Coarser {
@@ -182,7 +184,8 @@ impl Coarser {
             Ok(Gathering { level, tables, voxels, first: planes.start })
         };
         let levels = (first..).zip(levels).map(gathering).collect::<Result<_, StoreError>>()?;
-        let planes = Planes { stored_type, bytes: Vec::new(), low: Vec::new(), high: Vec::new() };
+        let planes =
+            Planes { stored_type, bytes: Vec::new(), low: Vec::new(), high: Vec::new(), means: Default::default() };
         Ok(Self { pyramid, levels, finest, no_data, planes })
     }
 
@@ -264,21 +267,27 @@ impl Planes {
     ) -> Result<(), StoreError> {
         let (stored_type, bytes) = (self.stored_type, self.stored_type.bytes());
         self.bytes.resize(plane.len() * bytes, 0);
-        self.low.resize(plane.len(), 0);
-        self.high.resize(plane.len(), 0);
+        let [least, most] = &mut self.means;
+        for ordinals in [&mut self.low, &mut self.high, least, most] {
+            ordinals.resize(plane.len(), 0);
+        }
         let all = self.bytes.par_chunks_mut(PART * bytes).zip(plane.par_chunks(PART));
         let all = all.zip(self.low.par_chunks_mut(PART).zip(self.high.par_chunks_mut(PART)));
-        all.for_each(|((out, plane), (low, high))| {
-            for (out, under) in out.chunks_exact_mut(bytes).zip(plane) {
-                let bits = stored_type.bits_of_ordinal(under.mean(no_data));
-                out.copy_from_slice(&bits.to_le_bytes()[..bytes]);
+        let all = all.zip(least.par_chunks_mut(PART).zip(most.par_chunks_mut(PART)));
+        all.for_each(|(((out, plane), (low, high)), (least, most))| {
+            let means = least.iter_mut().zip(most);
+            for ((out, under), (least, most)) in out.chunks_exact_mut(bytes).zip(plane).zip(means) {
+                let mean = under.mean(no_data);
+                out.copy_from_slice(&stored_type.bits_of_ordinal(mean).to_le_bytes()[..bytes]);
+                (*least, *most) = if under.count > 0 { (mean, mean) } else { (u16::MAX, 0) };
             }
             for ((low, high), under) in low.iter_mut().zip(high).zip(plane) {
                 (*low, *high) = (under.low, under.high);
             }
         });
         raw.voxels.put(tile, z - raw.first, &self.bytes)?;
-        raw.tables.add_bounds(tile, z, &self.low, &self.high);
+        let means = self.means.each_ref().map(|of| &of[..]);
+        raw.tables.add_means(tile, z, MeanPlane { low: &self.low, high: &self.high, means });
         Ok(())
     }
 }

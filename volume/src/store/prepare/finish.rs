@@ -1,7 +1,7 @@
 //! The small files of a level, its manifest last.
 
 use super::job::{Gathered, Job};
-use super::tables::Tables;
+use super::tables::{TableBytes, Tables};
 use crate::store::error::StoreError;
 use crate::store::files::root::StoreRoot;
 use crate::store::files::workdir::write_synced;
@@ -10,8 +10,8 @@ use crate::store::hash::ContentHash;
 use crate::store::level::SHARED_FILES;
 use crate::store::manifest::{FileHashes, Manifest, notes};
 use crate::store::profile::{
-    ARRAY_FILE, CELLS_FILE, GROUP_FILE, HALO_INDEX_FILE, MANIFEST_FILE, RANGES_FILE, REGION_HALO_INDEX_FILE,
-    SHARDS_FILE,
+    ARRAY_FILE, CELLS_FILE, GROUP_FILE, HALO_INDEX_FILE, MANIFEST_FILE, MEANS_FILE, RANGES_FILE,
+    REGION_HALO_INDEX_FILE, SHARDS_FILE,
 };
 use crate::store::regions::write::Written;
 use crate::store::shard::table as shard_table;
@@ -37,15 +37,16 @@ impl Job<'_> {
         (root, group): (&StoreRoot, &[u8]),
     ) -> Result<Finished, StoreError> {
         let Gathered { shards, halos, .. } = gathered;
-        let [ranges, cells] = tables.finish(&manifest.value_map().code_of_ordinal_table());
+        let TableBytes { bricks, cells, means } = tables.finish(&manifest.value_map().code_of_ordinal_table());
         let table = shard_table::to_bytes(&shards);
         let array = zarr_json::array(&manifest);
         manifest.files = FileHashes {
             group: ContentHash::of(group),
             array: ContentHash::of(&array),
-            ranges: ContentHash::of(&ranges),
+            ranges: ContentHash::of(&bricks),
             shards: ContentHash::of(&table),
             cells: Some(ContentHash::of(&cells)),
+            means: Some(ContentHash::of(&means)),
         };
         let region_halos = regions.as_mut().and_then(|r| r.halos.take());
         if let Some((entry, halos)) = manifest.halo.as_mut().zip(halos.as_ref()) {
@@ -59,8 +60,8 @@ impl Job<'_> {
             true => (shards.len() * TailLayout::WRITTEN.bytes()) as u64,
             false => shards.iter().map(|s| s.bytes).sum(),
         };
-        let mut files = vec![(GROUP_FILE, group.to_vec()), (ARRAY_FILE, array), (RANGES_FILE, ranges)];
-        files.extend([(SHARDS_FILE, table), (CELLS_FILE, cells)]);
+        let mut files = vec![(GROUP_FILE, group.to_vec()), (ARRAY_FILE, array), (RANGES_FILE, bricks)];
+        files.extend([(SHARDS_FILE, table), (CELLS_FILE, cells), (MEANS_FILE, means)]);
         if let Some(regions) = regions {
             files.extend(regions.files);
             store_bytes += regions.shard_bytes;

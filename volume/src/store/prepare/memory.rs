@@ -3,6 +3,7 @@
 use crate::brick::BrickGrid;
 use crate::memory::{Limit, available};
 use crate::regions::components::SLAB_PLANES;
+use crate::store::cell_ranges::cells_of;
 use crate::store::error::StoreError;
 use crate::store::halo::reach::{HaloReach, REGION_HALO, VOXEL_HALO, has_halos};
 use crate::store::profile::{INDEX_BYTES, SHARD_EDGE};
@@ -21,8 +22,10 @@ const PLANE_BYTES: u64 = 32;
 const HALO_BYTES: u64 = 4 + 1;
 
 /// Bytes for each voxel of a plane of a tile while coarser levels are gathered: a third of what is gathered of a voxel,
-/// and a quarter of it as it is written.
-const LEVEL_BYTES: u64 = 24 / 3 + 6_u64.div_ceil(4);
+/// and a quarter of it as it is written, with its bounds.
+const LEVEL_BYTES: u64 = 24 / 3 + 10_u64.div_ceil(4);
+/// Bytes of a cell's ranges.
+const CELL_BYTES: u64 = 4 + 4;
 /// Bytes that are gathered of a shard's voxels, where they lie in several voxels of the coarsest levels.
 const SEAM_BYTES: u64 = 24;
 /// Bytes of length and checksum of a record of a halo.
@@ -52,7 +55,15 @@ pub(crate) fn voxel_bytes(
     let tables = grid.brick_count() * 4 + table_bytes(shards) + entries * if several { 2 } else { 1 };
     // Those of a level are an eighth of the next finer one's.
     let levels = if with_levels { widest * LEVEL_BYTES + shards.count() * SEAM_BYTES + tables / 7 } else { 0 };
-    (slabs + shells) * stored.bytes() as u64 + open.unwrap_or(0) * INDEX_BYTES as u64 + tables + levels + FIXED_BYTES
+    // Levels have the same cells, until voxels are larger.
+    let cells = cells_of(grid.volume_dims(), 0);
+    let of_cells = cells.count() * CELL_BYTES * if with_levels { u64::from(cells.edge.ilog2()) + 1 } else { 1 };
+    (slabs + shells) * stored.bytes() as u64
+        + open.unwrap_or(0) * INDEX_BYTES as u64
+        + tables
+        + levels
+        + of_cells
+        + FIXED_BYTES
 }
 
 /// Bytes that regions of a volume need at least, whatever is in it.

@@ -11,6 +11,7 @@ use crate::store::brick_ranges::BrickRanges;
 use crate::store::cell_ranges::CellRanges;
 use crate::store::error::StoreError;
 use crate::store::manifest::Manifest;
+use crate::store::mean_ranges::MeanRanges;
 
 /// Bricks of one volume that never changes, read from any number of threads. A [`Store`] is one such source; another
 /// kind of store would be one too, and make what it lacks (ranges, halos) as it is read.
@@ -29,6 +30,9 @@ pub trait BrickSource: Debug + Send + Sync {
 
     /// Which codes sampling each cell can meet; nothing in stores before version 7.
     fn cell_ranges(&self) -> Option<&CellRanges>;
+
+    /// Between which codes its own voxels lie in each cell; nothing in stores before version 10.
+    fn mean_ranges(&self) -> Option<&MeanRanges>;
 
     /// In the grid's linear order; nothing where there are no regions.
     fn brick_facts(&self) -> Option<&[BrickFacts]>;
@@ -79,6 +83,10 @@ impl BrickSource for Store {
 
     fn cell_ranges(&self) -> Option<&CellRanges> {
         self.cell_ranges()
+    }
+
+    fn mean_ranges(&self) -> Option<&MeanRanges> {
+        self.mean_ranges()
     }
 
     fn brick_facts(&self) -> Option<&[BrickFacts]> {

@@ -20,13 +20,14 @@ use crate::store::halo::reach::VOXEL_HALO;
 use crate::store::halo::read::Halos;
 use crate::store::level::{LevelArray, key_on};
 use crate::store::manifest::Manifest;
+use crate::store::mean_ranges::MeanRanges;
 use crate::store::no_data::NO_DATA_CODE;
 use crate::store::objects::Objects;
 use crate::store::objects::folder::StoreFolder;
 use crate::store::objects::level::objects_of_level;
 use crate::store::profile::{
-    ARRAY_FILE, CELLS_FILE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, InnerChunk, MANIFEST_FILE, RANGES_FILE,
-    SHARDS_FILE, StoreArray,
+    ARRAY_FILE, CELLS_FILE, GROUP_FILE, HALO_INDEX_FILE, HALOS_FILE, InnerChunk, MANIFEST_FILE, MEANS_FILE,
+    RANGES_FILE, SHARDS_FILE, StoreArray,
 };
 use crate::store::regions::open::StoreRegions;
 use crate::store::shard::grid::ShardGrid;
@@ -56,6 +57,7 @@ struct Inner {
     ranges: BrickRanges,
     /// Nothing in stores before version 7.
     cells: Option<CellRanges>,
+    means: Option<MeanRanges>,
     shards: Shards,
     /// Nothing where bricks are smaller than inner chunks.
     halos: Option<Halos>,
@@ -138,13 +140,11 @@ impl Store {
         }
         let ranges = objects.read_exactly(RANGES_FILE, manifest.grid.brick_count() * 4)?;
         let ranges = BrickRanges::from_bytes(&manifest, &ranges)?;
-        let cells = match manifest.files.cells {
-            Some(_) => {
-                objects.read_exactly(CELLS_FILE, cells_of(manifest.geometry.dims(), manifest.level).count() * 4)?
-            }
-            None => Bytes::new(),
-        };
-        let cells = CellRanges::from_bytes(&manifest, &cells)?;
+        let of_cells = cells_of(manifest.geometry.dims(), manifest.level).count() * 4;
+        let of_cells =
+            |name, hash: Option<_>| hash.map_or_else(|| Ok(Bytes::new()), |_| objects.read_exactly(name, of_cells));
+        let cells = CellRanges::from_bytes(&manifest, &of_cells(CELLS_FILE, manifest.files.cells)?)?;
+        let means = MeanRanges::from_bytes(&manifest, &of_cells(MEANS_FILE, manifest.files.means)?)?;
         let grid = ShardGrid::new(manifest.geometry.dims())?;
         let voxel_bytes = manifest.stored_type.bytes();
         let layout = TailLayout::of_version(manifest.version);
@@ -165,6 +165,7 @@ impl Store {
             manifest_bytes,
             ranges,
             cells,
+            means,
             shards,
             halos,
             regions,
@@ -227,6 +228,12 @@ impl Store {
     #[must_use]
     pub fn cell_ranges(&self) -> Option<&CellRanges> {
         self.inner.cells.as_ref()
+    }
+
+    /// Nothing in stores before version 10.
+    #[must_use]
+    pub fn mean_ranges(&self) -> Option<&MeanRanges> {
+        self.inner.means.as_ref()
     }
 
     /// Smallest and largest value that sampling the brick can meet, in the file's units, to half a code; clamped to the

@@ -271,8 +271,8 @@ fn what_is_no_finished_store_is_refused() {
     let path = store_in(dir.path());
     let manifest = fs::read_to_string(path.join("brickcast.json")).unwrap();
     let changed = [
-        ("\"version\": 9", "\"version\": 3", "this brickcast knows 9"),
-        ("\"version\": 9", "\"version\": 3", "prepare the store again"),
+        ("\"version\": 10", "\"version\": 3", "this brickcast knows 10"),
+        ("\"version\": 10", "\"version\": 3", "prepare the store again"),
         ("brickcast-store", "someone-elses", "is not a brickcast store's"),
         ("\"brick_size\": 32", "\"brick_size\": 33", "power of two"),
         ("\"uint8\"", "\"uint9\"", "uint9"),

@@ -85,6 +85,16 @@ fn check(store: &Store, stored: &[Option<i64>]) {
             let got = [u16::from_le_bytes([cell[0], cell[1]]), u16::from_le_bytes([cell[2], cell[3]])];
             assert_eq!(got, want, "cell {i} on {what}");
         }
+        let means = of_level.mean_ranges().unwrap();
+        assert_eq!((means.ranges().len(), means.cells().edge()), (bytes.len() / 4, edge), "{what}");
+        // The codes of voxels without data are told from others by what is under them.
+        let holds = |under: Vec<usize>| under.iter().any(|place| stored[*place].is_some());
+        let of_data = codes.iter().zip(under(dims.to_array(), level));
+        let of_data: Vec<Option<u16>> = of_data.map(|(code, under)| holds(under).then_some(*code)).collect();
+        for (i, range) in means.ranges().iter().enumerate() {
+            let cell = means.cells().voxels(i);
+            assert_eq!(*range, range_of(&of_data, n, cell.lo, cell.hi, 0), "means of cell {i} on {what}");
+        }
     }
 }
 

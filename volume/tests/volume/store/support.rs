@@ -177,13 +177,37 @@ pub(crate) const SUM_BYTES: usize = 4 * 4096;
 /// Offset and length of each of the 16^3 inner chunks of a shard, and a crc32c.
 pub(crate) const INDEX_BYTES: usize = 16 * 4096 + 4;
 
-/// Makes a store one of an older version: without levels before 9, without cells before 7, without checksums of their
-/// chunks at the end of its shards before 6. Its `zarr.json` goes on to speak of levels, which we never read.
+/// Makes a store one of an older version: without means before 10, without levels before 9, without cells before 7,
+/// without checksums of their chunks at the end of its shards before 6. Its `zarr.json` goes on to speak of levels, which
+/// we never read.
 pub(crate) fn downgrade(path: &Path, version: u64) {
     let manifest = path.join("brickcast.json");
     let mut text = std::fs::read_to_string(&manifest).unwrap();
-    assert!(text.contains("\"version\": 9"));
-    text = text.replacen("\"version\": 9", &format!("\"version\": {version}"), 1);
+    let older = |text: &str| {
+        assert!(text.contains("\"version\": 10"));
+        text.replacen("\"version\": 10", &format!("\"version\": {version}"), 1)
+    };
+    text = older(&text);
+    let without = |text: &str, name: &str| {
+        let key = format!(",\n    \"{name}\": ");
+        let from = text.find(&key).unwrap();
+        let ends = from + key.len() + text[from + key.len()..].find('\n').unwrap();
+        format!("{}{}", &text[..from], &text[ends..])
+    };
+    text = without(&text, "means.bin");
+    std::fs::remove_file(path.join("means.bin")).unwrap();
+    if version == 9 {
+        for level in 1.. {
+            let folder = path.join(format!("levels/{level}"));
+            let Ok(new) = std::fs::read_to_string(folder.join("level.json")) else { break };
+            let old = older(&without(&new, "means.bin"));
+            let hash = |text: &str| ContentHash::of(text.as_bytes()).to_string();
+            text = text.replace(&hash(&new), &hash(&old));
+            std::fs::write(folder.join("level.json"), old).unwrap();
+            std::fs::remove_file(folder.join("means.bin")).unwrap();
+        }
+        return std::fs::write(manifest, text).unwrap();
+    }
     if let Some(from) = text.find(",\n  \"levels\": [") {
         let ends = from + text[from..].find("\n  ]").unwrap() + "\n  ]".len();
         text.replace_range(from..ends, "");
@@ -194,10 +218,7 @@ pub(crate) fn downgrade(path: &Path, version: u64) {
         }
     }
     if version < 7 {
-        let key = ",\n    \"cells.bin\": ";
-        let from = text.find(key).unwrap();
-        let ends = from + key.len() + text[from + key.len()..].find('\n').unwrap();
-        text.replace_range(from..ends, "");
+        text = without(&text, "cells.bin");
         std::fs::remove_file(path.join("cells.bin")).unwrap();
     }
     if version >= 6 {

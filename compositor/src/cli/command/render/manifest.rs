@@ -46,6 +46,7 @@ pub(crate) fn manifest(
         background: origin.background,
         lod: origin.lod,
         complete: frame.complete,
+        marks_hidden: false,
         about: AboutPicture {
             brickcast: env!("CARGO_PKG_VERSION").to_owned(),
             protocol: brickcast_proto::PROTOCOL_VERSION,
@@ -57,6 +58,7 @@ pub(crate) fn manifest(
             nodes: nodes.collect(),
             store_short: short(store.hash),
             notes: store.manifest.notes.clone(),
+            hidden: frame.stats.hidden.clone(),
             empty: false,
             empty_because: None,
         },

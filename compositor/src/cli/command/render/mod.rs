@@ -4,6 +4,7 @@ mod drawer;
 mod drawers;
 mod dry_run;
 mod frames;
+mod hidden;
 mod kept;
 mod manifest;
 mod nodes;

@@ -7,6 +7,7 @@ use anyhow::anyhow;
 use brickcast_volume::lod::Lod;
 
 use super::drawer;
+use super::hidden::HiddenPlan;
 use super::nodes::NodePlan;
 use super::output_paths::{RenderPaths, real};
 use super::redraw::Redraw;
@@ -42,6 +43,7 @@ pub(super) struct RenderPlan {
     pub(super) frame_budget: Option<Duration>,
     /// Coarser pictures are written first.
     pub(super) progressive: bool,
+    pub(super) hidden: HiddenPlan,
     /// What to say of balancing that was asked for in vain.
     pub(super) unbalanced: Option<String>,
 }
@@ -74,6 +76,7 @@ impl RenderPlan {
             None => ScenesPlan::asked(&args, count, if is_over_time { 0.0 } else { 360.0 })?,
         };
         let lod = drawer::asked(&args, &scenes)?;
+        let hidden = HiddenPlan::of(&args, &scenes)?;
         let progressive = drawer::is_progressive(&args, &scenes, &lod)?;
         if args.audit {
             scenes.check_intervals("--audit")?;
@@ -112,6 +115,7 @@ impl RenderPlan {
         let several = scenes.count() > 1 && nodes.are_elsewhere() && !args.audit && args.error.is_none();
         Ok(Self {
             unbalanced: drawer::unbalanced(&args, &lod),
+            hidden,
             lod,
             progressive,
             frame_budget: args.lod.frame_budget,
@@ -169,16 +173,22 @@ fn check_paths(args: &RenderArgs, scenes: &ScenesPlan, output: Option<&OutputPla
             "--output {path}: that is the picture which --check compares with; give it another name"
         )));
     }
-    let (stats, error) = (args.stats.as_deref(), args.error.as_deref());
-    stats.map_or(Ok(()), |stats| paths.check("--stats", stats))?;
-    error.map_or(Ok(()), |error| paths.check("--error", error))?;
-    match (stats, error) {
-        (Some(stats), Some(error)) if real(stats) == real(error) => {
-            let path = error.display();
-            Err(Failure::usage(anyhow!("--error {path}: that is the same file as --stats; give it another name")))
+    let beside = [
+        ("--stats", args.stats.as_deref()),
+        ("--error", args.error.as_deref()),
+        ("--hidden", args.lod.hidden.as_deref()),
+    ];
+    let beside: Vec<_> = beside.into_iter().filter_map(|(flag, path)| Some((flag, path?))).collect();
+    for (i, (flag, path)) in beside.iter().enumerate() {
+        paths.check(flag, path)?;
+        if let Some((other, _)) = beside[..i].iter().find(|(_, other)| real(other) == real(path)) {
+            let path = path.display();
+            return Err(Failure::usage(anyhow!(
+                "{flag} {path}: that is the same file as {other}; give it another name"
+            )));
         }
-        _ => Ok(()),
     }
+    Ok(())
 }
 
 /// Widths are floats of four channels.

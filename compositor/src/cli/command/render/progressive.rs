@@ -8,7 +8,7 @@ use super::drawer::Drawer;
 use super::drawers::Drawn;
 use super::frames::Frames;
 use super::plan::RenderPlan;
-use super::sequence::{Files, Sequence, warn_of_tight_budgets};
+use super::sequence::{Files, Sequence, tell_hidden, warn_of_tight_budgets};
 use crate::cli::failure::Failure;
 use crate::cli::say::say;
 use crate::cli::scene::nothing_shows;
@@ -31,7 +31,7 @@ pub(super) async fn draw(
     let count = stages.len();
     for (i, lod) in stages.into_iter().enumerate() {
         drawer.draw_by(&lod);
-        let (load, frame) = match drawn(drawer, &scene, (transport, plan.nodes.deadline)).await {
+        let (load, mut frame) = match drawn(drawer, &scene, (transport, plan.nodes.deadline)).await {
             Ok(drawn) if i == 0 || drawn.1.complete => drawn,
             Err(error) if i == 0 => return Err(error.into()),
             // What is there is worth more than a part of what was to follow.
@@ -54,6 +54,8 @@ pub(super) async fn draw(
         let is_empty = frame.complete && nothing_shows::is_empty(&frame.picture);
         // Of the last picture, not of all that came before it.
         all.empty = usize::from(is_empty);
+        plan.hidden.mark(&mut frame, &scene, &drawer.store().manifest.geometry);
+        all.hidden = plan.hidden.told(&frame).into_iter().collect();
         files.push(
             Drawn::by(drawer, step),
             (&scene, transport),
@@ -62,6 +64,7 @@ pub(super) async fn draw(
         )?;
         all.written = files.finish()?;
         say(quiet, &in_words((i + 1, count), &frame, since))?;
+        tell_hidden(&frame, quiet)?;
         all.frames.push(frame.stats);
         // What follows would lack the same.
         if !all.problems.is_empty() {

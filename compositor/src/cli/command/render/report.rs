@@ -6,6 +6,7 @@ use brickcast_volume::PictureSize;
 use serde_json::json;
 
 use super::frames::Frames;
+use super::hidden;
 use super::plan::RenderPlan;
 use super::scenes::ScenesPlan;
 use super::sequence::Sequence;
@@ -33,6 +34,9 @@ pub(super) fn report(plan: &RenderPlan, all: &Sequence, frames: &Frames<'_>, qui
             several => report["audit"] = json!(several),
         }
         write_json(path, &report)?;
+    }
+    if let Some(path) = &plan.hidden.file {
+        write_json(path, &hidden::file(&all.hidden))?;
     }
     tell(plan, all, frames.first().view.size, quiet)?;
     if !all.problems.is_empty() {

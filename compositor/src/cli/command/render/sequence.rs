@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use brickcast_volume::leftovers::Farewell;
+use brickcast_volume::lod::HiddenNote;
 use brickcast_volume::scene::{Scene, Transport};
 
 use super::drawer::Drawer;
@@ -37,6 +38,8 @@ pub(super) struct Sequence {
     /// Complete frames that show nothing.
     pub(super) empty: usize,
     pub(super) written: Vec<std::path::PathBuf>,
+    /// Of each frame, where a file of it is asked for.
+    pub(super) hidden: Vec<serde_json::Value>,
 }
 
 impl Sequence {
@@ -52,6 +55,7 @@ impl Sequence {
             unfinished: None,
             empty: 0,
             written: Vec::new(),
+            hidden: Vec::new(),
         }
     }
 }
@@ -118,14 +122,17 @@ async fn each(
     let far = |done: usize| bar.iter().for_each(|bar| bar.at(done as u64, count.into()));
     far(0);
     for (i, (scene, transport)) in frames.each().enumerate() {
-        let frame = drawers.render(plan, frames, i, (&scene, transport)).await?;
+        let mut frame = drawers.render(plan, frames, i, (&scene, transport)).await?;
         if i == 0 {
             all.first_frame_ms = started.elapsed().as_secs_f64() * 1e3;
             frame.stats.lod.as_ref().map_or(Ok(()), |lod| say(quiet, &lod.in_words()))?;
+            tell_hidden(&frame, quiet)?;
         }
         all.problems.extend(frame.problems.iter().map(|p| format!("frame {i}: {p}")));
         let is_empty = frame.complete && nothing_shows::is_empty(&frame.picture);
         all.empty += usize::from(is_empty);
+        plan.hidden.mark(&mut frame, &scene, &drawers.drawn().store.manifest.geometry);
+        all.hidden.extend(plan.hidden.told(&frame));
         let empty_because = is_empty.then_some(frames.outlook.as_ref());
         files.push(drawers.drawn(), (&scene, transport), &frame, empty_because)?;
         if let (ScenesPlan::Drawn(redraw), true) = (&plan.scenes, frame.complete) {
@@ -145,6 +152,12 @@ async fn each(
         far(i + 1);
     }
     Ok(())
+}
+
+/// What coarser levels hide of a frame, for people.
+pub(super) fn tell_hidden(frame: &Frame, quiet: bool) -> Result<(), Failure> {
+    let words = frame.stats.hidden.as_ref().and_then(HiddenNote::in_words);
+    words.map_or(Ok(()), |words| say(quiet, &words))
 }
 
 impl<'a> Files<'a> {
@@ -179,6 +192,7 @@ impl<'a> Files<'a> {
         let background = output.format.background(self.plan.background);
         let origin = Origin { path: self.plan.source.given.as_deref(), background, lod: drawn.lod, step: drawn.step };
         let mut manifest = manifest(&drawn.store, shown, frame, origin);
+        manifest.marks_hidden = self.plan.hidden.marks;
         manifest.about.empty = empty_because.is_some();
         manifest.about.empty_because = empty_because.flatten().map(|outlook| outlook.why().to_owned());
         if output.format.is_animation() {
