@@ -20,6 +20,21 @@ pub(crate) struct Slab<'a> {
 #[derive(Debug)]
 pub(crate) struct CodeTables {
     pub(crate) window: Vec<u16>,
+    /// First and last of the codes about a code that all have its window: most rows are told by them without looking
+    /// up any other code.
+    pub(crate) span: Vec<[u16; 2]>,
+}
+
+impl CodeTables {
+    pub(crate) fn new(window: Vec<u16>) -> Self {
+        let spans = window.chunk_by(|a, b| a == b).scan(0, |start, codes| {
+            let first = *start;
+            *start += codes.len();
+            Some(std::iter::repeat_n([first as u16, (*start - 1) as u16], codes.len()))
+        });
+        let span = spans.flatten().collect();
+        Self { window, span }
+    }
 }
 
 /// The smallest distance of a leap voxel with the narrowest guard, of width 2.
@@ -105,7 +120,6 @@ impl Slab<'_> {
 #[derive(Debug, Default)]
 pub(crate) struct BlockSpace {
     pub(crate) runs: Runs,
-    labels: Vec<u32>,
     /// Per part of the block: 1 + its node, or 0 where nobody else needs to hear of it.
     pub(crate) node_of_part: Vec<u32>,
     parts: Vec<Part>,
@@ -160,12 +174,8 @@ impl BlockSpace {
     /// Cuts the `i`-th block into runs and parts: its first voxel (x, y), and its size.
     fn cut(&mut self, slab: &Slab<'_>, i: usize, tables: &CodeTables) -> ([usize; 2], [usize; 3]) {
         let (lo, size) = slab.block(i);
-        self.labels.clear();
-        for row in 0..size[1] * size[2] {
-            let codes = &slab.codes[slab.row(lo, size, row)..][..size[0]];
-            self.labels.extend(codes.iter().map(|c| u32::from(tables.window[usize::from(*c)])));
-        }
-        self.runs.find(&self.labels, size);
+        let rows = (0..size[1] * size[2]).map(|row| &slab.codes[slab.row(lo, size, row)..][..size[0]]);
+        self.runs.find(rows, tables, size[1]);
         (lo, size)
     }
 
@@ -178,7 +188,7 @@ impl BlockSpace {
         let volume_start = slab.z0 * slab.dims[1] * slab.dims[0];
         each_run(runs, slab, lo, size, |run, voxels, is_on_face| {
             let part = &mut parts[run.part as usize];
-            part.window = run.label as u16;
+            part.window = run.label;
             let root = (volume_start + voxels.start) as u64;
             part.add(root, &slab.codes[voxels.clone()], &slab.distances[voxels]);
             on_face[run.part as usize] |= is_on_face;

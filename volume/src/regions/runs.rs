@@ -1,12 +1,17 @@
-//! A block cut into runs of voxels of one label along x, and the 6-connected parts that the runs form.
+//! A block cut into runs of voxels of one window along x, and the 6-connected parts that the runs form.
+
+use super::block::CodeTables;
 
 /// Voxels per edge of the blocks that parts are found in: fixed, so that nothing depends on bricks or threads.
 pub(crate) const BLOCK_EDGE: usize = 32;
 
-/// Voxels of one row with one label.
+/// Codes that are compared at once.
+const AT_ONCE: usize = 16;
+
+/// Voxels of one row with one window.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Run {
-    pub(crate) label: u32,
+    pub(crate) label: u16,
     /// Half-open, within the row.
     pub(crate) start: u16,
     pub(crate) end: u16,
@@ -21,19 +26,35 @@ pub(crate) struct Runs {
     /// First run of each row, and the number of runs at the end.
     pub(crate) rows: Vec<u32>,
     pub(crate) parts: u32,
+    /// Work space.
+    parents: Vec<u32>,
 }
 
 impl Runs {
-    /// Cuts `labels`, rows of `dims[0]` voxels, and joins runs of equal label that touch along y or z.
-    pub(crate) fn find(&mut self, labels: &[u32], dims: [usize; 3]) {
-        self.cut(labels, dims[0]);
-        let mut parents: Vec<u32> = (0..self.runs.len() as u32).collect();
-        for row in 0..dims[1] * dims[2] {
-            if row % dims[1] > 0 {
+    /// Cuts rows of codes, `height` of them a plane, and joins runs of one window that touch along y or z.
+    pub(crate) fn find<'a>(&mut self, rows: impl Iterator<Item = &'a [u16]>, tables: &CodeTables, height: usize) {
+        self.runs.clear();
+        self.rows.clear();
+        for row in rows {
+            self.rows.push(self.runs.len() as u32);
+            self.cut(row, tables);
+        }
+        let rows = self.rows.len();
+        self.rows.push(self.runs.len() as u32);
+        self.parts = 1;
+        // Most blocks are one part, runs of which have its number already.
+        if self.runs.len() == rows && self.runs.windows(2).all(|pair| pair[0].label == pair[1].label) {
+            return;
+        }
+        let mut parents = std::mem::take(&mut self.parents);
+        parents.clear();
+        parents.extend(0..self.runs.len() as u32);
+        for row in 0..rows {
+            if row % height > 0 {
                 self.join(row - 1, row, &mut parents);
             }
-            if row >= dims[1] {
-                self.join(row - dims[1], row, &mut parents);
+            if row >= height {
+                self.join(row - height, row, &mut parents);
             }
         }
         self.parts = 0;
@@ -43,22 +64,22 @@ impl Runs {
             self.runs[i].part = if root == i { self.parts } else { self.runs[root].part };
             self.parts += u32::from(root == i);
         }
+        self.parents = parents;
     }
 
-    /// As [`Runs::find`] for labels that are regions as they are: no parts.
-    pub(crate) fn cut(&mut self, labels: &[u32], width: usize) {
-        self.runs.clear();
-        self.rows.clear();
-        for row in labels.chunks_exact(width) {
-            self.rows.push(self.runs.len() as u32);
-            let mut start = 0;
-            for run in row.chunk_by(|a, b| a == b) {
-                let end = start + run.len();
-                self.runs.push(Run { label: run[0], start: start as u16, end: end as u16, part: 0 });
-                start = end;
+    fn cut(&mut self, row: &[u16], tables: &CodeTables) {
+        let first = self.runs.len();
+        let mut start = 0;
+        while start < row.len() {
+            let code = usize::from(row[start]);
+            let (label, end) = (tables.window[code], start + within(&row[start..], tables.span[code]));
+            match self.runs[first..].last_mut() {
+                // Codes between those of a window may have another.
+                Some(last) if last.label == label => last.end = end as u16,
+                _ => self.runs.push(Run { label, start: start as u16, end: end as u16, part: 0 }),
             }
+            start = end;
         }
-        self.rows.push(self.runs.len() as u32);
     }
 
     /// Rows and their runs.
@@ -80,6 +101,15 @@ impl Runs {
             j += usize::from(q.end <= p.end);
         }
     }
+}
+
+/// How many of `codes` lie within a span before one does not.
+fn within(codes: &[u16], [low, high]: [u16; 2]) -> usize {
+    let beyond = |code: &u16| code.wrapping_sub(low).saturating_sub(high - low);
+    let (at_once, rest) = codes.as_chunks::<AT_ONCE>();
+    let whole = at_once.iter().take_while(|codes| codes.iter().fold(0, |any, code| any | beyond(code)) == 0).count();
+    let tail = at_once.get(whole).map_or(rest, |codes| &codes[..]);
+    whole * AT_ONCE + tail.iter().position(|code| beyond(code) != 0).unwrap_or(tail.len())
 }
 
 /// The root of `i`: the smallest of its set.

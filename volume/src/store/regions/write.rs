@@ -34,6 +34,8 @@ use crate::store::shard::write::{Kept, ShardWriter};
 use crate::store::tiles::Tile;
 use crate::store::zarr_json;
 
+/// Voxels that are looked at without a look at other threads.
+const PART: usize = 1 << 14;
 /// Codes in a bin of the manifest's histogram.
 const CODES_PER_BIN: usize = 65_536 / HISTOGRAM_BINS;
 
@@ -144,11 +146,11 @@ fn write_once(
     if let Finder::Given { planes, .. } = finder {
         planes.rewind()?;
     }
-    let (mut labels, mut near) = (Vec::new(), Vec::new());
+    let (mut labels, mut near, mut answers) = (Vec::new(), Vec::new(), Vec::new());
     segmenter.each_slab(Phase::Labels, distances, |this, i, (z0, z1), slab| {
         match finder {
             Finder::Records { file, slabs } => {
-                let fates = Finder::read_fates(file, &slabs[i])?;
+                let fates = Finder::read_fates(file, &slabs[i], &mut answers)?;
                 labels.resize(slab.codes.len(), NO_REGION);
                 paint(slab, &mut labels, |block, space| {
                     let nodes = space.find_again(slab, block, tables);
@@ -174,8 +176,12 @@ fn write_once(
                 });
             }
         }
-        let all = slab.distances.par_iter().zip(&labels);
-        all.map(|(d, label)| if *label == NO_REGION { 0 } else { *d }).collect_into_vec(&mut near);
+        near.resize(labels.len(), 0);
+        let all = slab.distances.par_chunks(PART).zip(labels.par_chunks(PART));
+        near.par_chunks_mut(PART).zip(all).for_each(|(near, (distances, labels))| {
+            let of_regions = distances.iter().zip(labels).map(|(d, label)| if *label == NO_REGION { 0 } else { *d });
+            near.iter_mut().zip(of_regions).for_each(|(near, d)| *near = d);
+        });
         facts.add(&FinalSlab { z0, codes: slab.codes, labels: &labels, distances: &near });
         halos.as_mut().map(|h| h.add(z0..z1, &labels, &near)).transpose()?;
         let layer = CHUNK_EDGE as usize * this.voxels.plane();

@@ -167,11 +167,17 @@ pub(crate) fn encode_chunk<T: Cell>(chunk: InnerChunk, tile: &Tile, slab: &[T]) 
     let edge = CHUNK_EDGE as usize;
     let [x0, y0] = [0, 1].map(|a| (chunk.0[a] * CHUNK_EDGE - tile.lo[a]) as usize);
     let (width, height) = (edge.min(nx - x0), edge.min(ny - y0));
-    let mut voxels = vec![T::zeroed(); CHUNK_VOXELS];
-    for z in 0..planes {
-        for y in 0..height {
-            let from = &slab[(z * ny + y0 + y) * nx + x0..][..width];
-            voxels[(z * edge + y) * edge..][..width].copy_from_slice(from);
+    let row = |z: usize, y: usize| &slab[(z * ny + y0 + y) * nx + x0..][..width];
+    let mut voxels = Vec::new();
+    if [width, height, planes] == [edge; 3] {
+        voxels.reserve_exact(CHUNK_VOXELS);
+        // Rows of a length that the compiler knows.
+        let rows = (0..edge * edge).filter_map(|i| row(i / edge, i % edge).first_chunk::<{ CHUNK_EDGE as usize }>());
+        rows.for_each(|row| voxels.extend_from_slice(row));
+    } else {
+        voxels.resize(CHUNK_VOXELS, T::zeroed());
+        for (z, y) in (0..planes).flat_map(|z| (0..height).map(move |y| (z, y))) {
+            voxels[(z * edge + y) * edge..][..width].copy_from_slice(row(z, y));
         }
     }
     if voxels.iter().all(|v| *v == T::zeroed()) {
