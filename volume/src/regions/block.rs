@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::code::{Density, density_by_shifts, density_of_code};
-use super::runs::{BLOCK_EDGE, Run, Runs};
+use super::runs::{AT_ONCE, BLOCK_EDGE, Run, Runs, within};
 
 /// Planes of codes and distances, x fastest: one layer of blocks.
 #[derive(Debug, Clone, Copy)]
@@ -34,6 +34,18 @@ impl CodeTables {
         });
         let span = spans.flatten().collect();
         Self { window, span }
+    }
+
+    /// The windows of `codes`.
+    pub(crate) fn windows(&self, codes: &[u16], windows: &mut [u16]) {
+        let parts = codes.chunks(AT_ONCE).zip(windows.chunks_mut(AT_ONCE));
+        parts.for_each(|(codes, windows)| {
+            let first = usize::from(codes[0]);
+            match within(codes, self.span[first]) == codes.len() {
+                true => windows.fill(self.window[first]),
+                false => windows.iter_mut().zip(codes).for_each(|(w, code)| *w = self.window[usize::from(*code)]),
+            }
+        });
     }
 }
 
@@ -130,6 +142,8 @@ pub(crate) struct BlockSpace {
 #[derive(Debug)]
 pub(crate) struct BlockNodes {
     pub(crate) nodes: Vec<Part>,
+    /// All of the block is one part.
+    pub(crate) is_whole: bool,
     /// For the low and high side of each axis the nodes of the face's voxels, lower axis fastest; empty at the volume's
     /// edge.
     pub(crate) faces: [[Vec<u32>; 2]; 3],
@@ -149,11 +163,12 @@ impl BlockSpace {
             }
             self.node_of_part.push(if is_node { nodes.len() as u32 } else { 0 });
         }
-        BlockNodes { nodes, faces: self.faces(size, slab.goes_on(lo, size)) }
+        let is_whole = self.parts.len() == 1;
+        BlockNodes { nodes, is_whole, faces: self.faces(size, slab.goes_on(lo, size)) }
     }
 
-    /// The same parts and nodes, and how many nodes there are, where nothing else need be known of them.
-    pub(crate) fn find_again(&mut self, slab: &Slab<'_>, i: usize, tables: &CodeTables) -> usize {
+    /// The same parts and nodes, where nothing else need be known of them.
+    pub(crate) fn find_again(&mut self, slab: &Slab<'_>, i: usize, tables: &CodeTables) {
         let (lo, size) = self.cut(slab, i, tables);
         let Self { runs, on_face: is_node, node_of_part, .. } = self;
         is_node.clear();
@@ -168,7 +183,6 @@ impl BlockSpace {
             nodes += u32::from(*is_node);
             if *is_node { nodes } else { 0 }
         }));
-        nodes as usize
     }
 
     /// Cuts the `i`-th block into runs and parts: its first voxel (x, y), and its size.

@@ -6,6 +6,8 @@
 //! pass goes from the first planes to the last. A component's root is its smallest voxel index, so labels in the order of roots depend on
 //! nothing but voxels.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::block::{BlockNodes, BlockSpace, CodeTables, Part, Slab};
@@ -30,6 +32,15 @@ pub(crate) struct RecordLayout {
     pub(crate) carried: usize,
     /// First node of each block.
     pub(crate) blocks: Vec<u32>,
+    /// Blocks that are one part: nobody needs to find it again.
+    pub(crate) whole: Vec<bool>,
+}
+
+impl RecordLayout {
+    /// A block's nodes among the `all` of its slab.
+    pub(crate) fn nodes(&self, block: usize, all: usize) -> Range<u32> {
+        self.blocks[block]..self.blocks.get(block + 1).copied().unwrap_or(all as u32)
+    }
 }
 
 #[derive(Debug)]
@@ -91,7 +102,8 @@ impl Components {
             }
         }
         let fates = self.end(slab, &blocks, &starts, &parts, &mut parents);
-        Record { fates, layout: RecordLayout { carried, blocks: starts } }
+        let whole = blocks.iter().map(|block| block.is_whole).collect();
+        Record { fates, layout: RecordLayout { carried, blocks: starts, whole } }
     }
 
     /// Carries what crosses the first plane, keeps or drops the rest.

@@ -251,12 +251,7 @@ fn threes(padded: &[u8]) -> impl Iterator<Item = u8> {
 
 /// Calls `take` with each row of `plane`, and with the row whose [`threes`] are the least of the nine about each of its
 /// voxels in `other`.
-fn each_row_with_nine(
-    plane: &mut [u8],
-    other: &[u8],
-    width: usize,
-    take: impl Fn(&mut [u8], &[u8]) + Send + Sync,
-) {
+fn each_row_with_nine(plane: &mut [u8], other: &[u8], width: usize, take: impl Fn(&mut [u8], &[u8]) + Send + Sync) {
     let rows = plane.len() / width;
     let all = plane.par_chunks_mut(width).enumerate().with_min_len(ROWS);
     all.for_each_init(

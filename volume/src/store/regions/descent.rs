@@ -16,6 +16,9 @@ use crate::store::error::StoreError;
 use crate::store::no_data::clear_holes;
 use crate::store::progress::Phase;
 
+/// Codes whose windows are told without a look at other threads.
+const PART: usize = 1 << 14;
+
 /// A slab's codes, and as much of its leap voxels as is known: not 0 where there is one.
 #[derive(Default)]
 struct Planes {
@@ -97,9 +100,11 @@ impl Segmenter<'_> {
 impl Descent<'_> {
     /// Goes on with the plane `z` of the slab `here`; the slab above has its components found as soon as it can.
     fn push(&mut self, z: u32, here: &mut Planes, above: &mut Planes) -> Result<(), StoreError> {
-        let (plane, window) = (self.dims[0] * self.dims[1], &self.tables.window);
+        let plane = self.dims[0] * self.dims[1];
         let codes = &here.codes[(z - here.z0) as usize * plane..][..plane];
-        codes.par_iter().map(|code| window[usize::from(*code)]).collect_into_vec(&mut self.windows);
+        self.windows.resize(plane, 0);
+        let parts = self.windows.par_chunks_mut(PART).zip(codes.par_chunks(PART));
+        parts.for_each(|(windows, codes)| self.tables.windows(codes, windows));
         let Some(flat) = self.flat.push(&self.windows) else { return Ok(()) };
         self.sweep.push_flat(flat, &mut self.bounds);
         self.near.write(u64::from(z + 1) * plane as u64, &self.bounds)?;

@@ -85,7 +85,7 @@ impl FactsBuilder {
     pub(crate) fn new(grid: BrickGrid, regions: &RegionTable, has_holes: bool) -> Self {
         let means = std::iter::once(0).chain(regions.0.iter().map(|r| code_of_density(r.mean()))).collect();
         let requantised: Vec<_> = (0..=u16::MAX).map(|code| code_of_density(density_of_code(code))).collect();
-        let deviates = (0..).zip(&requantised).map(|(code, to)| to.abs_diff(code)).max().unwrap_or(0);
+        let deviates = (0..=u16::MAX).zip(&requantised).map(|(code, to)| to.abs_diff(code)).max().unwrap_or(0);
         let bricks = vec![Gathered::default(); grid.brick_count() as usize];
         Self { grid, means, requantised, deviates, bricks, has_holes }
     }

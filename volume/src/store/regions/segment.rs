@@ -201,26 +201,37 @@ impl Segmenter<'_> {
         Ok(NearPlanes::whole(file, plane))
     }
 
-    /// Calls `take` with every slab, its number and its planes.
+    /// Calls `take` with every slab: its number, its planes, their codes and distances. Meanwhile the next slab's codes
+    /// are read.
     pub(crate) fn each_slab(
         &mut self,
         phase: Phase,
         distances: &mut NearPlanes,
-        mut take: impl FnMut(&mut Self, usize, (u32, u32), &Slab<'_>) -> Result<(), StoreError>,
+        mut take: impl FnMut(usize, (u32, u32), &[u16], &mut [u8]) -> Result<(), StoreError> + Send,
     ) -> Result<(), StoreError> {
-        let (mut codes, mut near) = (Vec::new(), Vec::new());
+        let (mut codes, mut next, mut near) = (Vec::new(), Vec::new(), Vec::new());
+        let mut slabs = self.slabs().enumerate().peekable();
         distances.start_over();
-        for (i, (z0, z1)) in self.slabs().enumerate() {
+        if let Some((_, (z0, z1))) = slabs.peek() {
+            self.voxels.read(*z0, *z1, &mut codes)?;
+        }
+        while let Some((i, (z0, z1))) = slabs.next() {
             self.report(phase, z0);
-            self.voxels.read(z0, z1, &mut codes)?;
-            near.resize(codes.len(), 0);
-            distances.read(z0, &mut near)?;
-            if self.has_holes {
-                // Nobody leaps in them, so no part of them is kept.
-                clear_holes(&codes, &mut near);
-            }
-            let slab = Slab { dims: self.dims(), z0: z0 as usize, codes: &codes, distances: &near };
-            take(self, i, (z0, z1), &slab)?;
+            let (voxels, has_holes) = (&self.voxels, self.has_holes);
+            let (read, taken) = rayon::join(
+                || slabs.peek().map_or(Ok(()), |(_, (z0, z1))| voxels.read(*z0, *z1, &mut next)),
+                || {
+                    near.resize(codes.len(), 0);
+                    distances.read(z0, &mut near)?;
+                    if has_holes {
+                        // Nobody leaps in them, so no part of them is kept.
+                        clear_holes(&codes, &mut near);
+                    }
+                    take(i, (z0, z1), &codes, &mut near)
+                },
+            );
+            taken.and(read)?;
+            std::mem::swap(&mut codes, &mut next);
         }
         Ok(())
     }
@@ -228,12 +239,14 @@ impl Segmenter<'_> {
     fn given(&mut self, planes: &mut LabelPlanes, distances: &mut NearPlanes) -> Result<GivenParts, StoreError> {
         let (mut parts, mut labels) = (GivenParts::new(MAX_GIVEN_LABELS), Vec::new());
         planes.rewind()?;
-        self.each_slab(Phase::Regions, distances, |this, _, (z0, z1), slab| {
-            planes.read(z0, z1, this.voxels.plane(), &mut labels)?;
-            if this.has_holes {
-                clear_holes(slab.codes, &mut labels);
+        let (dims, plane, has_holes) = (self.dims(), self.voxels.plane(), self.has_holes);
+        self.each_slab(Phase::Regions, distances, |_, (z0, z1), codes, near| {
+            planes.read(z0, z1, plane, &mut labels)?;
+            if has_holes {
+                clear_holes(codes, &mut labels);
             }
-            parts.add(slab, &labels).map_err(|TooManyParts| planes.too_many(MAX_GIVEN_LABELS).into())
+            let slab = Slab { dims, z0: z0 as usize, codes, distances: near };
+            parts.add(&slab, &labels).map_err(|TooManyParts| planes.too_many(MAX_GIVEN_LABELS).into())
         })?;
         Ok(parts)
     }
