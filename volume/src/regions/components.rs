@@ -1,10 +1,10 @@
-//! Components of equal window label, 6-connected, found slab by slab from the last planes to the first: memory holds the
-//! nodes of one slab, the components that cross its first plane, and those that are kept.
+//! Components of equal window label, 6-connected, found slab by slab from the last planes to the first: memory holds
+//! the nodes of one slab, the components that cross its first plane, and those that are kept.
 //!
 //! Every slab leaves a *record*: what became of each of its nodes. Most are dropped when their component ends without a
 //! leap voxel; those of components that go on say "see the next slab", the one below, which [`resolve`] answers as a
-//! pass goes from the first planes to the last. A component's root is its smallest voxel index, so labels in the order of roots depend on
-//! nothing but voxels.
+//! pass goes from the first planes to the last. A component's root is its smallest voxel index, so labels in the order
+//! of roots depend on nothing but voxels.
 
 use std::ops::Range;
 

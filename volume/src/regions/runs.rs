@@ -168,7 +168,8 @@ mod tests {
             runs.find(codes.chunks(nx), &tables, ny);
             let mut parts = vec![u32::MAX; codes.len()];
             for (row, of_row) in runs.rows() {
-                let naive: Vec<_> = labels[row * nx..][..nx].chunk_by(|a, b| a == b).map(|run| (run[0], run.len())).collect();
+                let naive = labels[row * nx..][..nx].chunk_by(|a, b| a == b);
+                let naive: Vec<_> = naive.map(|run| (run[0], run.len())).collect();
                 let found: Vec<_> = of_row.iter().map(|run| (run.label, usize::from(run.end - run.start))).collect();
                 prop_assert_eq!(found, naive);
                 for run in of_row {

@@ -22,8 +22,8 @@ impl CodePlanes<'_> {
         self.volume_dims.x as usize * self.volume_dims.y as usize
     }
 
-    /// Replaces `codes` by those of the planes `z0..z1`, x fastest. Memory beside them: for each thread the inner chunks
-    /// of a row as they lie in their shards, and a decoded one.
+    /// Replaces `codes` by those of the planes `z0..z1`, x fastest. Memory beside them: for each thread the inner
+    /// chunks of a row as they lie in their shards, and a decoded one.
     pub(crate) fn read(&self, z0: u32, z1: u32, codes: &mut Vec<u16>) -> Result<(), StoreError> {
         let (plane, edge) = (self.plane(), CHUNK_EDGE as usize);
         let nx = self.volume_dims.x as usize;

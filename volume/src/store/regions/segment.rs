@@ -1,10 +1,10 @@
 //! Regions of a volume that was just written: its distances, its regions, and the files that say so.
 //!
-//! Passes over the voxels, each in slabs of whole planes read back from the shards. Of value windows there are two: from
-//! the last planes to the first, components and what planes above each know of distances ([`super::descent`]); from the
-//! first to the last, distances, labels, and what is written. Given labels have distances swept forward, then backward
-//! (scratch file only), are counted, and written. What one pass must tell the next lies in scratch files; memory holds
-//! slabs, the nodes of their components, and the regions.
+//! Passes over the voxels, each in slabs of whole planes read back from the shards. Of value windows there are two:
+//! from the last planes to the first, components and what planes above each know of distances ([`super::descent`]);
+//! from the first to the last, distances, labels, and what is written. Given labels have distances swept forward, then
+//! backward (scratch file only), are counted, and written. What one pass must tell the next lies in scratch files;
+//! memory holds slabs, the nodes of their components, and the regions.
 
 use std::collections::HashMap;
 use std::path::Path;

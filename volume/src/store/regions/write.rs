@@ -160,9 +160,9 @@ fn write_once(
                     kept => label_of_kept[kept as usize - 1],
                 };
                 paint(slab, &mut labels, |block, space| {
-                    let nodes = layout.nodes(block, fates.len());
+                    let mut nodes = layout.nodes(block, fates.len());
                     if layout.whole[block] {
-                        return Labels::OfAll(nodes.into_iter().next().map_or(NO_REGION, |node| label_of_node(node)));
+                        return Labels::OfAll(nodes.next().map_or(NO_REGION, label_of_node));
                     }
                     space.find_again(slab, block, tables);
                     let nodes_of_parts = space.node_of_part.iter().map(|node| node.checked_sub(1));
