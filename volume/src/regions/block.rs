@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use super::code::{Density, density_by_shifts, density_of_code};
-use super::runs::{BLOCK_EDGE, Run, Runs};
+use super::runs::{AT_ONCE, BLOCK_EDGE, Run, Runs, within};
 
 /// Planes of codes and distances, x fastest: one layer of blocks.
 #[derive(Debug, Clone, Copy)]
@@ -20,6 +20,33 @@ pub(crate) struct Slab<'a> {
 #[derive(Debug)]
 pub(crate) struct CodeTables {
     pub(crate) window: Vec<u16>,
+    /// First and last of the codes about a code that all have its window: most rows are told by them without looking
+    /// up any other code.
+    pub(crate) span: Vec<[u16; 2]>,
+}
+
+impl CodeTables {
+    pub(crate) fn new(window: Vec<u16>) -> Self {
+        let spans = window.chunk_by(|a, b| a == b).scan(0, |start, codes| {
+            let first = *start;
+            *start += codes.len();
+            Some(std::iter::repeat_n([first as u16, (*start - 1) as u16], codes.len()))
+        });
+        let span = spans.flatten().collect();
+        Self { window, span }
+    }
+
+    /// The windows of `codes`.
+    pub(crate) fn windows(&self, codes: &[u16], windows: &mut [u16]) {
+        let parts = codes.chunks(AT_ONCE).zip(windows.chunks_mut(AT_ONCE));
+        parts.for_each(|(codes, windows)| {
+            let first = usize::from(codes[0]);
+            match within(codes, self.span[first]) == codes.len() {
+                true => windows.fill(self.window[first]),
+                false => windows.iter_mut().zip(codes).for_each(|(w, code)| *w = self.window[usize::from(*code)]),
+            }
+        });
+    }
 }
 
 /// The smallest distance of a leap voxel with the narrowest guard, of width 2.
@@ -105,7 +132,6 @@ impl Slab<'_> {
 #[derive(Debug, Default)]
 pub(crate) struct BlockSpace {
     pub(crate) runs: Runs,
-    labels: Vec<u32>,
     /// Per part of the block: 1 + its node, or 0 where nobody else needs to hear of it.
     pub(crate) node_of_part: Vec<u32>,
     parts: Vec<Part>,
@@ -116,6 +142,8 @@ pub(crate) struct BlockSpace {
 #[derive(Debug)]
 pub(crate) struct BlockNodes {
     pub(crate) nodes: Vec<Part>,
+    /// All of the block is one part.
+    pub(crate) is_whole: bool,
     /// For the low and high side of each axis the nodes of the face's voxels, lower axis fastest; empty at the volume's
     /// edge.
     pub(crate) faces: [[Vec<u32>; 2]; 3],
@@ -135,11 +163,12 @@ impl BlockSpace {
             }
             self.node_of_part.push(if is_node { nodes.len() as u32 } else { 0 });
         }
-        BlockNodes { nodes, faces: self.faces(size, slab.goes_on(lo, size)) }
+        let is_whole = self.parts.len() == 1;
+        BlockNodes { nodes, is_whole, faces: self.faces(size, slab.goes_on(lo, size)) }
     }
 
-    /// The same parts and nodes, and how many nodes there are, where nothing else need be known of them.
-    pub(crate) fn find_again(&mut self, slab: &Slab<'_>, i: usize, tables: &CodeTables) -> usize {
+    /// The same parts and nodes, where nothing else need be known of them.
+    pub(crate) fn find_again(&mut self, slab: &Slab<'_>, i: usize, tables: &CodeTables) {
         let (lo, size) = self.cut(slab, i, tables);
         let Self { runs, on_face: is_node, node_of_part, .. } = self;
         is_node.clear();
@@ -154,18 +183,13 @@ impl BlockSpace {
             nodes += u32::from(*is_node);
             if *is_node { nodes } else { 0 }
         }));
-        nodes as usize
     }
 
     /// Cuts the `i`-th block into runs and parts: its first voxel (x, y), and its size.
     fn cut(&mut self, slab: &Slab<'_>, i: usize, tables: &CodeTables) -> ([usize; 2], [usize; 3]) {
         let (lo, size) = slab.block(i);
-        self.labels.clear();
-        for row in 0..size[1] * size[2] {
-            let codes = &slab.codes[slab.row(lo, size, row)..][..size[0]];
-            self.labels.extend(codes.iter().map(|c| u32::from(tables.window[usize::from(*c)])));
-        }
-        self.runs.find(&self.labels, size);
+        let rows = (0..size[1] * size[2]).map(|row| &slab.codes[slab.row(lo, size, row)..][..size[0]]);
+        self.runs.find(rows, tables, size[1]);
         (lo, size)
     }
 
@@ -178,7 +202,7 @@ impl BlockSpace {
         let volume_start = slab.z0 * slab.dims[1] * slab.dims[0];
         each_run(runs, slab, lo, size, |run, voxels, is_on_face| {
             let part = &mut parts[run.part as usize];
-            part.window = run.label as u16;
+            part.window = run.label;
             let root = (volume_start + voxels.start) as u64;
             part.add(root, &slab.codes[voxels.clone()], &slab.distances[voxels]);
             on_face[run.part as usize] |= is_on_face;

@@ -1,10 +1,12 @@
-//! Components of equal window label, 6-connected, found slab by slab: memory holds the nodes of one slab, the
-//! components that cross its last plane, and those that are kept.
+//! Components of equal window label, 6-connected, found slab by slab from the last planes to the first: memory holds
+//! the nodes of one slab, the components that cross its first plane, and those that are kept.
 //!
 //! Every slab leaves a *record*: what became of each of its nodes. Most are dropped when their component ends without a
-//! leap voxel; those of components that go on say "see the next slab", which [`resolve`] answers in a pass from the
-//! last record to the first. A component's root is its smallest voxel index, so labels in the order of roots depend on
-//! nothing but voxels.
+//! leap voxel; those of components that go on say "see the next slab", the one below, which [`resolve`] answers as a
+//! pass goes from the first planes to the last. A component's root is its smallest voxel index, so labels in the order
+//! of roots depend on nothing but voxels.
+
+use std::ops::Range;
 
 use rayon::prelude::*;
 
@@ -16,7 +18,7 @@ use super::table::{NO_REGION, Region, RegionTable};
 /// with.
 const OPEN: u32 = 1 << 31;
 
-/// Fates of all nodes of a slab, first those that came from the slab before.
+/// Fates of all nodes of a slab, first those that came from the slab before, the one above.
 #[derive(Debug)]
 pub(crate) struct Record {
     pub(crate) fates: Vec<u32>,
@@ -30,13 +32,22 @@ pub(crate) struct RecordLayout {
     pub(crate) carried: usize,
     /// First node of each block.
     pub(crate) blocks: Vec<u32>,
+    /// Blocks that are one part: nobody needs to find it again.
+    pub(crate) whole: Vec<bool>,
+}
+
+impl RecordLayout {
+    /// A block's nodes among the `all` of its slab.
+    pub(crate) fn nodes(&self, block: usize, all: usize) -> Range<u32> {
+        self.blocks[block]..self.blocks.get(block + 1).copied().unwrap_or(all as u32)
+    }
 }
 
 #[derive(Debug)]
 pub(crate) struct Components {
     dims: [usize; 3],
     min_region: u64,
-    /// Components that cross into the next slab, and which of them each voxel of the last plane belongs to.
+    /// Components that cross into the next slab, and which of them each voxel of the first plane belongs to.
     open: Vec<Part>,
     frontier: Vec<u32>,
     /// Components that ended with a leap voxel, in the order of their ends.
@@ -49,7 +60,7 @@ impl Components {
         Self { dims, min_region, open: Vec::new(), frontier: Vec::new(), kept: Vec::new() }
     }
 
-    /// Takes the next slab; slabs come in order, each [`BLOCK_EDGE`] planes but for the last.
+    /// Takes the next slab; slabs come from the last to the first, each [`BLOCK_EDGE`] planes but for the last.
     pub(crate) fn add(&mut self, slab: &Slab<'_>, tables: &CodeTables) -> Record {
         let [bx, by] = slab.blocks();
         let mut blocks: Vec<BlockNodes> = (0..bx * by)
@@ -78,7 +89,7 @@ impl Components {
                 }
             }
             let (lo, size) = slab.block(i);
-            for (y, row) in block.faces[2][0].chunks_exact(size[0]).enumerate() {
+            for (y, row) in block.faces[2][1].chunks_exact(size[0]).enumerate() {
                 let above = &self.frontier[(lo[1] + y) * self.dims[0] + lo[0]..][..size[0]];
                 above.iter().zip(row).for_each(|(a, b)| joiner.meet(*a, start + b));
             }
@@ -91,10 +102,11 @@ impl Components {
             }
         }
         let fates = self.end(slab, &blocks, &starts, &parts, &mut parents);
-        Record { fates, layout: RecordLayout { carried, blocks: starts } }
+        let whole = blocks.iter().map(|block| block.is_whole).collect();
+        Record { fates, layout: RecordLayout { carried, blocks: starts, whole } }
     }
 
-    /// Carries what crosses the last plane, keeps or drops the rest.
+    /// Carries what crosses the first plane, keeps or drops the rest.
     fn end(
         &mut self,
         slab: &Slab<'_>,
@@ -105,14 +117,14 @@ impl Components {
     ) -> Vec<u32> {
         const UNKNOWN: u32 = u32::MAX;
         let mut fates = vec![UNKNOWN; parts.len()];
-        let goes_on = slab.z0 + slab.planes() < self.dims[2];
+        let goes_on = slab.z0 > 0;
         self.frontier.clear();
         if goes_on {
             self.frontier.resize(self.dims[0] * self.dims[1], 0);
         }
         for (i, (block, start)) in blocks.iter().zip(starts).enumerate() {
             let (lo, size) = slab.block(i);
-            for (y, row) in block.faces[2][1].chunks_exact(size[0]).enumerate() {
+            for (y, row) in block.faces[2][0].chunks_exact(size[0]).enumerate() {
                 let out = &mut self.frontier[(lo[1] + y) * self.dims[0] + lo[0]..][..size[0]];
                 for (out, node) in out.iter_mut().zip(row) {
                     let root = find(parents, start + node) as usize;
@@ -150,7 +162,7 @@ impl Components {
     }
 }
 
-/// Replaces what a record leaves to the next slab by that slab's answers (none for the last slab).
+/// Replaces what a record leaves to the next slab by that slab's answers (none for the first planes' slab).
 pub(crate) fn resolve(fates: &mut [u32], answers: &[u32]) {
     for fate in fates.iter_mut().filter(|fate| **fate & OPEN != 0) {
         *fate = answers[(*fate & !OPEN) as usize];

@@ -32,6 +32,16 @@ impl Gathered for (Vec<u32>, Vec<u8>) {
     }
 }
 
+/// Appends a run, most of which are a voxel or two at a brick's side.
+#[inline(always)]
+pub(crate) fn append<T: Copy>(out: &mut Vec<T>, run: &[T]) {
+    match run {
+        [voxel] => out.push(*voxel),
+        [one, other] => out.extend([*one, *other]),
+        run => out.extend_from_slice(run),
+    }
+}
+
 /// Gathers the shells of a tile's bricks, a layer of bricks (all those with the same z) at a time. Memory: their
 /// shells, which is seven to thirteen planes of the tile for each layer of voxels of the halo, whatever the brick size.
 #[derive(Debug)]
@@ -100,10 +110,10 @@ impl<G: Gathered> ShellGatherer<G> {
                 let shell = self.shell(bz, i);
                 for z in shell.planes().start.max(planes.start)..shell.planes().end.min(planes.end) {
                     let plane = (z - planes.start) as usize * held.voxels();
-                    for (y, xs) in shell.runs(z) {
+                    shell.each_run(z, |y, xs| {
                         let first = plane + held.at(xs.start, y);
                         take(out, first..first + xs.len());
-                    }
+                    });
                 }
             });
             if its_planes.end <= planes.end {

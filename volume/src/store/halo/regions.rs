@@ -37,9 +37,13 @@ pub(crate) fn encode(labels: &[u32], distances: &[u8]) -> Option<Vec<u8>> {
     let mut bytes = Vec::with_capacity(4 + 4 * palette.len() + (width + 1) * labels.len());
     bytes.extend((palette.len() as u32).to_le_bytes());
     bytes.extend(palette.iter().flat_map(|l| l.to_le_bytes()));
-    for run in labels.chunk_by(|a, b| a == b) {
+    let runs = labels.chunk_by(|a, b| a == b).take(if width == 0 { 0 } else { labels.len() });
+    for run in runs {
         let place = palette.partition_point(|l| *l < run[0]) as u32;
-        run.iter().for_each(|_| bytes.extend_from_slice(&place.to_le_bytes()[..width]));
+        match (width, place.to_le_bytes()) {
+            (1, [place, ..]) => bytes.resize(bytes.len() + run.len(), place),
+            (_, place) => run.iter().for_each(|_| bytes.extend_from_slice(&place[..width])),
+        }
     }
     bytes.extend_from_slice(distances);
     Some(bytes)

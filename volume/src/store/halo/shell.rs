@@ -64,6 +64,21 @@ impl Shell {
         self.lo.z..self.hi.z
     }
 
+    /// Calls `take` with each of [`Shell::runs`], whose ways of going on from one to the next are not those of an
+    /// iterator: most runs are a voxel or two.
+    #[inline(always)]
+    pub(crate) fn each_run(self, z: u32, mut take: impl FnMut(u32, Range<u32>)) {
+        let of_inner = (self.inner_lo.z..self.inner_hi.z).contains(&z);
+        for y in self.lo.y..self.hi.y {
+            if of_inner && (self.inner_lo.y..self.inner_hi.y).contains(&y) {
+                let runs = [self.lo.x..self.inner_lo.x, self.inner_hi.x..self.hi.x];
+                runs.into_iter().filter(|run| !run.is_empty()).for_each(|run| take(y, run));
+            } else if self.lo.x < self.hi.x {
+                take(y, self.lo.x..self.hi.x);
+            }
+        }
+    }
+
     /// The runs of voxels of the plane `z`, one of [`Shell::planes`], in the order of the record: y, and where along x.
     pub(crate) fn runs(self, z: u32) -> impl Iterator<Item = (u32, Range<u32>)> {
         let of_inner = (self.inner_lo.z..self.inner_hi.z).contains(&z);

@@ -1,9 +1,10 @@
 //! Writing a file of halos: append-only, the compressed records of brick after brick, in the grid's linear order.
 
+use std::borrow::Cow;
 use std::ops::Range;
 use std::path::Path;
 
-use super::gather::ShellGatherer;
+use super::gather::{ShellGatherer, append};
 use super::reach::{REGION_HALO, VOXEL_HALO};
 use super::regions;
 use super::sort::sorted;
@@ -39,7 +40,7 @@ impl<T: Cell> VoxelHalos<T> {
     /// Takes planes of the tile grown by the halo's reach; planes come in order, from the first that a halo of the
     /// layers reaches to the last.
     pub(crate) fn add(&mut self, planes: Range<u32>, slab: &[T]) -> Result<(), StoreError> {
-        let take = |shell: &mut Vec<T>, run| shell.extend_from_slice(&slab[run]);
+        let take = |shell: &mut Vec<T>, run| append(shell, &slab[run]);
         self.gatherer.add(planes, take, |shells| self.writer.add(shells, |shell| voxel_record(shell)))
     }
 
@@ -55,12 +56,15 @@ impl<T: Cell> VoxelHalos<T> {
 }
 
 /// Voxels as in an inner chunk: the stored type, little endian.
-fn voxel_record<T: Cell>(shell: &[T]) -> Option<Vec<u8>> {
+fn voxel_record<T: Cell>(shell: &[T]) -> Option<Cow<'_, [u8]>> {
     if shell.iter().all(|v| *v == T::zeroed()) {
         return None;
     }
-    let little: Vec<T> = shell.iter().map(|v| v.swapped_le()).collect();
-    Some(bytemuck::cast_slice(&little).to_vec())
+    if cfg!(target_endian = "big") {
+        let little: Vec<T> = shell.iter().map(|v| v.swapped_le()).collect();
+        return Some(Cow::Owned(bytemuck::cast_slice(&little).to_vec()));
+    }
+    Some(Cow::Borrowed(bytemuck::cast_slice(shell)))
 }
 
 /// The halos of labels and distances, slab by slab.
@@ -79,11 +83,12 @@ impl RegionHalos {
     /// Takes whole planes; planes come in order.
     pub(crate) fn add(&mut self, planes: Range<u32>, labels: &[u32], distances: &[u8]) -> Result<(), StoreError> {
         let take = |shell: &mut (Vec<u32>, Vec<u8>), run: Range<usize>| {
-            shell.0.extend_from_slice(&labels[run.clone()]);
-            shell.1.extend_from_slice(&distances[run]);
+            append(&mut shell.0, &labels[run.clone()]);
+            append(&mut shell.1, &distances[run]);
         };
-        let record = |shell: &(Vec<u32>, Vec<u8>)| regions::encode(&shell.0, &shell.1);
-        self.gatherer.add(planes, take, |shells| self.writer.add(shells, record))
+        self.gatherer.add(planes, take, |shells| {
+            self.writer.add(shells, |(labels, distances)| regions::encode(labels, distances).map(Cow::Owned))
+        })
     }
 
     pub(crate) fn finish(self) -> Result<WrittenHalos, StoreError> {

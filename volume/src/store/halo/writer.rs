@@ -1,5 +1,6 @@
 //! A file of records as it grows, and as it is once it is on the disk.
 
+use std::borrow::Cow;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -50,7 +51,7 @@ impl HaloWriter {
     pub(crate) fn add<H: Sync>(
         &mut self,
         halos: &[H],
-        raw: impl Fn(&H) -> Option<Vec<u8>> + Sync,
+        raw: impl Fn(&H) -> Option<Cow<'_, [u8]>> + Sync,
     ) -> Result<(), StoreError> {
         let record = |halo: &H| raw(halo).map_or(Ok(Vec::new()), |raw| codec::compress(&raw));
         let records: Vec<Vec<u8>> = halos.par_iter().map(record).collect::<Result<_, StoreError>>()?;

@@ -252,7 +252,13 @@ fn gather<T: Voxel>(row: &[T], out: &mut [Finest], holds_data: impl Fn(T) -> boo
     let (pairs, rest) = row.as_chunks::<2>();
     let pairs = pairs.iter().map(|pair| &pair[..]).chain(std::iter::once(rest).filter(|rest| !rest.is_empty()));
     for (under, pair) in out.iter_mut().zip(pairs) {
-        pair.iter().filter(|v| holds_data(**v)).for_each(|v| under.take(v.ordinal()));
+        match *pair {
+            [a, b] if holds_data(a) && holds_data(b) => {
+                let (a, b) = (a.ordinal(), b.ordinal());
+                under.join(&Finest { sum: u64::from(a) + u64::from(b), count: 2, low: a.min(b), high: a.max(b) });
+            }
+            _ => pair.iter().filter(|v| holds_data(**v)).for_each(|v| under.take(v.ordinal())),
+        }
     }
 }
 

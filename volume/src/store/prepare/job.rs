@@ -42,10 +42,10 @@ use crate::store::voxel::{StoredType, Voxel, read_le};
 
 /// Makes the store `out` of an input that stands at its first plane. The same input and options give the same bytes.
 ///
-/// Memory follows the tile, [`PrepareOptions::tile_voxels`], not the plane: 16 planes of it in the stored type, 22 to
-/// 31 for halos, and as many again as halos are compressed; 16 more where there are several tiles; 9 to 11 bytes a
-/// voxel of a plane for coarser levels; 4 MiB of the input, and 80 KiB per shard. With regions whole planes are held:
-/// 32 of codes, 37 to 66 of labels and distances for their halos, and the components that are open: see [`segment`].
+/// Memory follows the tile, [`PrepareOptions::tile_voxels`], not the plane: 32 planes of it in the stored type, 22 to
+/// 31 for halos, and as many again as halos are compressed; 9 to 11 bytes a voxel of a plane for coarser levels; 4 MiB
+/// of the input, and 80 KiB per shard. With regions whole planes are held: 64 of codes, 32 of labels and distances, 37
+/// to 66 of both for their halos, and the components that are open: see [`segment`].
 ///
 /// # Errors
 /// An input that cannot be read, a target that exists or is no store, options that do not fit, a failing disk. Nothing
@@ -274,14 +274,15 @@ impl<'a> Job<'a> {
         root: &StoreRoot,
         scratch: &Path,
         convert: impl Fn(&[u8], &mut [T]),
-        mut seen: impl FnMut(&Tile, u32, &[T]) -> Result<(), StoreError>,
+        mut seen: impl FnMut(&Tile, u32, &[T]) -> Result<(), StoreError> + Send,
     ) -> Result<Gathered, StoreError> {
         let d = self.header.geometry.dims();
         let has_halos = has_halos(self.grid.brick_size());
         let (one_tile, reach) = (self.tiles.count() == 1, if has_halos { VOXEL_HALO.last } else { 0 });
-        // What halos need of a tile's neighbours is read with each tile.
+        // What halos need of a tile's neighbours is read with each tile. Of one tile the next slab is read while one is
+        // written; of several, a slab is cut to its tile.
         let mut wide = memory::zeroed_slab::<T>(self.tiles.largest_slab(reach))?;
-        let mut inner = if one_tile { Vec::new() } else { memory::zeroed_slab::<T>(self.tiles.largest_slab(0))? };
+        let mut other = memory::zeroed_slab::<T>(self.tiles.largest_slab(0))?;
         // Regions are found in what is written.
         let kept = match (self.is_view(), self.options.regions.is_some()) {
             (false, _) => Kept::Whole,
@@ -299,19 +300,15 @@ impl<'a> Job<'a> {
         let Range { start, end } = self.planes;
         let (before, behind) = (start.saturating_sub(reach)..start, end..(end + reach).min(d.z));
         let mut done = u64::from(start) * u64::from(d.x) * u64::from(d.y);
-        for tile in self.tiles.iter() {
-            let held = tile.grown(reach, d);
-            halos.iter_mut().for_each(|h| h.start(tile));
-            let layers = (start..end).step_by(CHUNK_EDGE as usize).map(|z0| z0..(z0 + CHUNK_EDGE).min(end));
-            let all = std::iter::once(before.clone()).chain(layers).chain([behind.clone()]);
-            for planes in all.filter(|planes| !planes.is_empty()) {
-                let wide = &mut wide[..held.voxels() * planes.len()];
-                pass.read_slab(&held, planes.clone(), wide, &convert)?;
-                no_data.make_one(wide);
-                if !self.planes.contains(&planes.start) {
-                    halos.as_mut().map(|h| h.add(planes, wide)).transpose()?;
-                    continue;
-                }
+        let mut started = None;
+        let mut take = |tile: Tile, planes: Range<u32>, wide: &mut [T], inner: &mut [T]| {
+            no_data.make_one(wide);
+            if started != Some(tile) {
+                halos.iter_mut().for_each(|h| h.start(tile));
+                started = Some(tile);
+            }
+            if self.planes.contains(&planes.start) {
+                let held = tile.grown(reach, d);
                 let slab = if held == tile {
                     &*wide
                 } else {
@@ -323,9 +320,38 @@ impl<'a> Job<'a> {
                 statistics.add(tile.size(), slab, no_data.ordinal());
                 seen(&tile, planes.start, slab)?;
                 writer.add(&tile, planes.start / CHUNK_EDGE, slab)?;
-                halos.as_mut().map(|h| h.add(planes, wide)).transpose()?;
-                done += slab.len() as u64;
-                pass.report(phase, done);
+            }
+            halos.as_mut().map_or(Ok(()), |h| h.add(planes, wide))
+        };
+        for tile in self.tiles.iter() {
+            let held = tile.grown(reach, d);
+            let layers = (start..end).step_by(CHUNK_EDGE as usize).map(|z0| z0..(z0 + CHUNK_EDGE).min(end));
+            let all = std::iter::once(before.clone()).chain(layers).chain([behind.clone()]);
+            let mut all = all.filter(|planes| !planes.is_empty());
+            let read = |planes: &Range<u32>, out: &mut [T], pass: &mut Pass<'_>| {
+                pass.read_slab(&held, planes.clone(), &mut out[..held.voxels() * planes.len()], &convert)
+            };
+            let mut next = all.next();
+            next.as_ref().map_or(Ok(()), |planes| read(planes, &mut wide, pass))?;
+            while let Some(planes) = next {
+                next = all.next();
+                let mut taken = Ok(());
+                let (inner, ahead) = if one_tile { (&mut [][..], Some(&mut other)) } else { (&mut other[..], None) };
+                let slab = &mut wide[..held.voxels() * planes.len()];
+                let got = rayon::in_place_scope(|scope| {
+                    scope.spawn(|_| taken = take(tile, planes.clone(), slab, inner));
+                    ahead.zip(next.as_ref()).map_or(Ok(()), |(ahead, planes)| read(planes, ahead, pass))
+                });
+                taken.and(got)?;
+                if self.planes.contains(&planes.start) {
+                    done += (tile.voxels() * planes.len()) as u64;
+                    pass.report(phase, done);
+                }
+                if one_tile {
+                    std::mem::swap(&mut wide, &mut other);
+                } else {
+                    next.as_ref().map_or(Ok(()), |planes| read(planes, &mut wide, pass))?;
+                }
             }
         }
         let halos = halos.map(|h| match one_tile {

@@ -13,8 +13,9 @@ use crate::store::shard::table::table_bytes;
 use crate::store::tiles::Tiles;
 use crate::store::voxel::{StoredType, Voxel};
 
-/// Bytes for each voxel of a slab: its code, its label, its distance in the scratch file and in the store.
-const SLAB_BYTES: u64 = 2 + 4 + 1 + 1;
+/// Bytes for each voxel of a slab: its code, its label, its distance, and the code of one of the slab that is read
+/// meanwhile. While components are found there are three slabs of codes, and two of leap voxels: less.
+const SLAB_BYTES: u64 = 2 + 4 + 1 + 2;
 /// Bytes for each voxel of a plane while components are told apart: the faces of blocks, and what goes on into the next
 /// slab.
 const PLANE_BYTES: u64 = 32;
@@ -44,7 +45,8 @@ pub(crate) fn voxel_bytes(
     let (several, depth) = (tiles.count() > 1, u64::from(grid.volume_dims().z));
     let with_halos = has_halos(grid.brick_size());
     let reach = if with_halos { VOXEL_HALO.last } else { 0 };
-    let slabs = tiles.largest_slab(reach) as u64 + if several { tiles.largest_slab(0) as u64 } else { 0 };
+    // One of them is read while the other is written, or with and without what is about it.
+    let slabs = tiles.largest_slab(reach) as u64 + tiles.largest_slab(0) as u64;
     let widest = tiles.iter().map(|tile| tile.voxels() as u64).max().unwrap_or(0);
     let shells = if with_halos { widest * shell_planes(grid, VOXEL_HALO).min(2 * depth) } else { 0 };
     // Every shard of a tile's row is open at once, with its index.
@@ -139,8 +141,8 @@ mod tests {
         let per_voxel = |n: u32, depth, size| need([n, n, depth], size) / u64::from(n * n);
         assert_eq!(per_voxel(2048, 100, 64), per_voxel(4096, 1000, 64));
         // docs/reference/store-format.md names what halos take.
-        assert_eq!(per_voxel(2048, 100, 8), 8 * 32 + 32);
-        assert_eq!(per_voxel(2048, 100, 64), 8 * 32 + 32 + 175);
+        assert_eq!(per_voxel(2048, 100, 8), 9 * 32 + 32);
+        assert_eq!(per_voxel(2048, 100, 64), 9 * 32 + 32 + 175);
         assert!(per_voxel(2048, 4, 64) < 110);
     }
 

@@ -73,8 +73,9 @@ pub(crate) struct FactsBuilder {
     grid: BrickGrid,
     /// Code in V' of each label's voxels.
     means: Vec<u16>,
-    /// Code in V' of every code outside regions.
+    /// Code in V' of every code outside regions, and the largest deviation from it.
     requantised: Vec<u16>,
+    deviates: u16,
     bricks: Vec<Gathered>,
     /// Voxels of [`NO_DATA_CODE`] hold no data: they have no code in V' either.
     has_holes: bool,
@@ -83,8 +84,10 @@ pub(crate) struct FactsBuilder {
 impl FactsBuilder {
     pub(crate) fn new(grid: BrickGrid, regions: &RegionTable, has_holes: bool) -> Self {
         let means = std::iter::once(0).chain(regions.0.iter().map(|r| code_of_density(r.mean()))).collect();
-        let requantised = (0..=u16::MAX).map(|code| code_of_density(density_of_code(code))).collect();
-        Self { grid, means, requantised, bricks: vec![Gathered::default(); grid.brick_count() as usize], has_holes }
+        let requantised: Vec<_> = (0..=u16::MAX).map(|code| code_of_density(density_of_code(code))).collect();
+        let deviates = (0..=u16::MAX).zip(&requantised).map(|(code, to)| to.abs_diff(code)).max().unwrap_or(0);
+        let bricks = vec![Gathered::default(); grid.brick_count() as usize];
+        Self { grid, means, requantised, deviates, bricks, has_holes }
     }
 
     /// Takes whole planes, in any pieces; those on a margin count for both bricks that they touch.
@@ -98,6 +101,7 @@ impl FactsBuilder {
         let tables = Tables {
             means: &self.means,
             requantised: &self.requantised,
+            deviates: self.deviates,
             may_be_crowded: size >= SMALLEST_CROWDED_BRICK,
             has_holes: self.has_holes,
         };
@@ -144,37 +148,51 @@ impl FactsBuilder {
 struct Tables<'a> {
     means: &'a [u16],
     requantised: &'a [u16],
+    deviates: u16,
     may_be_crowded: bool,
     has_holes: bool,
 }
 
 fn take_row(brick: &mut Gathered, slab: &FinalSlab<'_>, voxels: Range<usize>, tables: &Tables<'_>) {
-    let Tables { means, requantised, may_be_crowded, has_holes } = *tables;
-    let mut start = voxels.start;
-    for run in slab.labels[voxels].chunk_by(|a, b| a == b) {
-        let (label, here) = (run[0], start..start + run.len());
-        start = here.end;
+    let Tables { means, requantised, deviates, may_be_crowded, has_holes } = *tables;
+    let mut rest = voxels;
+    while !rest.is_empty() {
+        let (label, start) = (slab.labels[rest.start], rest.start);
+        let here = start..start + first_run(&slab.labels[rest.clone()]);
+        rest.start = here.end;
         let codes = &slab.codes[here.clone()];
-        let data = codes.iter().filter(|code| !has_holes || **code != NO_DATA_CODE);
+        let data = || codes.iter().copied().filter(|code| !has_holes || *code != NO_DATA_CODE);
         // None at all: bounds that change nothing when joined.
-        let raw = bounds(data.clone().copied());
+        let raw = if has_holes { bounds(data()) } else { bounds(codes.iter().copied()) };
         if label == NO_REGION {
-            let deviation = data.map(|c| requantised[usize::from(*c)].abs_diff(*c)).max().unwrap_or(0);
+            // Most bricks soon have all that there can be.
+            let deviation = match brick.deviation < deviates {
+                true => data().map(|c| requantised[usize::from(c)].abs_diff(c)).max().unwrap_or(0),
+                false => 0,
+            };
             // Requantising keeps the order.
             brick.meet(label, raw, raw.map(|c| requantised[usize::from(c)]), deviation);
             continue;
         }
         let mean = means[label as usize];
         brick.meet(label, raw, [mean; 2], mean.abs_diff(raw[0]).max(mean.abs_diff(raw[1])));
-        if slab.distances[here].iter().any(|d| *d >= LEAP_DISTANCE) {
+        let at = if may_be_crowded { brick.leaping.binary_search(&label).err() } else { None };
+        if (at.is_some() || !brick.has_leaps) && slab.distances[here].iter().any(|d| *d >= LEAP_DISTANCE) {
             brick.has_leaps = true;
-            if may_be_crowded && let Err(at) = brick.leaping.binary_search(&label) {
-                brick.leaping.insert(at, label);
-            }
+            at.into_iter().for_each(|at| brick.leaping.insert(at, label));
         }
     }
 }
 
 fn bounds(codes: impl Iterator<Item = u16>) -> [u16; 2] {
-    codes.fold([u16::MAX, 0], |[lo, hi], c| [lo.min(c), hi.max(c)])
+    let (low, high) = codes.fold((u16::MAX, 0), |(low, high), c| (c.min(low), c.max(high)));
+    [low, high]
+}
+
+/// How many labels are the first one before another comes; there is one.
+fn first_run(labels: &[u32]) -> usize {
+    let (first, (at_once, rest)) = (labels[0], labels.as_chunks::<8>());
+    let whole = at_once.iter().take_while(|labels| labels.iter().fold(0, |any, l| any | (l ^ first)) == 0).count();
+    let tail = at_once.get(whole).map_or(rest, |labels| &labels[..]);
+    whole * 8 + tail.iter().position(|label| *label != first).unwrap_or(tail.len())
 }

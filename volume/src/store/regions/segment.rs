@@ -1,8 +1,10 @@
 //! Regions of a volume that was just written: its distances, its regions, and the files that say so.
 //!
-//! Passes over the voxels, each in slabs of whole planes read back from the shards: distances forward, distances
-//! backward (scratch file only), components, labels. What one pass must tell the next lies in scratch files; memory
-//! holds a slab, the nodes of its components, and the regions.
+//! Passes over the voxels, each in slabs of whole planes read back from the shards. Of value windows there are two:
+//! from the last planes to the first, components and what planes above each know of distances ([`super::descent`]);
+//! from the first to the last, distances, labels, and what is written. Given labels have distances swept forward, then
+//! backward (scratch file only), are counted, and written. What one pass must tell the next lies in scratch files;
+//! memory holds slabs, the nodes of their components, and the regions.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -11,11 +13,12 @@ use rayon::prelude::*;
 
 use super::error::RegionsError;
 use super::label_planes::LabelPlanes;
+use super::near::NearPlanes;
 use super::scratch::Scratch;
 use crate::format::Placement;
 use crate::regions::block::{CodeTables, Part, Slab};
-use crate::regions::components::{Components, RecordLayout, SLAB_PLANES, resolve};
-use crate::regions::distance::{BackwardSweep, ForwardSweep};
+use crate::regions::components::{RecordLayout, SLAB_PLANES, resolve};
+use crate::regions::distance::{FlatPlanes, PlaneSweep, spread};
 use crate::regions::given::{GivenParts, TooManyParts};
 use crate::regions::{MAX_FLOOD_VOXELS, MAX_REGIONS, NO_REGION, Windows, density_of_code, flood, window_width};
 use crate::space::Geometry;
@@ -52,13 +55,14 @@ pub(crate) struct Segmenter<'a> {
 pub(crate) struct Found {
     pub(crate) kept: Vec<Part>,
     pub(crate) tables: CodeTables,
-    pub(crate) distances: Scratch,
+    pub(crate) distances: NearPlanes,
     pub(crate) finder: Finder,
 }
 
 /// How the kept part of a voxel is found.
 pub(crate) enum Finder {
-    /// Through the record of its slab.
+    /// Through the record of its slab; slabs from the first planes to the last, each of which has the answers for the
+    /// next one.
     Records { file: Scratch, slabs: Vec<SlabRecord> },
     /// By its label.
     Given { planes: LabelPlanes, kept_of_label: HashMap<u32, usize> },
@@ -72,10 +76,18 @@ pub(crate) struct SlabRecord {
 }
 
 impl Finder {
-    /// The fates of all nodes of a slab.
-    pub(crate) fn read_fates(file: &mut Scratch, record: &SlabRecord) -> Result<Vec<u32>, StoreError> {
+    /// The fates of all nodes of a slab, from the answers of the one below, which become its own; none before the
+    /// first.
+    pub(crate) fn read_fates(
+        file: &mut Scratch,
+        record: &SlabRecord,
+        answers: &mut Vec<u32>,
+    ) -> Result<Vec<u32>, StoreError> {
         let mut fates = vec![0; record.fates];
         file.read(record.offset, bytemuck::cast_slice_mut(&mut fates))?;
+        resolve(&mut fates, answers);
+        answers.clear();
+        answers.extend_from_slice(&fates[..record.layout.carried]);
         Ok(fates)
     }
 }
@@ -94,7 +106,7 @@ pub(crate) fn checked(options: &RegionOptions) -> Result<(SegmentationMethod, Op
 }
 
 /// Regions beyond what a manifest may speak of, before all of them are in memory.
-fn check_count(kept: usize) -> Result<(), RegionsError> {
+pub(super) fn check_count(kept: usize) -> Result<(), RegionsError> {
     if kept > MAX_REGIONS as usize { Err(RegionsError::TooManyRegions) } else { Ok(()) }
 }
 
@@ -130,9 +142,8 @@ impl Segmenter<'_> {
                     // A label of their own, so that distances end at them.
                     window[usize::from(NO_DATA_CODE)] = windows.count();
                 }
-                let tables = CodeTables { window };
-                let mut distances = self.window_distances(&tables.window)?;
-                let (kept, finder) = self.components(&tables, &mut distances, min_region)?;
+                let tables = CodeTables::new(window);
+                let (distances, kept, finder) = self.descend(&tables, min_region)?;
                 return Ok(Found { kept, tables, distances, finder });
             }
             Segmentation::Flood { range } => LabelPlanes::Memory(self.flood(*range, &density)?),
@@ -141,40 +152,24 @@ impl Segmenter<'_> {
                 None => LabelPlanes::open(path, hints, (&self.geometry, self.placement))?,
             },
         };
-        let tables = CodeTables { window: Vec::new() };
+        let tables = CodeTables::new(Vec::new());
         let mut distances = self.given_distances(&mut planes)?;
         let (labels, kept) = self.given(&mut planes, &mut distances)?.finish(min_region);
         let kept_of_label = labels.into_iter().zip(0..).collect();
         Ok(Found { kept, tables, distances, finder: Finder::Given { planes, kept_of_label } })
     }
 
-    fn window_distances(&mut self, window: &[u16]) -> Result<Scratch, StoreError> {
-        let (mut codes, mut next, plane) = (Vec::new(), Vec::new(), self.voxels.plane());
-        let mut forward = Forward::new(self)?;
-        let mut slabs = self.slabs().peekable();
-        if let Some((z0, z1)) = slabs.peek() {
-            self.voxels.read(*z0, *z1, &mut codes)?;
-        }
-        while let Some((z0, _)) = slabs.next() {
-            self.report(Phase::Distances, z0 / 2);
-            // A sweep goes from row to row: meanwhile the next slab is read.
-            let voxels = &self.voxels;
-            let (read, swept) = rayon::join(
-                || slabs.peek().map_or(Ok(()), |(z0, z1)| voxels.read(*z0, *z1, &mut next)),
-                || {
-                    let labels = |codes: &[u16]| codes.par_iter().map(|c| window[usize::from(*c)]).collect();
-                    codes.chunks_exact(plane).try_for_each(|codes| forward.push(labels(codes)))
-                },
-            );
-            swept.and(read)?;
-            std::mem::swap(&mut codes, &mut next);
-        }
-        self.backward(forward.finish()?)
-    }
-
-    fn given_distances(&mut self, planes: &mut LabelPlanes) -> Result<Scratch, StoreError> {
+    fn given_distances(&mut self, planes: &mut LabelPlanes) -> Result<NearPlanes, StoreError> {
         let (mut labels, mut codes, plane) = (Vec::new(), Vec::new(), self.voxels.plane());
-        let mut forward = Forward::new(self)?;
+        let (mut flat_planes, mut sweep) = (FlatPlanes::new(self.dims()[0]), PlaneSweep::new(self.dims()[0]));
+        let mut file = Scratch::create(self.scratch, "distances")?;
+        let (mut bounds, mut offset) = (Vec::new(), 0);
+        let mut put = |flat: &[u8]| {
+            sweep.push_flat(flat, &mut bounds);
+            let at = offset;
+            offset += plane as u64;
+            file.write(at, &bounds)
+        };
         planes.rewind()?;
         for (z0, z1) in self.slabs() {
             self.report(Phase::Distances, z0 / 2);
@@ -183,87 +178,75 @@ impl Segmenter<'_> {
                 self.voxels.read(z0, z1, &mut codes)?;
                 clear_holes(&codes, &mut labels);
             }
-            for labels in labels.chunks_exact(plane) {
-                forward.push(labels.to_vec())?;
-            }
+            labels.chunks_exact(plane).try_for_each(|labels| flat_planes.push(labels).map_or(Ok(()), &mut put))?;
         }
-        self.backward(forward.finish()?)
+        flat_planes.finish().map_or(Ok(()), put)?;
+        self.backward(file)
     }
 
-    /// The backward sweep, in place.
-    fn backward(&mut self, mut file: Scratch) -> Result<Scratch, StoreError> {
-        let mut sweep = BackwardSweep::new(self.dims()[0]);
-        let mut plane = vec![0; self.voxels.plane()];
-        for z in (0..self.depth()).rev() {
-            self.report(Phase::Distances, self.depth() - z / 2 - 1);
-            let offset = u64::from(z) * plane.len() as u64;
-            file.read(offset, &mut plane)?;
-            sweep.push(&mut plane);
-            file.write(offset, &plane)?;
+    /// The backward sweep, in place, and what is left to do within planes.
+    fn backward(&mut self, mut file: Scratch) -> Result<NearPlanes, StoreError> {
+        let (plane, width) = (self.voxels.plane(), self.dims()[0]);
+        let (mut sweep, mut near) = (PlaneSweep::new(width), Vec::new());
+        let slabs: Vec<_> = self.slabs().collect();
+        for (z0, z1) in slabs.into_iter().rev() {
+            self.report(Phase::Distances, self.depth() - z0 / 2 - 1);
+            near.resize(plane * (z1 - z0) as usize, 0);
+            let offset = u64::from(z0) * plane as u64;
+            file.read(offset, &mut near)?;
+            near.chunks_exact_mut(plane).rev().for_each(|plane| sweep.push(plane));
+            near.par_chunks_exact_mut(plane).for_each(|plane| spread(plane, width));
+            file.write(offset, &near)?;
         }
-        Ok(file)
+        Ok(NearPlanes::whole(file, plane))
     }
 
-    /// Calls `take` with every slab, its number and its planes.
+    /// Calls `take` with every slab: its number, its planes, their codes and distances. Meanwhile the next slab's codes
+    /// are read.
     pub(crate) fn each_slab(
         &mut self,
         phase: Phase,
-        distances: &mut Scratch,
-        mut take: impl FnMut(&mut Self, usize, (u32, u32), &Slab<'_>) -> Result<(), StoreError>,
+        distances: &mut NearPlanes,
+        mut take: impl FnMut(usize, (u32, u32), &[u16], &mut [u8]) -> Result<(), StoreError> + Send,
     ) -> Result<(), StoreError> {
-        let (mut codes, mut near, plane) = (Vec::new(), Vec::new(), self.voxels.plane());
-        for (i, (z0, z1)) in self.slabs().enumerate() {
+        let (mut codes, mut next, mut near) = (Vec::new(), Vec::new(), Vec::new());
+        let mut slabs = self.slabs().enumerate().peekable();
+        distances.start_over();
+        if let Some((_, (z0, z1))) = slabs.peek() {
+            self.voxels.read(*z0, *z1, &mut codes)?;
+        }
+        while let Some((i, (z0, z1))) = slabs.next() {
             self.report(phase, z0);
-            self.voxels.read(z0, z1, &mut codes)?;
-            near.resize(codes.len(), 0);
-            distances.read(u64::from(z0) * plane as u64, &mut near)?;
-            if self.has_holes {
-                // Nobody leaps in them, so no part of them is kept.
-                clear_holes(&codes, &mut near);
-            }
-            let slab = Slab { dims: self.dims(), z0: z0 as usize, codes: &codes, distances: &near };
-            take(self, i, (z0, z1), &slab)?;
+            let (voxels, has_holes) = (&self.voxels, self.has_holes);
+            let (read, taken) = rayon::join(
+                || slabs.peek().map_or(Ok(()), |(_, (z0, z1))| voxels.read(*z0, *z1, &mut next)),
+                || {
+                    near.resize(codes.len(), 0);
+                    distances.read(z0, &mut near)?;
+                    if has_holes {
+                        // Nobody leaps in them, so no part of them is kept.
+                        clear_holes(&codes, &mut near);
+                    }
+                    take(i, (z0, z1), &codes, &mut near)
+                },
+            );
+            taken.and(read)?;
+            std::mem::swap(&mut codes, &mut next);
         }
         Ok(())
     }
 
-    fn components(
-        &mut self,
-        tables: &CodeTables,
-        distances: &mut Scratch,
-        min_region: u64,
-    ) -> Result<(Vec<Part>, Finder), StoreError> {
-        let mut components = Components::new(self.dims(), min_region);
-        let mut file = Scratch::create(self.scratch, "records")?;
-        let (mut slabs, mut offset) = (Vec::new(), 0);
-        self.each_slab(Phase::Regions, distances, |_, _, _, slab| {
-            let record = components.add(slab, tables);
-            let bytes = bytemuck::cast_slice::<u32, u8>(&record.fates);
-            file.write(offset, bytes)?;
-            slabs.push(SlabRecord { offset, fates: record.fates.len(), layout: record.layout });
-            offset += bytes.len() as u64;
-            Ok(check_count(components.kept())?)
-        })?;
-        let mut answers: Vec<u32> = Vec::new();
-        for slab in slabs.iter().rev() {
-            let mut fates = Finder::read_fates(&mut file, slab)?;
-            resolve(&mut fates, &answers);
-            file.write(slab.offset, bytemuck::cast_slice(&fates))?;
-            fates.truncate(slab.layout.carried);
-            answers = fates;
-        }
-        Ok((components.finish(), Finder::Records { file, slabs }))
-    }
-
-    fn given(&mut self, planes: &mut LabelPlanes, distances: &mut Scratch) -> Result<GivenParts, StoreError> {
+    fn given(&mut self, planes: &mut LabelPlanes, distances: &mut NearPlanes) -> Result<GivenParts, StoreError> {
         let (mut parts, mut labels) = (GivenParts::new(MAX_GIVEN_LABELS), Vec::new());
         planes.rewind()?;
-        self.each_slab(Phase::Regions, distances, |this, _, (z0, z1), slab| {
-            planes.read(z0, z1, this.voxels.plane(), &mut labels)?;
-            if this.has_holes {
-                clear_holes(slab.codes, &mut labels);
+        let (dims, plane, has_holes) = (self.dims(), self.voxels.plane(), self.has_holes);
+        self.each_slab(Phase::Regions, distances, |_, (z0, z1), codes, near| {
+            planes.read(z0, z1, plane, &mut labels)?;
+            if has_holes {
+                clear_holes(codes, &mut labels);
             }
-            parts.add(slab, &labels).map_err(|TooManyParts| planes.too_many(MAX_GIVEN_LABELS).into())
+            let slab = Slab { dims, z0: z0 as usize, codes, distances: near };
+            parts.add(&slab, &labels).map_err(|TooManyParts| planes.too_many(MAX_GIVEN_LABELS).into())
         })?;
         Ok(parts)
     }
@@ -285,35 +268,6 @@ impl Segmenter<'_> {
         let mut labels = flood::flood(&all, self.dims(), window_width(range)).map_err(memory)?;
         labels.iter_mut().zip(&all).filter(|(_, d)| **d == HOLE).for_each(|(label, _)| *label = NO_REGION);
         Ok(labels)
-    }
-}
-
-/// The forward sweep, whose bounds go to the scratch file.
-struct Forward<L> {
-    sweep: ForwardSweep<L>,
-    file: Scratch,
-    offset: u64,
-}
-
-impl<L: Copy + Eq + Send + Sync> Forward<L> {
-    fn new(segmenter: &Segmenter<'_>) -> Result<Self, StoreError> {
-        let file = Scratch::create(segmenter.scratch, "distances")?;
-        Ok(Self { sweep: ForwardSweep::new(segmenter.dims()[0]), file, offset: 0 })
-    }
-
-    fn push(&mut self, labels: Vec<L>) -> Result<(), StoreError> {
-        if let Some(bounds) = self.sweep.push(labels) {
-            self.file.write(self.offset, bounds)?;
-            self.offset += bounds.len() as u64;
-        }
-        Ok(())
-    }
-
-    fn finish(mut self) -> Result<Scratch, StoreError> {
-        if let Some(bounds) = self.sweep.finish() {
-            self.file.write(self.offset, bounds)?;
-        }
-        Ok(self.file)
     }
 }
 

@@ -34,6 +34,8 @@ use crate::store::shard::write::{Kept, ShardWriter};
 use crate::store::tiles::Tile;
 use crate::store::zarr_json;
 
+/// Voxels that are looked at without a look at other threads.
+const PART: usize = 1 << 14;
 /// Codes in a bin of the manifest's histogram.
 const CODES_PER_BIN: usize = 65_536 / HISTOGRAM_BINS;
 
@@ -144,27 +146,34 @@ fn write_once(
     if let Finder::Given { planes, .. } = finder {
         planes.rewind()?;
     }
-    let (mut labels, mut near) = (Vec::new(), Vec::new());
-    segmenter.each_slab(Phase::Labels, distances, |this, i, (z0, z1), slab| {
+    let (mut labels, mut answers) = (Vec::new(), Vec::new());
+    let (plane, has_holes) = (segmenter.voxels.plane(), segmenter.has_holes);
+    segmenter.each_slab(Phase::Labels, distances, |i, (z0, z1), codes, near| {
+        let slab = &Slab { dims, z0: z0 as usize, codes, distances: near };
         match finder {
             Finder::Records { file, slabs } => {
-                let fates = Finder::read_fates(file, &slabs[i])?;
+                let fates = Finder::read_fates(file, &slabs[i], &mut answers)?;
+                let layout = &slabs[i].layout;
                 labels.resize(slab.codes.len(), NO_REGION);
+                let label_of_node = |node: u32| match fates[node as usize] {
+                    0 => NO_REGION,
+                    kept => label_of_kept[kept as usize - 1],
+                };
                 paint(slab, &mut labels, |block, space| {
-                    let nodes = space.find_again(slab, block, tables);
-                    let fates = &fates[slabs[i].layout.blocks[block] as usize..][..nodes];
-                    let kept = |part: usize| match space.node_of_part[part] {
-                        0 => None,
-                        node => (fates[node as usize - 1] as usize).checked_sub(1),
-                    };
-                    let parts = 0..space.node_of_part.len();
-                    parts.map(|part| kept(part).map_or(NO_REGION, |k| label_of_kept[k])).collect()
+                    let mut nodes = layout.nodes(block, fates.len());
+                    if layout.whole[block] {
+                        return Labels::OfAll(nodes.next().map_or(NO_REGION, label_of_node));
+                    }
+                    space.find_again(slab, block, tables);
+                    let nodes_of_parts = space.node_of_part.iter().map(|node| node.checked_sub(1));
+                    let label = |node: Option<u32>| node.map_or(NO_REGION, |node| label_of_node(nodes.start + node));
+                    Labels::OfParts(nodes_of_parts.map(label).collect())
                 });
             }
             Finder::Given { planes, kept_of_label } => {
-                planes.read(z0, z1, this.voxels.plane(), &mut labels)?;
-                if this.has_holes {
-                    clear_holes(slab.codes, &mut labels);
+                planes.read(z0, z1, plane, &mut labels)?;
+                if has_holes {
+                    clear_holes(codes, &mut labels);
                 }
                 labels.par_chunks_mut(dims[0]).for_each(|row| {
                     for run in row.chunk_by_mut(|a, b| a == b) {
@@ -174,11 +183,13 @@ fn write_once(
                 });
             }
         }
-        let all = slab.distances.par_iter().zip(&labels);
-        all.map(|(d, label)| if *label == NO_REGION { 0 } else { *d }).collect_into_vec(&mut near);
-        facts.add(&FinalSlab { z0, codes: slab.codes, labels: &labels, distances: &near });
-        halos.as_mut().map(|h| h.add(z0..z1, &labels, &near)).transpose()?;
-        let layer = CHUNK_EDGE as usize * this.voxels.plane();
+        near.par_chunks_mut(PART).zip(labels.par_chunks(PART)).for_each(|(near, labels)| {
+            let of_regions = labels.iter().map(|label| if *label == NO_REGION { 0 } else { u8::MAX });
+            near.iter_mut().zip(of_regions).for_each(|(near, mask)| *near &= mask);
+        });
+        facts.add(&FinalSlab { z0, codes, labels: &labels, distances: near });
+        halos.as_mut().map(|h| h.add(z0..z1, &labels, near)).transpose()?;
+        let layer = CHUNK_EDGE as usize * plane;
         for (cz, (labels, near)) in (z0 / CHUNK_EDGE..).zip(labels.chunks(layer).zip(near.chunks(layer))) {
             label_writer.add(&tile, cz, labels)?;
             distance_writer.add(&tile, cz, near)?;
@@ -189,12 +200,15 @@ fn write_once(
     Ok(Attempt { facts, labels: label_writer.finish(), distances: distance_writer.finish(), halos })
 }
 
-/// Paints every part of every block of a slab; `label_of_parts` finds a block's runs and says each part's label.
-fn paint(
-    slab: &Slab<'_>,
-    labels: &mut [u32],
-    label_of_parts: impl Fn(usize, &mut BlockSpace) -> Vec<u32> + Send + Sync,
-) {
+/// The labels of a block's voxels.
+enum Labels {
+    OfAll(u32),
+    /// By the parts of the runs that were found in it.
+    OfParts(Vec<u32>),
+}
+
+/// Paints every part of every block of a slab; `labels_of` says its labels, and finds its runs where it needs them.
+fn paint(slab: &Slab<'_>, labels: &mut [u32], labels_of: impl Fn(usize, &mut BlockSpace) -> Labels + Send + Sync) {
     let [nx, ny, _] = slab.dims;
     let [bx, by] = slab.blocks();
     // Rows of blocks share no voxels: each gets its rows of every plane.
@@ -206,13 +220,19 @@ fn paint(
         BlockSpace::default,
         |space, (row_of_blocks, mut planes)| {
             for block in row_of_blocks * bx..(row_of_blocks + 1) * bx {
-                let label_of_part = label_of_parts(block, space);
                 let (lo, size) = slab.block(block);
-                for (row, runs) in space.runs.rows() {
-                    let (y, z) = (row % size[1], row / size[1]);
-                    let out = &mut planes[z][y * nx + lo[0]..][..size[0]];
-                    for run in runs {
-                        out[usize::from(run.start)..usize::from(run.end)].fill(label_of_part[run.part as usize]);
+                let first = |row: usize| row % size[1] * nx + lo[0];
+                match labels_of(block, space) {
+                    Labels::OfAll(label) => (0..size[1] * size[2])
+                        .for_each(|row| planes[row / size[1]][first(row)..][..size[0]].fill(label)),
+                    Labels::OfParts(label_of_part) => {
+                        for (row, runs) in space.runs.rows() {
+                            let out = &mut planes[row / size[1]][first(row)..][..size[0]];
+                            for run in runs {
+                                out[usize::from(run.start)..usize::from(run.end)]
+                                    .fill(label_of_part[run.part as usize]);
+                            }
+                        }
                     }
                 }
             }

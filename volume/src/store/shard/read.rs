@@ -98,13 +98,8 @@ impl Shards {
         }
     }
 
-    /// The decoded voxels of an inner chunk, or nothing where it holds the fill value only.
-    pub(crate) fn read_chunk(&self, chunk: InnerChunk) -> Result<Option<Vec<u8>>, StoreError> {
-        self.read_chunks(&[chunk])?.next().transpose().map(Option::flatten)
-    }
-
-    /// The same of several, in their order. They are fetched at once, a read of each shard; each is decoded as it is
-    /// taken.
+    /// The decoded voxels of inner chunks in their order, or nothing of those that hold the fill value only. They are
+    /// fetched at once, a read of each shard; each is decoded as it is taken.
     pub(crate) fn read_chunks(
         &self,
         chunks: &[InnerChunk],

@@ -1,6 +1,7 @@
 //! Shards are written append-only, those of one z of a tile at a time: inner chunks as their slab comes, the index when
 //! the last slab has come. Memory holds their ends (indices and checksums), never a shard.
 
+use std::cell::RefCell;
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::ops::Range;
@@ -69,8 +70,8 @@ impl ShardWriter {
             self.start_row(tile, cz / CHUNKS_PER_EDGE)?;
         }
         let grid = self.grid;
-        for open in &mut self.row {
-            let first = (cz % CHUNKS_PER_EDGE) as usize * (CHUNKS_PER_EDGE * CHUNKS_PER_EDGE) as usize;
+        let first = (cz % CHUNKS_PER_EDGE) as usize * (CHUNKS_PER_EDGE * CHUNKS_PER_EDGE) as usize;
+        let add = |open: &mut OpenShard| {
             let slots = first..first + (CHUNKS_PER_EDGE * CHUNKS_PER_EDGE) as usize;
             let present: Vec<_> =
                 slots.map(|slot| InnerChunk::at(open.shard, slot)).filter(|c| grid.holds(*c)).collect();
@@ -78,8 +79,10 @@ impl ShardWriter {
                 .into_par_iter()
                 .map(|chunk| Ok((chunk.slot(), encode_chunk(chunk, tile, slab)?)))
                 .collect::<Result<_, StoreError>>()?;
-            open.append(encoded)?;
-        }
+            open.append(encoded)
+        };
+        // One is written while another is encoded.
+        self.row.chunks_mut(2).try_for_each(|two| two.par_iter_mut().try_for_each(add))?;
         let next = cz + 1;
         if next.is_multiple_of(CHUNKS_PER_EDGE) || next == grid.chunk_dims().z {
             let mut keys = Vec::new();
@@ -164,21 +167,78 @@ impl OpenShard {
 pub(crate) fn encode_chunk<T: Cell>(chunk: InnerChunk, tile: &Tile, slab: &[T]) -> Result<Option<Vec<u8>>, StoreError> {
     let [nx, ny] = tile.size();
     let planes = slab.len() / (nx * ny);
-    let edge = CHUNK_EDGE as usize;
+    const EDGE: usize = CHUNK_EDGE as usize;
     let [x0, y0] = [0, 1].map(|a| (chunk.0[a] * CHUNK_EDGE - tile.lo[a]) as usize);
-    let (width, height) = (edge.min(nx - x0), edge.min(ny - y0));
-    let mut voxels = vec![T::zeroed(); CHUNK_VOXELS];
-    for z in 0..planes {
-        for y in 0..height {
-            let from = &slab[(z * ny + y0 + y) * nx + x0..][..width];
-            voxels[(z * edge + y) * edge..][..width].copy_from_slice(from);
+    let (width, height) = (EDGE.min(nx - x0), EDGE.min(ny - y0));
+    let row = |z: usize, y: usize| &slab[(z * ny + y0 + y) * nx + x0..][..width];
+    let is_whole = [width, height, planes] == [EDGE; 3];
+    // Rows of a length that the compiler knows.
+    let rows = || (0..EDGE * EDGE).filter_map(|i| row(i / EDGE, i % EDGE).first_chunk::<EDGE>());
+    let first = row(0, 0)[0];
+    if is_whole && rows().all(|row| row.iter().fold(true, |all, v| all & (*v == first))) {
+        return if first == T::zeroed() { Ok(None) } else { encode_same(first).map(Some) };
+    }
+    let mut voxels = Vec::new();
+    if is_whole {
+        voxels.reserve_exact(CHUNK_VOXELS);
+        rows().for_each(|row| voxels.extend_from_slice(row));
+    } else {
+        voxels.resize(CHUNK_VOXELS, T::zeroed());
+        for (z, y) in (0..planes).flat_map(|z| (0..height).map(move |y| (z, y))) {
+            voxels[(z * EDGE + y) * EDGE..][..width].copy_from_slice(row(z, y));
         }
     }
     if voxels.iter().all(|v| *v == T::zeroed()) {
         return Ok(None);
     }
+    encode_voxels(voxels).map(Some)
+}
+
+fn encode_voxels<T: Cell>(mut voxels: Vec<T>) -> Result<Vec<u8>, StoreError> {
     if cfg!(target_endian = "big") {
         voxels.iter_mut().for_each(|v| *v = v.swapped_le());
     }
-    codec::encode(bytemuck::cast_slice(&voxels)).map(Some)
+    codec::encode(bytemuck::cast_slice(&voxels))
+}
+
+/// As [`encode_voxels`] of an inner chunk of equal voxels, as most are of labels: the last of each thread is kept.
+fn encode_same<T: Cell>(voxel: T) -> Result<Vec<u8>, StoreError> {
+    thread_local! {
+        // The voxel's bytes, which say how many they are.
+        static LAST: RefCell<(Vec<u8>, Vec<u8>)> = const { RefCell::new((Vec::new(), Vec::new())) };
+    }
+    LAST.with_borrow_mut(|(of, encoded)| {
+        let bytes = bytemuck::bytes_of(&voxel);
+        if of != bytes {
+            *encoded = encode_voxels(vec![voxel; CHUNK_VOXELS])?;
+            *of = bytes.to_vec();
+        }
+        Ok(encoded.clone())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of one thread, one after the other: what is kept of one is not taken for another, nor for another type's.
+    #[test]
+    fn chunks_of_equal_voxels_are_encoded_like_all_others() {
+        fn check<T: Cell>(voxel: T) {
+            let (tile, chunk) = (Tile { lo: [0; 2], hi: [16; 2] }, InnerChunk([0; 3]));
+            let same = vec![voxel; CHUNK_VOXELS];
+            let encoded = encode_chunk(chunk, &tile, &same).unwrap();
+            let want = (voxel != T::zeroed()).then(|| encode_voxels(same.clone()).unwrap());
+            assert_eq!(encoded, want);
+            let mut other = same;
+            other[CHUNK_VOXELS - 1] = T::zeroed();
+            let encoded = encode_chunk(chunk, &tile, &other).unwrap();
+            assert_eq!(encoded, (voxel != T::zeroed()).then(|| encode_voxels(other.clone()).unwrap()));
+        }
+        for _ in 0..2 {
+            [3_u32, 3, 0, 0x0303_0303, 4].into_iter().for_each(check);
+            [3_u8, 3, 0, 4].into_iter().for_each(check);
+            [0x0303_u16, 3, 0].into_iter().for_each(check);
+        }
+    }
 }

@@ -250,6 +250,10 @@ fn layers_blobs_and_noise_of_every_shape_of_volume() {
     {
         check(&carved(dims, blobs), &windows(16, 0.03), 0.03);
     }
+    // Leap voxels are known two planes further down: slabs of one plane and of two, and none below.
+    for depth in [2, 31, 32, 33, 34, 64, 65, 66, 97] {
+        check(&carved([12, 11, depth], |[x, _, z]| x > 5 && z + 3 != depth), &windows(16, 0.03), 0.03);
+    }
     check(&super::support::noisy([70, 40, 40], VoxelType::U16), &windows(8, 0.5), 0.5);
     check(&super::support::noisy([70, 40, 40], VoxelType::I8), &PrepareOptions { range: None, ..windows(8, 0.9) }, 0.9);
     check(&Volume::new([40, 40, 70], VoxelType::U16, |_| 7.0), &windows(8, 0.01), 0.01);
