@@ -2,8 +2,8 @@
 
 //!
 //! A directory that has none is of a writer that is just beginning, or was killed before it had one or after it had
-//! removed it. Nobody can tell which: such a directory may be removed as long as nothing but a lock that was begun is in
-//! it, and a writer that finds its own gone begins again.
+//! removed it. Nobody can tell which: such a directory may be removed as long as nothing but a lock that was begun is
+//! in it, and a writer that finds its own gone begins again.
 
 use std::fs::{self, File};
 use std::io;
