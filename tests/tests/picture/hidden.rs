@@ -1,6 +1,6 @@
-//! No pore is lost at any level: what full resolution shows of it is drawn by the level's own voxels, or lies in a place
-//! that the frame says is hidden; whatever renders it. Voxels are read from the stores here, and judged by the transfer
-//! function itself, without any range of cells.
+//! No pore is lost at any level: what full resolution shows of it is drawn by the level's own voxels, or lies in a
+//! place that the frame says is hidden; whatever renders it. Voxels are read from the stores here, and judged by the
+//! transfer function itself, without any range of cells.
 
 use std::path::Path;
 

@@ -1,4 +1,5 @@
-//! What coarser levels hide, on the command line: a line, a file of places, stripes, statistics and manifests; drawn again.
+//! What coarser levels hide, on the command line: a line, a file of places, stripes, statistics and manifests; and
+//! drawn again.
 
 use std::path::Path;
 

@@ -273,7 +273,8 @@ impl Hides {
         }
     }
 
-    /// Cells that are all of a kind at full resolution, and joined, face to face by such cells, to one that is drawn so.
+    /// Cells that are all of a kind at full resolution, and joined, face to face by such cells, to one that is drawn
+    /// so.
     fn joined(&self, spans: &[Spans], is: impl Fn(&Spans) -> [bool; 2]) -> Vec<bool> {
         let n = self.finest.cells().counts();
         let mut joined = vec![false; spans.len()];

@@ -1,5 +1,5 @@
-//! The table of mean ranges: what a level's own voxels are, cell by cell. Beside that of the finest level it tells what a
-//! coarser one hides.
+//! The table of mean ranges: what a level's own voxels are, cell by cell. Beside that of the finest level it tells what
+//! a coarser one hides.
 //!
 //! Invariant: a range is of the voxels *in* the cell, without a margin, so that of two levels it is of the same place.
 
@@ -10,8 +10,8 @@ use super::cell_ranges::{Cells, cells_of};
 use super::error::StoreError;
 use super::manifest::Manifest;
 
-/// Smallest and largest stretched code of a level's own voxels in each cell, x fastest: means of the finest, but on level
-/// 0 those themselves. [`super::BrickRanges::NONE`] where a cell holds no data.
+/// Smallest and largest stretched code of a level's own voxels in each cell, x fastest: means of the finest, but on
+/// level 0 those themselves. [`super::BrickRanges::NONE`] where a cell holds no data.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MeanRanges {
     cells: Cells,

@@ -37,16 +37,16 @@ impl Job<'_> {
         (root, group): (&StoreRoot, &[u8]),
     ) -> Result<Finished, StoreError> {
         let Gathered { shards, halos, .. } = gathered;
-        let TableBytes { bricks, cells, means } = tables.finish(&manifest.value_map().code_of_ordinal_table());
+        let TableBytes { of_bricks, of_cells, of_means } = tables.finish(&manifest.value_map().code_of_ordinal_table());
         let table = shard_table::to_bytes(&shards);
         let array = zarr_json::array(&manifest);
         manifest.files = FileHashes {
             group: ContentHash::of(group),
             array: ContentHash::of(&array),
-            ranges: ContentHash::of(&bricks),
+            ranges: ContentHash::of(&of_bricks),
             shards: ContentHash::of(&table),
-            cells: Some(ContentHash::of(&cells)),
-            means: Some(ContentHash::of(&means)),
+            cells: Some(ContentHash::of(&of_cells)),
+            means: Some(ContentHash::of(&of_means)),
         };
         let region_halos = regions.as_mut().and_then(|r| r.halos.take());
         if let Some((entry, halos)) = manifest.halo.as_mut().zip(halos.as_ref()) {
@@ -60,8 +60,8 @@ impl Job<'_> {
             true => (shards.len() * TailLayout::WRITTEN.bytes()) as u64,
             false => shards.iter().map(|s| s.bytes).sum(),
         };
-        let mut files = vec![(GROUP_FILE, group.to_vec()), (ARRAY_FILE, array), (RANGES_FILE, bricks)];
-        files.extend([(SHARDS_FILE, table), (CELLS_FILE, cells), (MEANS_FILE, means)]);
+        let mut files = vec![(GROUP_FILE, group.to_vec()), (ARRAY_FILE, array), (RANGES_FILE, of_bricks)];
+        files.extend([(SHARDS_FILE, table), (CELLS_FILE, of_cells), (MEANS_FILE, of_means)]);
         if let Some(regions) = regions {
             files.extend(regions.files);
             store_bytes += regions.shard_bytes;

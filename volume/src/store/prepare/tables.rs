@@ -30,9 +30,9 @@ pub(crate) struct MeanPlane<'a> {
 
 /// The bytes of the tables.
 pub(crate) struct TableBytes {
-    pub(crate) bricks: Vec<u8>,
-    pub(crate) cells: Vec<u8>,
-    pub(crate) means: Vec<u8>,
+    pub(crate) of_bricks: Vec<u8>,
+    pub(crate) of_cells: Vec<u8>,
+    pub(crate) of_means: Vec<u8>,
 }
 
 impl Tables {
@@ -75,9 +75,9 @@ impl Tables {
 
     pub(crate) fn finish(self, code_of_ordinal: &[u16]) -> TableBytes {
         TableBytes {
-            bricks: BrickRanges(self.of_bricks.finish(code_of_ordinal)).to_bytes(),
-            cells: CellRanges::new(self.cells, self.of_cells.finish(code_of_ordinal)).to_bytes(),
-            means: MeanRanges::new(self.cells, self.of_means.finish(code_of_ordinal)).to_bytes(),
+            of_bricks: BrickRanges(self.of_bricks.finish(code_of_ordinal)).to_bytes(),
+            of_cells: CellRanges::new(self.cells, self.of_cells.finish(code_of_ordinal)).to_bytes(),
+            of_means: MeanRanges::new(self.cells, self.of_means.finish(code_of_ordinal)).to_bytes(),
         }
     }
 }

@@ -178,8 +178,8 @@ pub(crate) const SUM_BYTES: usize = 4 * 4096;
 pub(crate) const INDEX_BYTES: usize = 16 * 4096 + 4;
 
 /// Makes a store one of an older version: without means before 10, without levels before 9, without cells before 7,
-/// without checksums of their chunks at the end of its shards before 6. Its `zarr.json` goes on to speak of levels, which
-/// we never read.
+/// without checksums of their chunks at the end of its shards before 6. Its `zarr.json` goes on to speak of levels,
+/// which we never read.
 pub(crate) fn downgrade(path: &Path, version: u64) {
     let manifest = path.join("brickcast.json");
     let mut text = std::fs::read_to_string(&manifest).unwrap();
