@@ -152,6 +152,7 @@ fn a_bit_that_flips_on_the_way_is_found_and_its_file_named() {
         "part/0/zarr.json",
         "part/bricks.bin",
         "part/cells.bin",
+        "part/means.bin",
         "part/shards.bin",
         "part/0/c/0/0/0",
         "part/halos.bin",
@@ -176,7 +177,7 @@ fn a_bit_that_flips_on_the_way_is_found_and_its_file_named() {
             }
             struck += 1;
             let name = match file {
-                "part/bricks.bin" | "part/cells.bin" => "ranges",
+                "part/bricks.bin" | "part/cells.bin" | "part/means.bin" => "ranges",
                 file => file.trim_start_matches("part/"),
             };
             assert!(matches!(code, Some(1 | 3 | 4)) && said.contains(name), "{file} {byte}: {code:?} {said}");

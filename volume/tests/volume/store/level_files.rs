@@ -11,7 +11,7 @@ use brickcast_volume::store::{
 
 use super::levels::{bricks, prepared};
 use super::regions::windows;
-use super::support::{Volume, at_most, codes_of, downgrade, files_of, in_memory, noisy};
+use super::support::{Volume, at_most, codes_of, downgrade, files_of, in_memory, levels_of, noisy};
 
 /// A store without levels says nothing of them, and is a store of version 8 but for the number.
 #[test]
@@ -36,6 +36,32 @@ fn older_stores_are_one_level() {
     let dir = tempfile::tempdir().unwrap();
     let store = prepared(&noisy([70, 20, 40], VoxelType::U8), dir.path(), &at_most(0, bricks(16)), &[]);
     assert!(!String::from_utf8_lossy(store.manifest_bytes()).contains("level"));
+}
+
+/// They have levels that say what their voxels are, but not cell by cell.
+#[test]
+fn stores_of_version_9_have_no_means() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("s");
+    let before = prepared(&noisy([70, 20, 40], VoxelType::U8), dir.path(), &at_most(2, bricks(16)), &[]);
+    assert!(levels_of(&before).all(|level| level.mean_ranges().is_some()));
+    downgrade(&path, 9);
+    let store = Store::open(&path).unwrap();
+    assert_eq!((store.manifest().version, store.level_count()), (9, 3));
+    for (level, was) in levels_of(&store).zip(levels_of(&before)) {
+        assert!(level.mean_ranges().is_none() && level.cell_ranges() == was.cell_ranges());
+    }
+    assert_eq!(inspect(&path, &mut |_| {}).unwrap().faults, []);
+    // Neither without what its version has, nor with what it has not.
+    for (version, words) in
+        [(10, "means.bin is missing, which version 10 has"), (9, "means.bin, which version 9 has not")]
+    {
+        let mut manifest = store.manifest().clone();
+        manifest.version = version;
+        manifest.files.means = (version == 9).then_some(manifest.files.ranges);
+        let error = Manifest::from_bytes(&manifest.to_bytes().unwrap()).unwrap_err().to_string();
+        assert!(error.contains(words), "{error}");
+    }
 }
 
 /// A store of three levels with regions, in memory.
@@ -140,7 +166,7 @@ fn broken_files_of_a_level_are_named_with_it() {
     let keys: Vec<String> = good.iter().map(|(key, _)| key.to_owned()).collect();
     let level_2 = |key: &&String| ["2/", "levels/2/", "labels/regions/2/"].iter().any(|start| key.starts_with(start));
     let of_level: Vec<_> = keys.iter().filter(level_2).collect();
-    assert_eq!(of_level.len(), 18, "{of_level:?}");
+    assert_eq!(of_level.len(), 19, "{of_level:?}");
     for key in of_level {
         let mut bad = good.clone();
         let content = bad.remove(key).unwrap();

@@ -171,7 +171,7 @@ fn stores_of_versions_4_and_5_are_read_and_others_are_not() {
         store.verify(&mut |_| {}).unwrap();
         assert_eq!(brick(&store), before);
         let text = std::fs::read_to_string(path.join("brickcast.json")).unwrap();
-        for other in ["3", "10"] {
+        for other in ["3", "11"] {
             let changed = text.replacen(&format!("\"version\": {version}"), &format!("\"version\": {other}"), 1);
             std::fs::write(path.join("brickcast.json"), changed).unwrap();
             assert!(Store::open(&path).unwrap_err().to_string().contains(&format!("version {other}")));
