@@ -92,8 +92,7 @@ impl UnreadableBrick {
     /// What a failed call says of one; nothing where it names none.
     #[must_use]
     pub fn of(status: &Status) -> Option<Self> {
-        let told = wire::UnreadableBrick::decode(status.details()).ok()?;
-        Some(Self { store: told.store_hash.parse().ok()?, brick: BrickId::finest(told.brick) })
+        wire::UnreadableBrick::decode(status.details()).ok()?.try_into().ok()
     }
 }
 
@@ -117,9 +116,7 @@ impl From<Failure> for Status {
     fn from(failure: Failure) -> Self {
         // Statuses travel in a header: proxies refuse long ones.
         let message = crate::convert::clip(&failure.message, 2048);
-        let details = failure.unreadable.map(|UnreadableBrick { store, brick }| {
-            wire::UnreadableBrick { store_hash: store.to_string(), brick: brick.linear() }.encode_to_vec()
-        });
+        let details = failure.unreadable.map(|brick| wire::UnreadableBrick::from(brick).encode_to_vec());
         Self::with_details(failure.fault.code(), message, details.unwrap_or_default().into())
     }
 }

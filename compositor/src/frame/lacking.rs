@@ -3,20 +3,12 @@
 //! Invariant: a chunk is ordered from no node that said it lacks it, and is waited for as long as some node has not. A
 //! node that lacks something is well: what else it was ordered it is ordered again.
 
-use brickcast_proto::UnreadableBrick;
 use brickcast_volume::ChunkId;
 
 use super::Run;
 use super::ledger::Ticket;
+use super::worker::Lacking;
 use crate::cluster::CallError;
-
-/// A brick that nobody can read, and why.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Lacking {
-    pub brick: UnreadableBrick,
-    /// Names the node, the store and the file.
-    pub why: String,
-}
 
 impl Run<'_, '_> {
     /// Notes that the ticket's node lacks a brick; false where it said nothing that was not known.

@@ -26,9 +26,9 @@ use tokio::time::Instant;
 pub(crate) use self::cost::NodeCost;
 pub use self::error::FrameError;
 pub(crate) use self::finished::{Finished, tiles_of_pixels};
-pub use self::lacking::Lacking;
 pub use self::node_frame::{LostNode, NodeFrame};
 pub use self::sink::{FinishedTile, FrameSink};
+pub use self::worker::Lacking;
 pub(crate) use self::worker::workers;
 
 use self::collect::{Event, collect};

@@ -3,11 +3,10 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use brickcast_proto::NodeState;
+use brickcast_proto::{NodeState, UnreadableBrick};
 use brickcast_volume::ChunkId;
 use tokio::time::Instant;
 
-use super::lacking::Lacking;
 use super::node_frame::NodeFrame;
 use crate::cluster::{CallError, Dial, NodeClient, Roster, Slot, Target};
 
@@ -27,6 +26,14 @@ pub(crate) fn workers(roster: &Roster) -> Vec<Worker> {
         Err(why) => Worker::absent(target.clone(), why.clone(), NodeFrame::default()),
     };
     roster.slots().iter().map(worker).collect()
+}
+
+/// A brick that nobody can read, and why.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Lacking {
+    pub brick: UnreadableBrick,
+    /// Names the node, the store and the file.
+    pub why: String,
 }
 
 /// A node in one frame.

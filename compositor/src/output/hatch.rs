@@ -42,7 +42,8 @@ pub fn striped(picture: &mut Picture, rects: impl Iterator<Item = PixelRect>) {
     let (width, height) = (picture.size().width(), picture.size().height());
     for rect in rects {
         for y in rect.lo.y..rect.hi.y.min(height) {
-            for x in (rect.lo.x..rect.hi.x.min(width)).filter(|x| (x + HIDDEN_PERIOD * height - y) % HIDDEN_PERIOD == 0)
+            for x in (rect.lo.x..rect.hi.x.min(width))
+                .filter(|x| (x + HIDDEN_PERIOD * height - y).is_multiple_of(HIDDEN_PERIOD))
             {
                 picture.pixels_mut()[(y * width + x) as usize] = HIDDEN;
             }

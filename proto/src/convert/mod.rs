@@ -6,6 +6,7 @@ mod order;
 mod part;
 mod scene;
 mod style;
+mod unreadable;
 
 use brickcast_volume::camera::CameraError;
 use brickcast_volume::ids::NotAStoreHash;

@@ -266,7 +266,7 @@ fn malformed_presets_and_cameras_name_path_and_position() {
 }
 
 #[test]
-fn a_flipped_bit_in_a_store_is_named_not_rendered() {
+fn a_flipped_bit_in_a_store_is_named_and_not_rendered() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     part(at);
@@ -285,7 +285,8 @@ fn a_flipped_bit_in_a_store_is_named_not_rendered() {
     std::fs::write(shard, &bad).unwrap();
     let render = ["render", "part", "-o", "x.png", "--backend", "cpu", "--size", "32x32", "--window", "0,100"];
     let (code, error) = fails(at, &render);
-    assert!(code == 1 && error.contains("0/c/"), "{code} {error}");
+    assert!(code == 4 && error.contains("0/c/") && error.contains("drawn coarser"), "{code} {error}");
+    std::fs::remove_file(at.join("x.png")).unwrap();
     std::fs::write(shard, &good[..good.len() - 9]).unwrap();
     let (code, error) = fails(at, &render);
     assert!(code == 1 && error.contains("0/c/"), "{code} {error}");

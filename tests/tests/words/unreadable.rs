@@ -1,4 +1,5 @@
-//! Stores that cannot be read everywhere: drawn on the level that is there, and said (docs/adr/0026-what-cannot-be-had.md).
+//! Stores that cannot be read everywhere: drawn on the level that is there, and said
+//! (docs/adr/0026-what-cannot-be-had.md).
 
 use std::path::{Path, PathBuf};
 

@@ -89,7 +89,7 @@ pub(super) struct Drawer {
 #[derive(Debug)]
 enum Sessions {
     /// And what it draws.
-    One(Session, Lod),
+    One(Box<Session>, Lod),
     Levels(Box<LevelSessions>, By),
 }
 
@@ -118,10 +118,10 @@ impl Drawer {
         let store = session.store().clone();
         let by = match (lod, frame_budget) {
             (Lod::Full, _) if progressive => By::Full,
-            (Lod::Full, _) => return Ok(Self { store, sessions: Sessions::One(session, Lod::Full) }),
+            (Lod::Full, _) => return Ok(Self { store, sessions: Sessions::One(Box::new(session), Lod::Full) }),
             (Lod::Level(level), _) => {
                 let session = at_level(&session, *level).await?;
-                return Ok(Self { store, sessions: Sessions::One(session, lod.clone()) });
+                return Ok(Self { store, sessions: Sessions::One(Box::new(session), lod.clone()) });
             }
             (Lod::Auto(rule), Some(limit)) => By::Time(*rule, Box::new(FramePace::new(limit))),
             (Lod::Auto(rule), None) => By::Rule(*rule),
