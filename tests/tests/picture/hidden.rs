@@ -268,7 +268,7 @@ fn no_pore_is_lost_where_several_levels_are_drawn() {
 fn blocks(folder: &Path, name: &str, pore: Option<UVec3>) -> Store {
     let voxel = |v: UVec3| {
         let block = v / 16;
-        if block.element_sum() % 2 == 0 || pore == Some(v) { 0 } else { 50_000 }
+        if block.element_sum().is_multiple_of(2) || pore == Some(v) { 0 } else { 50_000 }
     };
     let row = |y, z| (0..64).map(move |x| voxel(UVec3::new(x, y, z)));
     let voxels = (0..64).flat_map(|z| (0..64).flat_map(move |y| row(y, z))).collect();
