@@ -243,7 +243,7 @@ fn a_deadline_that_passes_is_marked_everywhere() {
         let good = render(&["-o", "good.exr"]);
         assert_eq!(good.status.code(), Some(0), "{}", String::from_utf8_lossy(&good.stderr));
         // Prepare and describe are small; the frame is not.
-        rig.proxies[0].set(Fault::Slow { rate: 100_000 });
+        rig.proxies[0].set(Fault::Slow { rate: 50_000 });
         let late = render(&["-o", "late.png", "--deadline", "2s", "--stats", "late.json"]);
         let error = String::from_utf8_lossy(&late.stderr).into_owned();
         assert_eq!(late.status.code(), Some(3), "{error}");

@@ -140,11 +140,12 @@ fn a_missing_step_is_a_frame_that_says_so_and_the_sequence_goes_on() {
     }
     brickcast_ok(at, &draw("whole.png"));
     fs::rename(at.join("load/1"), at.join("elsewhere")).unwrap();
-    // On every level.
-    for shard in (0..).map(|level| at.join(format!("load/2/{level}/c/0/0/0"))).take_while(|shard| shard.exists()) {
-        let mut bytes = fs::read(&shard).unwrap();
+    // On every level, the smallest of which is in its halo.
+    let shards = (0..3).map(|level| format!("load/2/{level}/c/0/0/0"));
+    for file in shards.chain(["load/2/levels/2/halos.bin".to_owned()]).map(|file| at.join(file)) {
+        let mut bytes = fs::read(&file).unwrap();
         bytes.iter_mut().for_each(|byte| *byte ^= 0x55);
-        fs::write(&shard, bytes).unwrap();
+        fs::write(&file, bytes).unwrap();
     }
     refused(at, &draw("a.png"), 3, &["frame 1: step 1 (1.5 kN)", "frame 2: step 2 (3 kN)"]);
     for step in [0, 3] {

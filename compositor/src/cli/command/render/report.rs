@@ -40,7 +40,8 @@ pub(super) fn report(plan: &RenderPlan, all: &Sequence, frames: &Frames<'_>, qui
     }
     tell(plan, all, frames.first().view.size, quiet)?;
     if !all.problems.is_empty() {
-        let problems = all.problems.join("; ");
+        let problems = all.problems.iter().cloned().chain(unread(&all.frames).map(|why| format!("drawn coarser{why}")));
+        let problems = problems.collect::<Vec<_>>().join("; ");
         return Err(Failure::Incomplete(match &plan.output {
             Some(output) => format!("incomplete picture written to {}: {problems}", output.path.display()),
             None => format!("the picture is not complete, and was not compared: {problems}"),
@@ -66,17 +67,23 @@ fn coarse(plan: &RenderPlan, frames: &[FrameStats]) -> Option<Failure> {
     let coarse = lods().map(LodStats::coarse_in_view).max().filter(|&chunks| chunks > 0)?;
     let of = lods().map(|lod| lod.in_view.iter().sum::<u64>()).max().unwrap_or(coarse);
     let output = plan.output.as_ref()?.path.display();
-    let mut reasons: Vec<String> = lods().flat_map(|lod| lod.unreadable.iter().cloned()).collect();
-    reasons.dedup();
-    let why = match reasons.split_first() {
-        None => "; --lod full draws all as they are".to_owned(),
-        Some((why, [])) => format!(", since not all can be read: {why}"),
-        Some((why, more)) => format!(", since not all can be read: {why}; and {} more bricks", more.len()),
-    };
+    let why = unread(frames).unwrap_or_else(|| "; --lod full draws all as they are".to_owned());
     Some(Failure::Coarse(format!(
         "complete picture written to {output}, not at full resolution: {coarse} of {of} chunks in view are drawn \
          coarser{why}"
     )))
+}
+
+/// Why something was drawn coarser than was asked.
+fn unread(frames: &[FrameStats]) -> Option<String> {
+    let lods = frames.iter().filter_map(|frame| frame.lod.as_ref());
+    let mut reasons: Vec<String> = lods.flat_map(|lod| lod.unreadable.iter().cloned()).collect();
+    reasons.dedup();
+    let (why, more) = reasons.split_first()?;
+    Some(match more.len() {
+        0 => format!(", since not all can be read: {why}"),
+        more => format!(", since not all can be read: {why}; and {more} more bricks"),
+    })
 }
 
 /// A line for what was written, and with -v another with more figures.
