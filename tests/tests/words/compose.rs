@@ -68,7 +68,8 @@ fn frames_survive_a_killed_a_paused_and_a_cut_node() {
     check_faults(&stats);
 }
 
-/// Each of the three faults was met in a frame; two of them (a node that hangs) can only be met in the middle of one.
+/// Two of the three faults (a node that hangs) can only be met in the middle of a frame; that a node was killed may be
+/// noticed between two frames, and then the next one is the others' from its begin.
 fn check_faults(stats: &serde_json::Value) {
     let frames = stats["frames"].as_array().unwrap();
     assert_eq!(frames.len(), FRAMES);
@@ -81,7 +82,8 @@ fn check_faults(stats: &serde_json::Value) {
         .map(|f| f["nodes"].as_array().unwrap().iter().filter(|n| n["layers"].as_u64().unwrap() > 0).count())
         .collect();
     eprintln!("lost at {lost:?}, reissued at {reissued:?}, nodes at work {nodes:?}");
-    assert!(frames.iter().map(|f| count(&f["lost"])).sum::<usize>() >= 3, "{lost:?}");
+    assert!(frames.iter().map(|f| count(&f["lost"])).sum::<usize>() >= 2, "{lost:?}");
+    assert!(nodes[5..16].contains(&2), "nobody was missed: {nodes:?}");
     assert!(reissued.len() >= 2, "{reissued:?}");
     assert_eq!(nodes[0], 3);
     // Whoever came back works again.
