@@ -16,11 +16,13 @@ pub(super) struct OnLevel {
     finest: StoreFacts,
     /// By the scene that was drawn last.
     hides: Option<(Scene, Result<Hides, Untold>)>,
+    /// Of the frame before, by what was in view.
+    before: Option<(BTreeSet<ChunkId>, Hidden)>,
 }
 
 impl OnLevel {
     pub(super) fn new(level: u8, finest: StoreFacts) -> Self {
-        Self { level, finest, hides: None }
+        Self { level, finest, hides: None, before: None }
     }
 
     /// What is hidden where all of `store`, the level, is drawn, in the chunks that are in view.
@@ -31,6 +33,7 @@ impl OnLevel {
         in_view: &BTreeSet<ChunkId>,
     ) -> Result<Hidden, Untold> {
         let known = self.hides.take().filter(|(known, _)| is_same_look(known, scene));
+        let before = self.before.take().filter(|(seen, _)| known.is_some() && seen == in_view);
         let (_, hides) = self.hides.insert(known.unwrap_or_else(|| {
             let tables = self.finest.means.as_ref().zip(store.means.as_ref()).ok_or(Untold::Older);
             let level = |means| [(self.level, store.tree(), means)];
@@ -38,7 +41,8 @@ impl OnLevel {
             (scene.clone(), tables.and_then(hides))
         }));
         let hides = hides.as_ref().map_err(|why| *why)?;
-        Ok(hides.hidden(|_, chunk| in_view.contains(&chunk), |_| None))
+        let found = || (in_view.clone(), hides.hidden(|_, chunk| in_view.contains(&chunk), |_| None));
+        Ok(self.before.insert(before.unwrap_or_else(found)).1.clone())
     }
 }
 
