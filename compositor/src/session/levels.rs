@@ -225,6 +225,7 @@ impl LevelSessions {
     ) -> BoxFuture<'a, Result<Frame, SessionError>> {
         Box::pin(async move {
             let until = Instant::now() + deadline;
+            self.floor.forget();
             loop {
                 let had = self.floor.had(selection);
                 let left = until.saturating_duration_since(Instant::now());
@@ -323,6 +324,7 @@ impl LevelSessions {
         deadline: Duration,
     ) -> Result<Frame, SessionError> {
         let started = Instant::now();
+        self.floor.forget();
         if self.floor.is_none() {
             let frame = self.whole().render(scene, transport, deadline).await?;
             if frame.complete || !self.draw_instead_of(&frame.lacking) {

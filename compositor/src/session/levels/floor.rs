@@ -25,15 +25,21 @@ pub(super) struct Floor {
 }
 
 impl Floor {
-    /// Nothing is drawn otherwise than asked. What is long ago is forgotten.
+    /// Nothing is drawn otherwise than asked.
     pub(super) fn is_none(&self) -> bool {
-        self.levels.is_empty() || self.since.is_some_and(|since| since.elapsed() > TRIED_AGAIN)
+        self.levels.is_empty()
+    }
+
+    /// Between frames, so that what is told of one is what it was drawn by: what is long ago is forgotten.
+    pub(super) fn forget(&mut self) {
+        if self.since.is_some_and(|since| since.elapsed() > TRIED_AGAIN) {
+            *self = Self::default();
+        }
     }
 
     /// What is drawn of a selection.
-    pub(super) fn had<'a>(&mut self, selection: &'a Selection) -> Cow<'a, Selection> {
+    pub(super) fn had<'a>(&self, selection: &'a Selection) -> Cow<'a, Selection> {
         if self.is_none() {
-            *self = Self { lost: std::mem::take(&mut self.lost), ..Self::default() };
             return Cow::Borrowed(selection);
         }
         let mut floor = PerChunk::filled(0, selection.per_chunk().count());
@@ -66,6 +72,9 @@ impl Floor {
                     changed = true;
                 }
             }
+        }
+        if self.is_none() {
+            self.why.clear();
         }
         if changed {
             self.since = Some(Instant::now());
@@ -119,8 +128,14 @@ mod tests {
         assert_eq!(floor.reasons(), ["level 0", "level 1"]);
         // And the coarsest level, which is one brick.
         assert!(floor.raise(&levels, of(2, BrickId::finest(0))) && floor.is_none());
-        assert_eq!(floor.lost.len(), 8);
+        assert_eq!((floor.lost.len(), floor.reasons().len()), (8, 0));
         assert!(!floor.raise(&levels, of(0, brick)), "there is nothing left to draw in its place");
         assert!(!floor.raise(&levels, of(2, BrickId::finest(1))), "no brick");
+        floor.forget();
+        assert_eq!(floor.lost.len(), 8, "just now");
+        floor.since = Instant::now().checked_sub(TRIED_AGAIN * 2);
+        floor.forget();
+        assert!(floor.since.is_none() || floor.lost.is_empty());
+        assert!(floor.raise(&levels, of(0, brick)), "tried again");
     }
 }

@@ -139,7 +139,11 @@ async fn each(
             all.differences.extend(redraw.compare(i, &frame.picture, plan.background));
         }
         let alone = drawers.drawer().and_then(Drawer::alone);
-        if let (true, Some(session)) = (plan.audit || plan.error.is_some(), alone) {
+        let is_proved = plan.audit || plan.error.is_some();
+        if is_proved && alone.is_none() {
+            all.problems.push(format!("frame {i}: no proof, which is of full resolution: a part was drawn coarser"));
+        }
+        if let (true, Some(session)) = (is_proved, alone) {
             match proof::of_frame(plan, session, (&scene, transport), i, &frame).await? {
                 Ok(audit) => {
                     audit.map_or(Ok(()), |audit| answer(quiet, &audit.in_words()))?;
