@@ -130,7 +130,10 @@ impl Cache {
         if text != entry_text(key, store.hash()) {
             return Err(format!("{} is not made of {}", target.display(), wanted.input.display()));
         }
-        Ok(Some(store))
+        match store.lacking() {
+            Some((_, error)) => Err(error.to_string()),
+            None => Ok(Some(store)),
+        }
     }
 
     /// Marks the entry as just used.

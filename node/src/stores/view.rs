@@ -19,7 +19,11 @@ impl Stores {
     /// Opens the store of this name, whose objects these are.
     pub(super) fn opened(&self, name: &str, objects: Arc<dyn Objects>) -> Result<Store, NodeError> {
         let whole = brickcast_zarr::whole(objects, |array| self.array(name, array), self.room);
-        whole.and_then(Store::open_objects).map_err(|error| NodeError::of_store(name, error))
+        let store = whole.and_then(Store::open_objects).map_err(|error| NodeError::of_store(name, error))?;
+        if let Some((level, error)) = store.lacking() {
+            tracing::warn!("{name}: {error}; what it holds cannot be rendered on level {level}");
+        }
+        Ok(store)
     }
 
     /// What a view says of where its array lies, below the root; a store that was named itself says it of anywhere.

@@ -107,21 +107,28 @@ fn whole_levels_that_are_gone_leave_the_next_one() {
         bits(at, "level.exr")
     };
     let [one, two] = ["1", "2"].map(level);
-    let mut before = Vec::new();
-    for (gone, left) in [(0, one), (1, two)] {
+    let all_zero = |path: &Path| std::fs::write(path, vec![0; std::fs::metadata(path).unwrap().len() as usize]);
+    let cut = |path: &Path| std::fs::write(path, &std::fs::read(path).unwrap()[..100]);
+    let removed = |path: &Path| std::fs::remove_file(path);
+    type Damage<'a> = &'a dyn Fn(&Path) -> std::io::Result<()>;
+    for (gone, left, damages) in [(0, one, &[&all_zero as Damage<'_>, &cut][..]), (1, two, &[&removed])] {
         let path = shard(at, "part", gone);
-        before.push((path.clone(), std::fs::read(&path).unwrap()));
-        std::fs::write(&path, vec![0; before[usize::from(gone)].1.len()]).unwrap();
-        for local in ["1", "2"] {
-            let (code, said) = drawn(at, "part", "left.exr", &["--local", local]);
-            assert!(code == 4 && bits(at, "left.exr") == left, "{gone}: {code}: {said}");
+        for damage in damages {
+            damage(&path).unwrap();
+            for local in ["1", "2"] {
+                let (code, said) = drawn(at, "part", "left.exr", &["--local", local]);
+                assert!(code == 4 && bits(at, "left.exr") == left, "{gone}: {code}: {said}");
+            }
         }
     }
+    let output = brickcast(at, &["info", "part"]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && said.contains("0/c/0/0/0") && said.contains("brickcast verify"), "{said}");
     // Nothing is left.
     for level in 2..8 {
         let path = shard(at, "part", level);
         if path.exists() {
-            std::fs::write(&path, vec![0; std::fs::metadata(&path).unwrap().len() as usize]).unwrap();
+            all_zero(&path).unwrap();
         }
     }
     let (code, said) = drawn(at, "part", "none.exr", &[]);

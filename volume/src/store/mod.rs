@@ -11,6 +11,7 @@ mod error;
 mod files;
 mod halo;
 mod hash;
+mod lacking;
 mod level;
 mod manifest;
 mod mean_ranges;

@@ -16,6 +16,9 @@ use crate::cli::source::{Surveyed, surveyed};
 /// Neither an input nor a store; what the reader finds wrong.
 pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     let Surveyed { manifest, store, view, series } = surveyed(&args.path, &args.raw)?;
+    if let Some((_, error)) = store.as_ref().and_then(Store::lacking) {
+        tracing::warn!("{error}; `brickcast verify` names all that is broken");
+    }
     let mut value = describe(&manifest, store.as_ref());
     if let Some(view) = view {
         value["store"]["view_of"] = json!(view);

@@ -17,6 +17,7 @@ use crate::ids::BrickIndex;
 use crate::store::codec;
 use crate::store::error::{ChunkFault, HaloFault, StoreError};
 use crate::store::hash::ContentHash;
+use crate::store::lacking::Lacking;
 use crate::store::manifest::halo::HaloHashes;
 use crate::store::objects::Objects;
 use crate::store::read::cache::ChunkCache;
@@ -45,13 +46,14 @@ pub(crate) struct HaloPart<H> {
 }
 
 impl Halos {
-    /// Checks the index, and that the file is there in its full length; a far one is not looked at.
+    /// Checks the index; `lacking` takes a file that is not there in its full length. A far one is not looked at.
     pub(crate) fn open(
         objects: &Arc<dyn Objects>,
         grid: BrickGrid,
         reach: HaloReach,
         (file, index_file, hashes): (&'static str, &str, HaloHashes),
         bound: RecordBound,
+        lacking: &mut Lacking,
     ) -> Result<Self, StoreError> {
         let bytes = objects.read_exactly(index_file, grid.brick_count() * (reach.records() * ENTRY_BYTES) as u64)?;
         objects.check_hash(index_file, &bytes, hashes.index)?;
@@ -61,15 +63,22 @@ impl Halos {
             voxels => codec::compressed_bound(bound.bytes(voxels) as usize) as u64,
         };
         let index = HaloIndex::from_bytes(&bytes, &grid, reach, longest)?;
-        let want = index.file_bytes();
-        let got = objects.open_promised(file, want)?.size()?;
-        let path = objects.path_of(file);
-        match index.first_cut(&grid, got) {
+        let halos = Self { objects: objects.clone(), file, grid, reach, index, hash: hashes.file, bound };
+        lacking.tolerate(halos.check_length())?;
+        Ok(halos)
+    }
+
+    fn check_length(&self) -> Result<(), StoreError> {
+        let want = self.index.file_bytes();
+        let got = self.objects.open_promised(self.file, want)?.size()?;
+        let path = self.path();
+        match self.index.first_cut(&self.grid, got) {
             Some((brick, nth)) => {
-                Err(StoreError::HaloCut { path, brick: grid.index_of(brick), layer: reach.layer(nth), got, want })
+                let (brick, layer) = (self.grid.index_of(brick), self.reach.layer(nth));
+                Err(StoreError::HaloCut { path, brick, layer, got, want })
             }
             None if got > want => Err(StoreError::FileLength { path, got, want }),
-            None => Ok(Self { objects: objects.clone(), file, grid, reach, index, hash: hashes.file, bound }),
+            None => Ok(()),
         }
     }
 

@@ -18,9 +18,10 @@ use crate::store::profile::CHUNK_EDGE;
 use crate::store::tiles::Tiles;
 
 /// Inner chunks that are looked at.
-const SAMPLES: u32 = 256;
-/// A sample errs, and what is nearly enough may be: only where this share of the need is not free is it refused.
-const CLEARLY: f64 = 0.9;
+const SAMPLES: u32 = 1024;
+/// A sample errs, and what is nearly enough may be: it is refused where what is needed less so many standard errors of
+/// the sample is not free.
+const CLEARLY: f64 = 2.0;
 
 /// Bytes on the disk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,13 +41,14 @@ struct DiskNeed {
 pub fn check_disk(source: &mut dyn VolumeSource, out: &Path, options: &PrepareOptions) -> Result<(), StoreError> {
     let grid = BrickGrid::new(source.header().geometry.dims(), options.brick_size)?;
     let (Some(free), Some(share)) = (free_bytes(out), encoded_share(source)?) else { return Ok(()) };
-    let need = need(source, &grid, options, share);
+    let need = |share| need(source, &grid, options, share);
     let dims = source.header().geometry.dims().to_array();
-    check(need, free, out, dims)
+    check(need(share.mean), need(share.mean - CLEARLY * share.error).most, free, out, dims)
 }
 
-fn check(DiskNeed { most, stays }: DiskNeed, free: u64, out: &Path, dims: [u32; 3]) -> Result<(), StoreError> {
-    match most as f64 * CLEARLY > free as f64 {
+fn check(need: DiskNeed, clearly: u64, free: u64, out: &Path, dims: [u32; 3]) -> Result<(), StoreError> {
+    let DiskNeed { most, stays } = need;
+    match clearly > free {
         true => Err(StoreError::TooLittleDisk { path: out.into(), dims, need: most, stays, free }),
         false => Ok(()),
     }
@@ -74,8 +76,16 @@ fn need(source: &dyn VolumeSource, grid: &BrickGrid, options: &PrepareOptions, s
     DiskNeed { most: most as u64, stays: stays as u64 }
 }
 
-/// Bytes of an encoded voxel over those of one as it is, from inner chunks all over the volume.
-fn encoded_share(source: &mut dyn VolumeSource) -> Result<Option<f64>, StoreError> {
+/// Bytes of an encoded voxel over those of one as it is.
+#[derive(Debug, Clone, Copy)]
+struct Share {
+    mean: f64,
+    /// Standard error of the mean.
+    error: f64,
+}
+
+/// From inner chunks all over the volume.
+fn encoded_share(source: &mut dyn VolumeSource) -> Result<Option<Share>, StoreError> {
     if !source.header().voxel_type.is_lossless() {
         return Ok(None);
     }
@@ -95,13 +105,16 @@ fn encoded_share(source: &mut dyn VolumeSource) -> Result<Option<f64>, StoreErro
         }
         chunks.push(voxels);
     }
-    let raw: usize = chunks.iter().map(Vec::len).sum();
     let encoded = chunks.par_iter().map(|voxels| match voxels.iter().any(|byte| *byte != 0) {
-        true => Ok(codec::encode(voxels)?.len()),
-        false => Ok(0),
+        true => Ok([codec::encode(voxels)?.len() as f64, voxels.len() as f64]),
+        false => Ok([0.0, voxels.len() as f64]),
     });
-    let encoded = encoded.sum::<Result<usize, StoreError>>()?;
-    Ok(Some(encoded as f64 / raw.max(1) as f64))
+    let samples = encoded.collect::<Result<Vec<_>, StoreError>>()?;
+    // Of a ratio: samples at the volume's end have fewer voxels.
+    let [encoded, raw] = [0, 1].map(|i| samples.iter().map(|s| s[i]).sum::<f64>());
+    let mean = encoded / raw;
+    let squares = samples.iter().map(|[encoded, raw]| (encoded - mean * raw).powi(2)).sum::<f64>();
+    Ok(Some(Share { mean, error: squares.sqrt() / raw }))
 }
 
 /// What is free on the file system that `out` will be on; nothing where the system does not say.
@@ -127,8 +140,8 @@ mod tests {
     #[test]
     fn what_is_clearly_too_little_is_refused_with_all_figures() {
         let need = DiskNeed { most: 3000, stays: 2000 };
-        assert!(check(need, 2700, Path::new("s"), [1; 3]).is_ok());
-        let error = check(need, 2699, Path::new("far/s"), [40, 50, 60]).unwrap_err().to_string();
+        assert!(check(need, 2700, 2700, Path::new("s"), [1; 3]).is_ok());
+        let error = check(need, 2700, 2699, Path::new("far/s"), [40, 50, 60]).unwrap_err().to_string();
         for word in ["far/s", "[40, 50, 60]", "3000", "2000", "2699", "make room"] {
             assert!(error.contains(word), "`{word}` is not in: {error}");
         }
@@ -145,7 +158,8 @@ mod tests {
             let mut source = phantom.source();
             let share = encoded_share(&mut source).unwrap().unwrap();
             let grid = BrickGrid::new(source.header().geometry.dims(), brick_size).unwrap();
-            let said = need(&source, &grid, &options, share);
+            assert!(share.error > 0.0 && share.error < 0.05 * share.mean, "{share:?}");
+            let said = need(&source, &grid, &options, share.mean);
             let out = folder.path().join(format!("{noise}"));
             prepare(&mut source, &out, &options, &mut |_| {}).unwrap();
             let got = stored_bytes(&out);

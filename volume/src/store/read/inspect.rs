@@ -13,6 +13,7 @@ use crate::store::halo::bound::RecordBound;
 use crate::store::halo::reach::{REGION_HALO, VOXEL_HALO};
 use crate::store::halo::read::Halos;
 use crate::store::halo::regions as halo_regions;
+use crate::store::lacking::Lacking;
 use crate::store::level::{LevelArray, key_on};
 use crate::store::manifest::Manifest;
 use crate::store::objects::Objects;
@@ -188,7 +189,9 @@ impl Inspection<'_> {
                 self.presence(file);
                 continue;
             }
-            match Halos::open(&self.objects, manifest.grid, reach, (file, index, hashes), bound) {
+            let mut lacking = Lacking::default();
+            let opened = Halos::open(&self.objects, manifest.grid, reach, (file, index, hashes), bound, &mut lacking);
+            match lacking.0.map_or(opened, Err) {
                 Ok(halos) => {
                     let file = key_on(self.level, halos.file());
                     self.faults.extend(halos.faults().iter().map(|error| fault(&file, error)));

@@ -31,6 +31,7 @@ use crate::store::profile::{
 };
 use crate::store::regions::open::StoreRegions;
 use crate::store::shard::grid::ShardGrid;
+use crate::store::lacking::Lacking;
 use crate::store::shard::open::open_shards;
 use crate::store::shard::read::Shards;
 use crate::store::shard::tail::TailLayout;
@@ -66,12 +67,14 @@ struct Inner {
     levels: Vec<Store>,
     /// Stretched code of every bit pattern of the stored type; the same on every level.
     codes: Arc<Vec<u16>>,
+    /// Of this level's large files.
+    lacking: Lacking,
 }
 
 impl Store {
-    /// Opens a store after checking that it is finished: the manifests of all levels, the hashes of all small files,
-    /// and that every shard is there in its full length. Contents of shards are checked as they are read, see
-    /// [`Store::verify`].
+    /// Opens a store after checking that it is finished: the manifests of all levels and the hashes of all small files.
+    /// Shards and halos are checked as they are read, see [`Store::verify`]; of those that are missing or cut,
+    /// [`Store::lacking`] says so before.
     ///
     /// # Errors
     /// Not a finished store, unknown version, a file that is not the one that the manifest speaks of.
@@ -150,14 +153,15 @@ impl Store {
         let layout = TailLayout::of_version(manifest.version);
         let table = (SHARDS_FILE, manifest.files.shards, layout);
         let array = LevelArray { array: StoreArray::Voxels, level: manifest.level };
-        let shards = open_shards(&objects, array, grid, table, voxel_bytes)?;
+        let mut lacking = Lacking::default();
+        let shards = open_shards(&objects, array, grid, table, voxel_bytes, &mut lacking)?;
         let halos = manifest.halo.map(|halo| {
             let files = (HALOS_FILE, HALO_INDEX_FILE, halo.voxels);
             let bound = RecordBound { head: 0, per_voxel: voxel_bytes as u64 };
-            Halos::open(&objects, manifest.grid, VOXEL_HALO, files, bound)
+            Halos::open(&objects, manifest.grid, VOXEL_HALO, files, bound, &mut lacking)
         });
         let halos = halos.transpose()?;
-        let regions = StoreRegions::open(&objects, &manifest, grid)?;
+        let regions = StoreRegions::open(&objects, &manifest, grid, &mut lacking)?;
         Ok(Inner {
             hash: StoreHash::of(&manifest_bytes),
             objects,
@@ -171,6 +175,7 @@ impl Store {
             regions,
             levels: Vec::new(),
             codes: codes.clone(),
+            lacking,
         })
     }
 
@@ -188,6 +193,13 @@ impl Store {
     #[must_use]
     pub fn level_count(&self) -> u8 {
         1 + self.inner.levels.len() as u8
+    }
+
+    /// The first shard or file of halos that was missing or cut when the store was opened, and the level that it is of.
+    /// What it holds cannot be read. Of a store behind a network nobody looks.
+    #[must_use]
+    pub fn lacking(&self) -> Option<(u8, &StoreError)> {
+        (0..self.level_count()).find_map(|level| Some((level, self.level(level)?.inner.lacking.0.as_ref()?)))
     }
 
     /// True where it lies behind a network: see [`Objects::is_far`].

@@ -16,6 +16,7 @@ use crate::store::profile::{
     LABELS_GROUP_FILE, REGION_BRICKS_FILE, REGION_HALO_INDEX_FILE, REGION_HALOS_FILE, REGIONS_FILE, StoreArray,
 };
 use crate::store::shard::grid::ShardGrid;
+use crate::store::lacking::Lacking;
 use crate::store::shard::open::open_shards;
 use crate::store::shard::read::Shards;
 use crate::store::shard::tail::TailLayout;
@@ -32,11 +33,12 @@ pub(crate) struct StoreRegions {
 
 impl StoreRegions {
     /// Checks all that [`Store::open`](crate::store::Store::open) checks of the volume; nothing where the store has no
-    /// regions.
+    /// regions. `lacking` takes large files that are not there in their full length.
     pub(crate) fn open(
         objects: &Arc<dyn Objects>,
         manifest: &Manifest,
         grid: ShardGrid,
+        lacking: &mut Lacking,
     ) -> Result<Option<Self>, StoreError> {
         let Some(entry) = &manifest.regions else { return Ok(None) };
         let files = &entry.files;
@@ -58,12 +60,12 @@ impl StoreRegions {
         let layout = TailLayout::of_version(manifest.version);
         let on_level = |array| LevelArray { array, level: manifest.level };
         let labels = (LABEL_SHARDS_FILE, files.label_shards, layout);
-        let labels = open_shards(objects, on_level(StoreArray::Labels), grid, labels, size_of::<u32>())?;
+        let labels = open_shards(objects, on_level(StoreArray::Labels), grid, labels, size_of::<u32>(), lacking)?;
         let distances = (DISTANCE_SHARDS_FILE, files.distance_shards, layout);
-        let distances = open_shards(objects, on_level(StoreArray::Distances), grid, distances, size_of::<u8>())?;
+        let distances = open_shards(objects, on_level(StoreArray::Distances), grid, distances, size_of::<u8>(), lacking)?;
         let halos = manifest.halo.and_then(|halo| {
             let files = (REGION_HALOS_FILE, REGION_HALO_INDEX_FILE, halo.regions?);
-            Some(Halos::open(objects, manifest.grid, REGION_HALO, files, halo_regions::BOUND))
+            Some(Halos::open(objects, manifest.grid, REGION_HALO, files, halo_regions::BOUND, lacking))
         });
         let halos = halos.transpose()?;
         Ok(Some(Self { table, facts, labels, distances, halos }))

@@ -9,23 +9,25 @@ use super::tail::TailLayout;
 use crate::store::codec;
 use crate::store::error::StoreError;
 use crate::store::hash::ContentHash;
+use crate::store::lacking::Lacking;
 use crate::store::level::LevelArray;
 use crate::store::objects::Objects;
 use crate::store::profile::CHUNK_VOXELS;
 
-/// The shards of an array, after checking their table and that each is there in its full length. Far ones are not
-/// looked at, a round trip each: one that is missing is found when it is read.
+/// The shards of an array, after checking their table; `lacking` takes the first that is not there in its full length.
+/// Far ones are not looked at, a round trip each: one that is missing is found when it is read.
 pub(crate) fn open_shards(
     objects: &Arc<dyn Objects>,
     array: LevelArray,
     grid: ShardGrid,
     table: (&str, ContentHash, TailLayout),
     voxel_bytes: usize,
+    lacking: &mut Lacking,
 ) -> Result<Shards, StoreError> {
     let shards = described_shards(objects, array, grid, table, voxel_bytes)?;
     if !objects.is_far() {
         for linear in 0..shards.table.len() {
-            shards.open_whole(grid.at(linear))?;
+            lacking.tolerate(shards.open_whole(grid.at(linear)))?;
         }
     }
     Ok(shards)

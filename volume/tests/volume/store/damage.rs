@@ -10,7 +10,7 @@ use brickcast_volume::store::{
 };
 
 use super::regions::windows;
-use super::support::{INDEX_BYTES, SUM_BYTES, Volume, at_most, downgrade, in_memory, levels_of, noisy};
+use super::support::{INDEX_BYTES, SUM_BYTES, Volume, at_most, downgrade, in_memory, lacking, levels_of, noisy};
 
 /// A store of two levels, the finer of two shards, the first with absent inner chunks.
 fn store_in(dir: &Path) -> PathBuf {
@@ -111,9 +111,10 @@ fn damaged_regions_are_named_by_array_and_file() {
         }
         assert_eq!(Store::open(&path).unwrap().verify(&mut |_| {}).unwrap_err().to_string(), text);
         fs::write(path.join(shard), &good[1..]).unwrap();
-        assert!(Store::open(&path).unwrap_err().to_string().contains(shard));
+        assert!(lacking(&path).contains(shard) && read_all(&path).unwrap_err().to_string() == lacking(&path));
         fs::remove_file(path.join(shard)).unwrap();
-        assert!(matches!(Store::open(&path), Err(StoreError::ShardMissing { .. })));
+        assert!(lacking(&path).contains("is missing") && lacking(&path).contains(shard));
+        assert!(matches!(read_all(&path), Err(StoreError::ShardMissing { .. })));
         fs::write(path.join(shard), good).unwrap();
     }
     let small = [
@@ -125,7 +126,6 @@ fn damaged_regions_are_named_by_array_and_file() {
         "region_bricks.bin",
         "label_shards.bin",
         "distance_shards.bin",
-        "region_halos.bin",
         "region_halo_index.bin",
     ];
     for name in small {
@@ -166,20 +166,28 @@ fn cut_grown_missing_and_forged_shards_are_named() {
     let index = ShardIndex([1, 0, 0]);
     for length in [0, 1, INDEX_BYTES - 1, INDEX_BYTES + SUM_BYTES - 1, good.len() - 1] {
         fs::write(&second, &good[..length]).unwrap();
-        let error = Store::open(&path).unwrap_err();
+        let store = Store::open(&path).unwrap();
+        let (level, error) = store.lacking().unwrap();
+        assert_eq!(level, 0);
         let (want, got) = (good.len() as u64, length as u64);
         assert!(
             matches!(&error, StoreError::ShardLength { shard, got: g, want: w, .. }
             if *shard == index && (*g, *w) == (got, want)),
             "{error}"
         );
+        assert_eq!(read_all(&path).unwrap_err().to_string(), error.to_string());
     }
+    let told = || {
+        let error = read_all(&path).unwrap_err();
+        assert_eq!(lacking(&path), error.to_string());
+        error
+    };
     fs::write(&second, [&good[..], &[0]].concat()).unwrap();
-    assert!(matches!(Store::open(&path), Err(StoreError::ShardLength { .. })));
+    assert!(matches!(told(), StoreError::ShardLength { .. }));
     fs::remove_file(&second).unwrap();
-    assert!(matches!(Store::open(&path), Err(StoreError::ShardMissing { shard, .. }) if shard == index));
+    assert!(matches!(told(), StoreError::ShardMissing { shard, .. } if shard == index));
     fs::create_dir(&second).unwrap();
-    assert!(matches!(Store::open(&path), Err(StoreError::ShardMissing { .. })));
+    assert!(matches!(told(), StoreError::ShardMissing { .. }));
     fs::remove_dir(&second).unwrap();
 
     // An index whose own checksum is right, but that leads to other chunks.
@@ -285,8 +293,9 @@ fn what_is_no_finished_store_is_refused() {
         assert!(text.contains(says), "{text}");
     }
     fs::write(path.join("brickcast.json"), &manifest).unwrap();
-    let names = ["zarr.json", "0/zarr.json", "bricks.bin", "cells.bin", "means.bin", "shards.bin", "halos.bin"];
-    for name in names.into_iter().chain(["halo_index.bin"]) {
+    for name in
+        ["zarr.json", "0/zarr.json", "bricks.bin", "cells.bin", "means.bin", "shards.bin", "halo_index.bin"]
+    {
         let good = fs::read(path.join(name)).unwrap();
         fs::remove_file(path.join(name)).unwrap();
         let text = Store::open(&path).unwrap_err().to_string();

@@ -135,7 +135,9 @@ fn fifos_in_place_of_files_do_not_hang() {
         let good = fs::read(path.join(name)).unwrap();
         fs::remove_file(path.join(name)).unwrap();
         assert!(std::process::Command::new("mkfifo").arg(path.join(name)).status().unwrap().success());
-        for error in [site.open("plain").unwrap_err(), Store::open(&path).unwrap_err()] {
+        for opened in [site.open("plain"), Store::open(&path)] {
+            // Large files are opened where they are read.
+            let error = opened.and_then(|store| read_all(&store)).unwrap_err();
             let named = matches!(error, StoreError::NotAFile { .. } | StoreError::ShardMissing { .. });
             assert!(named && error.to_string().contains(name), "{error}");
         }

@@ -267,6 +267,12 @@ pub(crate) fn codes_of(store: &Store) -> Vec<u16> {
     codes
 }
 
+/// What the store lacks of its large files, in words.
+pub(crate) fn lacking(path: &Path) -> String {
+    let store = Store::open(path).unwrap();
+    store.lacking().map(|(_, error)| error.to_string()).unwrap()
+}
+
 /// All levels of a store, the finest first.
 pub(crate) fn levels_of(store: &Store) -> impl Iterator<Item = &Store> {
     (0..store.level_count()).map(|level| store.level(level).unwrap())
