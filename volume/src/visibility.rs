@@ -1,6 +1,6 @@
 //! A view of a volume: rays for the kernels, and which pixels a box can touch.
 
-use glam::{DVec3, UVec2, Vec3};
+use glam::{DVec2, DVec3, UVec2, UVec3, Vec3};
 
 use crate::brick::OwnedBox;
 use crate::camera::{Camera, Projection};
@@ -230,6 +230,32 @@ impl View {
         self.step
     }
 
+    /// Where the ray through a place of the picture, in pixels, starts in index space, and how far it goes there for
+    /// each unit of t. The middle of a pixel is half a pixel from its corner.
+    #[must_use]
+    pub fn ray(&self, at: DVec2) -> (DVec3, DVec3) {
+        let (w, h) = (f64::from(self.size.width), f64::from(self.size.height));
+        let q = self.ray_right * (at.x * 2.0 / w - 1.0) + self.ray_up * (1.0 - at.y * 2.0 / h);
+        match self.parallel {
+            true => (self.eye + q * self.voxels_per_unit, self.ray_forward * self.voxels_per_unit),
+            false => (self.eye, (self.ray_forward + q).normalize() * self.voxels_per_unit),
+        }
+    }
+
+    /// No further than this, in units of t, are two rays apart anywhere in a volume of `dims` voxels at the same t that
+    /// go through the picture `pixels` apart.
+    #[must_use]
+    pub fn apart(&self, pixels: DVec2, dims: UVec3) -> f64 {
+        let (w, h) = (f64::from(self.size.width), f64::from(self.size.height));
+        let q = (self.ray_right * (pixels.x * 2.0 / w)).length() + (self.ray_up * (pixels.y * 2.0 / h)).length();
+        let far = |corner| (corner_of(DVec3::ZERO, dims.as_dvec3(), corner) - self.eye) / self.voxels_per_unit;
+        match self.parallel {
+            true => q,
+            // Directions are no further apart than what they are made of, which is no shorter than they.
+            false => q * (0..8).map(|corner| far(corner).length()).fold(0.0, f64::max),
+        }
+    }
+
     #[must_use]
     pub fn viewpoint(&self) -> Viewpoint {
         if self.parallel {
@@ -306,7 +332,6 @@ fn corner_of(lo: DVec3, hi: DVec3, corner: usize) -> DVec3 {
 mod tests {
     use super::*;
     use crate::camera::Orbit;
-    use glam::UVec3;
 
     fn view(position: DVec3, focal: DVec3, parallel: bool) -> View {
         let geometry = Geometry::new([40, 30, 20], [1.0, 2.0, 3.0], [5.0, -3.0, 2.0]).unwrap();
@@ -336,15 +361,7 @@ mod tests {
                 let rect = v.project(&voxels);
                 for y in 0..47 {
                     for x in 0..61 {
-                        let u = (f64::from(x) + 0.5) * 2.0 / 61.0 - 1.0;
-                        let w = 1.0 - (f64::from(y) + 0.5) * 2.0 / 47.0;
-                        let q = v.ray_right * u + v.ray_up * w;
-                        let (o, d) = if parallel {
-                            (v.eye + q * v.voxels_per_unit, v.ray_forward)
-                        } else {
-                            (v.eye, (v.ray_forward + q).normalize())
-                        };
-                        let d = d * v.voxels_per_unit;
+                        let (o, d) = v.ray(DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5));
                         let a = (voxels.lo.as_dvec3() - o) / d;
                         let b = (voxels.hi.as_dvec3() - o) / d;
                         let (t0, t1) = (a.min(b).max_element().max(0.0), a.max(b).min_element());

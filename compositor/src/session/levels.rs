@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use brickcast_volume::lod::{Content, Hidden, Hides, LevelSet, Levels, Rule, Selection, Untold};
+use brickcast_volume::lod::{Changes, Content, Hidden, Hides, LevelSet, Levels, Rule, Selection, Untold};
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::store::Manifest;
 use brickcast_volume::{ChunkId, PictureSize, PixelRect};
@@ -166,6 +166,18 @@ impl LevelSessions {
         (&self.levels, &self.seen.insert(seen).content)
     }
 
+    /// Finds how far full resolution can be from what is drawn of `selection`; takes a while, on any thread. An error of
+    /// looks of which ranges of values do not tell.
+    pub fn changes(
+        &self,
+        scene: &Scene,
+        selection: &Selection,
+    ) -> impl FnOnce() -> Result<Changes, Untold> + Send + use<> {
+        let (drawn, finest) = (self.floor.had(selection).into_owned(), self.stores[0].clone());
+        let scene = scene.clone();
+        move || Changes::new(&scene, finest.bricks(), &finest.cells, |voxels| drawn.level_in(voxels))
+    }
+
     /// Has the session draw what is selected; what is shown of it.
     fn deal(&mut self, scene: &Scene, selection: &Selection) -> Arc<Shown> {
         self.seen(scene);
@@ -300,6 +312,7 @@ impl LevelSessions {
             in_view: self.levels.all().map(seen).collect(),
             share_of_bytes: if full > 0 { drawn as f64 / full as f64 } else { 1.0 },
             share_of_pixels: share_outside(size, coarse),
+            change: None,
             unreadable: self.floor.reasons(),
             frame_budget: None,
         }

@@ -1,6 +1,6 @@
 //! What a frame took, as `--stats` and the bench report it.
 
-use brickcast_volume::lod::HiddenNote;
+use brickcast_volume::lod::{ChangeBounds, HiddenNote};
 use serde::Serialize;
 
 use super::balanced::BalanceStats;
@@ -60,6 +60,9 @@ pub struct LodStats {
     pub share_of_bytes: f64,
     /// The share of the picture's pixels in which nothing is drawn coarser than it is; at least.
     pub share_of_pixels: f64,
+    /// How far full resolution can be from it, where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub change: Option<ChangeBounds>,
     /// Why some of it is drawn coarser than was asked: what no node could read.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub unreadable: Vec<String>,

@@ -111,7 +111,7 @@ pub(crate) fn scene(store: &Store, style: Style) -> Scene {
     Scene::new(look, view, Quality { exact: true, acceleration, ..Quality::default() }).unwrap()
 }
 
-fn styles(store: &Store) -> Vec<(&'static str, Style)> {
+pub(crate) fn styles(store: &Store) -> Vec<(&'static str, Style)> {
     let (lo, hi) = store.manifest().range;
     let surface = |share: f64, opacity| Isosurface { value: lo + (hi - lo) * share, color: [0.9, 0.5, 0.2], opacity };
     let center = store.manifest().geometry.center_world();
@@ -131,7 +131,7 @@ fn styles(store: &Store) -> Vec<(&'static str, Style)> {
 }
 
 /// Nodes inside this process; they stop with it.
-async fn nodes(store: &Store, count: usize) -> (Session, EmbeddedNodes) {
+pub(crate) async fn nodes(store: &Store, count: usize) -> (Session, EmbeddedNodes) {
     nodes_by(&Backend::open(BackendChoice::Cpu).unwrap(), store, count).await
 }
 

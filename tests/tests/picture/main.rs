@@ -18,6 +18,7 @@ mod intervals;
 mod leaping;
 mod levels;
 mod levels_alone;
+mod levels_bound;
 mod levels_continue;
 mod levels_mean;
 mod levels_meet;

@@ -218,6 +218,9 @@ fn progressive_pictures_end_with_what_was_asked_for() {
     let shares: Vec<f64> = frames.iter().filter_map(|frame| frame["lod"]["share_of_pixels"].as_f64()).collect();
     assert!(frames.len() == lines.len() && shares.len() + 1 == frames.len(), "{frames:?}");
     assert!(shares.is_sorted() && shares[0] < 1.0, "{shares:?}");
+    let changes: Vec<f64> = frames.iter().filter_map(|frame| frame["lod"]["change"]["mean"].as_f64()).collect();
+    let is_told = said.lines().filter(|line| line.contains("full resolution changes")).count() == changes.len();
+    assert!(is_told && changes.len() == shares.len() && changes[0] > *changes.last().unwrap(), "{changes:?}: {said}");
     // Up to an error, which is not full resolution.
     let coarse = ["--lod", "auto", "--pixel-error", "3", "--exact"];
     let (code, _) = ended(at, &draw("part", "coarse.exr", &coarse));

@@ -8,6 +8,7 @@ mod again;
 mod balance;
 mod borders;
 mod budget;
+mod change;
 mod content;
 mod hidden;
 mod json;
@@ -20,6 +21,7 @@ mod sight;
 
 pub use self::borders::{Borders, Meets, Sides};
 pub use self::budget::Budget;
+pub use self::change::{ChangeBounds, Changes};
 pub use self::content::Content;
 pub use self::hidden::{Hidden, HiddenNote, HiddenPlace, Hides, How, Untold};
 pub use self::levels::Levels;

@@ -5,6 +5,7 @@ use super::content::Content;
 use super::levels::Levels;
 use super::rule::Rule;
 use super::sight::Sight;
+use crate::brick::OwnedBox;
 use crate::ids::{ChunkId, ChunkIndex};
 use crate::per_chunk::PerChunk;
 use crate::scene::ViewSpec;
@@ -93,6 +94,17 @@ impl Selection {
     #[must_use]
     pub fn per_chunk(&self) -> &PerChunk<u8> {
         &self.of
+    }
+
+    /// The coarsest level on which any of these voxels of the finest level are drawn.
+    #[must_use]
+    pub fn level_in(&self, voxels: &OwnedBox) -> u8 {
+        let tree = self.levels.finest();
+        let edge = tree.chunk_bricks() * tree.grid().brick_size();
+        let (lo, hi) = (voxels.lo / edge, voxels.hi.map(|v| v.div_ceil(edge)).min(tree.chunk_dims()));
+        let row = |y, z| (lo.x..hi.x).map(move |x| ChunkIndex([x, y, z]));
+        let chunks = (lo.z..hi.z).flat_map(|z| (lo.y..hi.y).flat_map(move |y| row(y, z)));
+        chunks.map(|chunk| self.of[tree.chunk_id(chunk)]).max().unwrap_or_default()
     }
 
     /// Does a finest chunk show anything?

@@ -19,7 +19,7 @@ use crate::transfer_function::extremes::{NOTHING, Span, around};
 
 /// What one sample can change, and how much of that the samples before it leave visible.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct ChangeRate {
+pub(crate) struct ChangeRate {
     /// The most that one sample alone can change: w above.
     sample: f64,
     /// Opacities of a sample: a above is the least.
@@ -30,6 +30,15 @@ pub(super) struct ChangeRate {
 
 impl ChangeRate {
     pub(super) const NONE: Self = Self { sample: 0.0, opacity: [0.0; 2], colors: [NOTHING; 3] };
+
+    /// Of samples whose opacity and colours lie anywhere between these.
+    #[must_use]
+    pub(crate) fn between(opacity: Span, colors: [Span; 3]) -> Self {
+        let [least, most] = opacity.map(f64::from);
+        let width = |[least, most]: Span| (f64::from(most) - f64::from(least)).max(0.0);
+        let color = colors.into_iter().map(width).fold(0.0, f64::max);
+        Self { sample: most - least + most * color, opacity: [least, most], colors }
+    }
 
     /// Of two rates, one that bounds both.
     #[must_use]
@@ -43,7 +52,7 @@ impl ChangeRate {
 
     /// The most by which any channel of a premultiplied pixel can change over at most `samples` samples; in 0..=1.
     #[must_use]
-    pub(super) fn over(self, samples: u32) -> f32 {
+    pub(crate) fn over(self, samples: u32) -> f32 {
         if self.sample == 0.0 {
             return 0.0;
         }

@@ -5,7 +5,7 @@
 //! own value. V' is fixed when the store is made; bricks, nodes, steps and entry points change nothing of it.
 
 pub(crate) mod block;
-mod bound;
+pub(crate) mod bound;
 pub mod code;
 pub(crate) mod components;
 pub(crate) mod distance;

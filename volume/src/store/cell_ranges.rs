@@ -59,6 +59,12 @@ impl Cells {
         self.edge
     }
 
+    /// Voxels of the volume per axis.
+    #[must_use]
+    pub fn dims(self) -> UVec3 {
+        self.dims
+    }
+
     #[must_use]
     pub fn count(self) -> usize {
         self.cubes().count() as usize
@@ -102,6 +108,17 @@ impl CellRanges {
     #[must_use]
     pub fn of_bricks(manifest: &Manifest, ranges: &BrickRanges) -> Self {
         Self::new(Cubes::bricks(manifest.grid), ranges.0.clone())
+    }
+
+    #[must_use]
+    pub fn cells(&self) -> Cells {
+        Cells { edge: self.edge, dims: self.dims }
+    }
+
+    /// In the order of the table.
+    #[must_use]
+    pub fn ranges(&self) -> &[[u16; 2]] {
+        &self.ranges
     }
 
     /// The bytes of `cells.bin`; nothing where the store has none.

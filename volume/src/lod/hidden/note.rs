@@ -14,6 +14,8 @@ pub enum Untold {
     Older,
     #[error("it is told of colours by value: not of --mode, nor where regions are told apart")]
     Look,
+    #[error("values in flattened regions are not the volume's: --accel ert,ess leaves them as they are")]
+    Flattened,
 }
 
 /// What is hidden; see [`Hidden`].

@@ -18,6 +18,7 @@ use crate::store::files::shape::small_files;
 use crate::store::halo::bound::RecordBound;
 use crate::store::halo::reach::VOXEL_HALO;
 use crate::store::halo::read::Halos;
+use crate::store::lacking::Lacking;
 use crate::store::level::{LevelArray, key_on};
 use crate::store::manifest::Manifest;
 use crate::store::mean_ranges::MeanRanges;
@@ -31,7 +32,6 @@ use crate::store::profile::{
 };
 use crate::store::regions::open::StoreRegions;
 use crate::store::shard::grid::ShardGrid;
-use crate::store::lacking::Lacking;
 use crate::store::shard::open::open_shards;
 use crate::store::shard::read::Shards;
 use crate::store::shard::tail::TailLayout;

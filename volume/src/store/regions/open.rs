@@ -8,6 +8,7 @@ use crate::store::error::StoreError;
 use crate::store::halo::reach::REGION_HALO;
 use crate::store::halo::read::Halos;
 use crate::store::halo::regions as halo_regions;
+use crate::store::lacking::Lacking;
 use crate::store::level::LevelArray;
 use crate::store::manifest::Manifest;
 use crate::store::objects::Objects;
@@ -16,7 +17,6 @@ use crate::store::profile::{
     LABELS_GROUP_FILE, REGION_BRICKS_FILE, REGION_HALO_INDEX_FILE, REGION_HALOS_FILE, REGIONS_FILE, StoreArray,
 };
 use crate::store::shard::grid::ShardGrid;
-use crate::store::lacking::Lacking;
 use crate::store::shard::open::open_shards;
 use crate::store::shard::read::Shards;
 use crate::store::shard::tail::TailLayout;
@@ -62,7 +62,8 @@ impl StoreRegions {
         let labels = (LABEL_SHARDS_FILE, files.label_shards, layout);
         let labels = open_shards(objects, on_level(StoreArray::Labels), grid, labels, size_of::<u32>(), lacking)?;
         let distances = (DISTANCE_SHARDS_FILE, files.distance_shards, layout);
-        let distances = open_shards(objects, on_level(StoreArray::Distances), grid, distances, size_of::<u8>(), lacking)?;
+        let distances =
+            open_shards(objects, on_level(StoreArray::Distances), grid, distances, size_of::<u8>(), lacking)?;
         let halos = manifest.halo.and_then(|halo| {
             let files = (REGION_HALOS_FILE, REGION_HALO_INDEX_FILE, halo.regions?);
             Some(Halos::open(objects, manifest.grid, REGION_HALO, files, halo_regions::BOUND, lacking))

@@ -293,9 +293,7 @@ fn what_is_no_finished_store_is_refused() {
         assert!(text.contains(says), "{text}");
     }
     fs::write(path.join("brickcast.json"), &manifest).unwrap();
-    for name in
-        ["zarr.json", "0/zarr.json", "bricks.bin", "cells.bin", "means.bin", "shards.bin", "halo_index.bin"]
-    {
+    for name in ["zarr.json", "0/zarr.json", "bricks.bin", "cells.bin", "means.bin", "shards.bin", "halo_index.bin"] {
         let good = fs::read(path.join(name)).unwrap();
         fs::remove_file(path.join(name)).unwrap();
         let text = Store::open(&path).unwrap_err().to_string();

@@ -4,8 +4,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use brickcast_volume::StoreHash;
-use brickcast_volume::lod::{LevelSet, Lod, Rule, Selection};
+use brickcast_volume::lod::{ChangeBounds, LevelSet, Lod, Rule, Selection, Untold};
 use brickcast_volume::scene::{Scene, Transport};
+use tokio::task::JoinHandle;
 
 use super::scenes::ScenesPlan;
 use crate::balance::Settings;
@@ -264,6 +265,14 @@ impl Drawer {
         stages.reverse();
         stages.push(last.clone());
         Ok(stages)
+    }
+
+    /// Begins to find how far full resolution can be from what is drawn of several levels; nothing where all is.
+    pub(super) fn changes(&mut self, scene: &Scene) -> Option<JoinHandle<Result<ChangeBounds, Untold>>> {
+        let Sessions::Levels(levels, by) = &mut self.sessions else { return None };
+        let selection = by.selected(levels, scene).ok()??;
+        let changes = levels.changes(scene, &selection);
+        Some(tokio::task::spawn_blocking(|| changes().map(|changes| changes.bounds())))
     }
 
     /// Draws by `lod` from now on, where several levels are drawn: one of [`Drawer::stages`], or a set.

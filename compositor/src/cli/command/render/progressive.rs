@@ -2,7 +2,10 @@
 
 use std::time::{Duration, Instant};
 
+use brickcast_volume::lod::{ChangeBounds, Untold};
 use brickcast_volume::scene::{Scene, Transport};
+use futures_util::future::OptionFuture;
+use tokio::task::JoinHandle;
 
 use super::drawer::Drawer;
 use super::drawers::Drawn;
@@ -14,6 +17,8 @@ use crate::cli::say::say;
 use crate::cli::scene::nothing_shows;
 use crate::session::{Frame, LoadStats, SessionError};
 use crate::words::time;
+
+type Changing = JoinHandle<Result<ChangeBounds, Untold>>;
 
 /// Draws and writes one picture after the other, up to what the plan asks for; a file that is there is complete.
 ///
@@ -28,7 +33,7 @@ pub(super) async fn draw(
     let (started, mut all) = (Instant::now(), Sequence::new(LoadStats::default()));
     let Some((scene, transport)) = frames.each().next() else { return Ok(all) };
     let stages = drawer.stages(&scene, &plan.lod)?;
-    let count = stages.len();
+    let (count, mut changing) = (stages.len(), None);
     for (i, lod) in stages.into_iter().enumerate() {
         drawer.draw_by(&lod);
         let (load, mut frame) = match drawn(drawer, &scene, (transport, plan.nodes.deadline)).await {
@@ -41,6 +46,7 @@ pub(super) async fn draw(
                 break;
             }
         };
+        tell_change(&mut changing, &mut all, quiet).await?;
         let mut files = Files::open(plan, frames)?;
         if all.load.fits {
             warn_of_tight_budgets(&load);
@@ -66,12 +72,31 @@ pub(super) async fn draw(
         say(quiet, &in_words((i + 1, count), &frame, since))?;
         tell_hidden(&frame, quiet)?;
         all.frames.push(frame.stats);
+        if i + 1 < count {
+            changing = drawer.changes(&scene);
+        }
         // What follows would lack the same.
         if !all.problems.is_empty() {
             break;
         }
     }
+    tell_change(&mut changing, &mut all, quiet).await?;
     Ok(all)
+}
+
+/// Tells how far full resolution is from the last picture at the most, which was found while the next one was drawn.
+async fn tell_change(changing: &mut Option<Changing>, all: &mut Sequence, quiet: bool) -> Result<(), Failure> {
+    let Some(Ok(change)) = OptionFuture::from(changing.take()).await else { return Ok(()) };
+    let told = match &change {
+        Ok(change) => change.in_words(),
+        // Once is enough.
+        Err(_) if all.frames.len() > 1 => return Ok(()),
+        Err(why) => format!("how far full resolution is from it is not known: {why}"),
+    };
+    if let Some(lod) = all.frames.last_mut().and_then(|frame| frame.lod.as_mut()) {
+        lod.change = change.ok();
+    }
+    say(quiet, &format!("  {told}"))
 }
 
 async fn drawn(
