@@ -70,7 +70,10 @@ pub(super) async fn draw(
         )?;
         all.written = files.finish()?;
         say(quiet, &in_words((i + 1, count), &frame, since))?;
-        tell_hidden(&frame, quiet)?;
+        // Not twice in the same words.
+        if all.frames.last().is_none_or(|last| last.hidden != frame.stats.hidden) {
+            tell_hidden(&frame, quiet)?;
+        }
         all.frames.push(frame.stats);
         if i + 1 < count {
             changing = drawer.changes(&scene);
