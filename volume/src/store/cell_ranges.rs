@@ -59,6 +59,12 @@ impl Cells {
         self.edge
     }
 
+    /// The volume's, voxels.
+    #[must_use]
+    pub fn dims(self) -> UVec3 {
+        self.dims
+    }
+
     #[must_use]
     pub fn count(self) -> usize {
         self.cubes().count() as usize
@@ -67,7 +73,8 @@ impl Cells {
     /// The place of the cell that a voxel lies in.
     #[must_use]
     pub fn place(self, voxel: UVec3) -> usize {
-        let (n, at) = (self.counts(), voxel / self.edge);
+        // A power of two long.
+        let (n, at) = (self.counts(), voxel >> self.edge.trailing_zeros());
         ((at.z * n.y + at.y) * n.x + at.x) as usize
     }
 
