@@ -16,13 +16,11 @@ pub(super) struct OnLevel {
     finest: StoreFacts,
     /// By the scene that was drawn last.
     hides: Option<(Scene, Result<Hides, Untold>)>,
-    /// Of the frame before, by what was in view.
-    before: Option<(BTreeSet<ChunkId>, Hidden)>,
 }
 
 impl OnLevel {
     pub(super) fn new(level: u8, finest: StoreFacts) -> Self {
-        Self { level, finest, hides: None, before: None }
+        Self { level, finest, hides: None }
     }
 
     /// What is hidden where all of `store`, the level, is drawn, in the chunks that are in view.
@@ -33,16 +31,14 @@ impl OnLevel {
         in_view: &BTreeSet<ChunkId>,
     ) -> Result<Hidden, Untold> {
         let known = self.hides.take().filter(|(known, _)| is_same_look(known, scene));
-        let before = self.before.take().filter(|(seen, _)| known.is_some() && seen == in_view);
         let (_, hides) = self.hides.insert(known.unwrap_or_else(|| {
             let tables = self.finest.means.as_ref().zip(store.means.as_ref()).ok_or(Untold::Older);
             let level = |means| [(self.level, store.tree(), means)];
             let hides = |(finest, means)| Hides::new(scene, (self.finest.bricks(), finest), level(means));
             (scene.clone(), tables.and_then(hides))
         }));
-        let hides = hides.as_ref().map_err(|why| *why)?;
-        let found = || (in_view.clone(), hides.hidden(|_, chunk| in_view.contains(&chunk), |_| None));
-        Ok(self.before.insert(before.unwrap_or_else(found)).1.clone())
+        let hides = hides.as_mut().map_err(|why| *why)?;
+        Ok(hides.hidden(|_, chunk| in_view.contains(&chunk), |_| None).clone())
     }
 }
 
@@ -61,11 +57,11 @@ pub(super) fn of_levels(stores: &[StoreFacts], scene: &Scene) -> Result<Hides, U
 }
 
 /// What is hidden of what is drawn of several levels, in those of the finest level's chunks that are in view.
-pub(super) fn of_parts(hides: &Hides, parts: &[LevelShown], in_view: &BTreeSet<ChunkId>) -> Hidden {
+pub(super) fn of_parts(hides: &mut Hides, parts: &[LevelShown], in_view: &BTreeSet<ChunkId>) -> Hidden {
     let chunks: BTreeMap<u8, BTreeSet<ChunkId>> =
         parts.iter().map(|part| (part.level, part.chunks_in(in_view))).collect();
     let borders = |level| parts.iter().find(|part| part.level == level).and_then(LevelShown::borders);
-    hides.hidden(|level, chunk| chunks.get(&level).is_some_and(|chunks| chunks.contains(&chunk)), borders)
+    hides.hidden(|level, chunk| chunks.get(&level).is_some_and(|chunks| chunks.contains(&chunk)), borders).clone()
 }
 
 impl Frame {

@@ -1,11 +1,10 @@
 //! Pictures of several levels of one volume (docs/adr/0018-level-of-detail.md): one frame, whose orders say of which
 //! level each chunk is drawn.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use brickcast_volume::lod::{Changes, Content, Hidden, Hides, LevelSet, Levels, Rule, Selection, Untold};
+use brickcast_volume::lod::{Changes, Content, Hides, LevelSet, Levels, Rule, Selection, Untold};
 use brickcast_volume::scene::{Scene, Transport};
 use brickcast_volume::store::Manifest;
 use brickcast_volume::{ChunkId, PictureSize, PixelRect};
@@ -82,8 +81,6 @@ struct Seen {
     levels: Vec<Arc<Shown>>,
     /// What levels hide; made when one is drawn.
     hides: Option<Result<Hides, Untold>>,
-    /// Of the frame before, by what was drawn and in view.
-    before: Option<(Arc<Shown>, BTreeSet<ChunkId>, Hidden)>,
 }
 
 impl LevelSessions {
@@ -161,7 +158,7 @@ impl LevelSessions {
             let content = Content::new(self.levels.finest(), scene, self.stores[0].bricks(), shows);
             let coarser = self.stores[1..].iter().map(|store| Arc::new(Shown::in_scene(store, scene)));
             let levels = std::iter::once(look.shown.clone()).chain(coarser).collect();
-            Seen { look, content, levels, hides: None, before: None }
+            Seen { look, content, levels, hides: None }
         });
         (&self.levels, &self.seen.insert(seen).content)
     }
@@ -279,12 +276,7 @@ impl LevelSessions {
         let parts = shown.parts().unwrap_or_default();
         if let (Some(seen), true) = (&mut self.seen, parts.iter().any(|part| part.level > 0)) {
             let hides = seen.hides.get_or_insert_with(|| hidden::of_levels(&self.stores, scene));
-            let is_same = |(was, view, _): &(Arc<Shown>, _, _)| Arc::ptr_eq(was, &shown) && *view == in_view;
-            let before = seen.before.take().filter(is_same);
-            frame.hides(hides.as_ref().map_err(|why| *why).map(|hides| {
-                let found = || (shown.clone(), in_view.clone(), hidden::of_parts(hides, parts, &in_view));
-                seen.before.insert(before.unwrap_or_else(found)).2.clone()
-            }));
+            frame.hides(hides.as_mut().map_err(|why| *why).map(|hides| hidden::of_parts(hides, parts, &in_view)));
         }
         Ok(frame)
     }

@@ -1,22 +1,26 @@
 """Levels of detail: pixel error against full resolution, and the two volumes of LaMar, Hamann & Joy (1999), Tables 1 and 2.
 
-    python3 levels.py BRICKCAST DATA OUT    (needs numpy and pillow; with matplotlib it plots OUT/levels.png)
+    python3 levels.py BRICKCAST DATA OUT [paper|moving]    (needs numpy and pillow; with matplotlib it plots OUT/levels.png)
 
 BRICKCAST is a release build, DATA a folder with engine.nrrd, bonsai.nrrd and walnut_u16.nrrd, OUT one for stores and pictures.
 Prints the tables of docs/figures/benchmarks.md. Times are medians of five frames of bricks that are there, in processes of
-their own; differences of 8 bits, the largest channel of a pixel on black.
+their own; differences of 8 bits, the largest channel of a pixel on black. With a fourth word, `paper`, of the paper's volumes
+alone; and with `moving` of sequences.
 """
 
 import json
 import pathlib
+import resource
 import statistics
 import subprocess
 import sys
+import time
 
 import numpy as np
 from PIL import Image
 
-brickcast, data, out = sys.argv[1], pathlib.Path(sys.argv[2]), pathlib.Path(sys.argv[3])
+brickcast, data, out = sys.argv[1], pathlib.Path(sys.argv[2]), pathlib.Path(sys.argv[3]).resolve()
+only = sys.argv[4] if len(sys.argv) > 4 else ""
 out.mkdir(parents=True, exist_ok=True)
 RUNS = 5
 ERRORS = ["0.5", "1", "2", "4"]
@@ -43,18 +47,20 @@ def phantom(name, dims, brick):
 
 
 def drawn(name, size, flags):
-    """Bricks by level, share of bytes, loading and frame in ms, samples, and the picture."""
-    frames, loads = [], []
+    """Bricks by level, share of bytes, loading and frame in ms, processor time of all in ms, samples, and the picture."""
+    frames, loads, used = [], [], []
     for _ in range(RUNS):
+        before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
         run("render", name, "-o", "a.png", "--size", size, "--background", "0,0,0", "--backend", "cpu", "--exact",
             "--stats", "s.json", *flags)
+        used.append(1e3 * (resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before))
         stats = json.loads((out / "s.json").read_text())
         frames.append(stats["frame_ms"])
         loads.append(stats["load_ms"])
     lod = stats.get("lod") or {"bricks": [stats["shown_bricks"]], "share_of_bytes": 1.0}
     picture = np.asarray(Image.open(out / "a.png").convert("RGB")).astype(int)
     median = statistics.median
-    return lod["bricks"], lod["share_of_bytes"], median(loads), median(frames), stats["samples"], picture
+    return lod["bricks"], lod["share_of_bytes"], median(loads), median(frames), median(used), stats["samples"], picture
 
 
 def difference(a, b):
@@ -62,19 +68,45 @@ def difference(a, b):
     return worst.mean(), np.percentile(worst, 99)
 
 
-def row(first, of, full):
-    bricks, share, load, frame, samples, picture = of
+def row(first, of, full, with_processor=False):
+    bricks, share, load, frame, used, samples, picture = of
     mean, p99 = difference(picture, full[-1])
     told = ", ".join(map(str, bricks))
     error = "" if of is full else "none" if mean == 0 else f"{mean:.4f}, {p99:.3f}"
-    print(f"| {first} | {told} | {100 * share:.0f} % | {load:.0f} | {frame:.1f} | {samples / 1e6:.2f} | {error} |", flush=True)
+    times = f"{load:.0f} | {frame:.1f}" + (f" | {used:.0f}" if with_processor else "")
+    print(f"| {first} | {told} | {100 * share:.0f} % | {times} | {samples / 1e6:.2f} | {error} |", flush=True)
     return mean, p99, share, frame
 
 
-volumes = {name: store(name, data / f"{name}.nrrd", "32") for name in ["engine", "bonsai", "walnut_u16"]}
-volumes["phantom"] = phantom("phantom", "256,256,256", "32")
+def moving(name, size, flags):
+    """Of a short orbit: the median frame in ms, and processor seconds and wall seconds of a frame, loading left out."""
+    used = []
+    for frames in ["2", "42"]:
+        before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.monotonic()
+        run("render", name, "-o", "a.png", "--size", size, "--backend", "cpu", "--stats", "s.json", "--frames", frames,
+            "--orbit", "20", *flags)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        used.append((after.ru_utime - before.ru_utime, time.monotonic() - started))
+    frames = json.loads((out / "s.json").read_text())["frames"]
+    (cpu, wall) = ((b - a) / 40 for a, b in zip(*used))
+    return statistics.median(frame["frame_ms"] for frame in frames), cpu, wall
+
+
+if only == "moving":
+    phantom("phantom", "256,256,256", "32")
+    print("| flags | frame, ms | processor, ms a frame | wall, ms a frame |")
+    print("| --- | --- | --- | --- |")
+    for flags in ["--lod full", "--lod auto --pixel-error 2 --zoom 2", "--lod auto --pixel-error 4 --zoom 2", "--lod 1"]:
+        ms, cpu, wall = moving("phantom", "256", flags.split())
+        print(f"| `{flags}` | {ms:.1f} | {1e3 * cpu:.1f} | {1e3 * wall:.1f} |", flush=True)
+    sys.exit()
+
+volumes = {}
+if only != "paper":
+    volumes = {name: store(name, data / f"{name}.nrrd", "32") for name in ["engine", "bonsai", "walnut_u16"]}
+    volumes["phantom"] = phantom("phantom", "256,256,256", "32")
 curves = {}
-for view, camera in VIEWS.items():
+for view, camera in VIEWS.items() if volumes else []:
     print(f"\nView: {view}.\n")
     print("| volume, `--pixel-error` | bricks by level | bytes | loading, ms | frame, ms | samples, M | difference: mean, 99 % |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
@@ -85,21 +117,32 @@ for view, camera in VIEWS.items():
             of = drawn(name, "256", [*camera, "--lod", "auto", "--pixel-error", error])
             curves.setdefault((name, view), []).append((float(error), *row(f"{name}, {error}", of, full), full[3]))
 
+# A faint constant opacity over all values: no brick is left out, and no ray ends early. The default look shows material alone.
+(out / "all.json").write_text(json.dumps([{
+    "Name": "all", "ColorSpace": "RGB", "RGBPoints": [0, 0.1, 0.2, 0.9, 20000, 0.2, 0.9, 0.3, 45000, 0.95, 0.3, 0.1],
+    "Points": [0, 0.001, 0.5, 0, 45000, 0.001, 0.5, 0],
+}]))
+LOOKS = {"all of it shows": ["--transfer-function", "all.json"], "material": []}
 print("\nThe paper's volumes.\n")
-print("| volume, tiles, criterion | bricks by level | bytes | loading, ms | frame, ms | samples, M | difference: mean, 99 % |")
-print("| --- | --- | --- | --- | --- | --- | --- |")
+print("| volume, tiles, look, criterion | bricks by level | bytes | loading, ms | frame, ms | processor, ms | samples, M |"
+      " difference: mean, 99 % |")
+print("| --- | --- | --- | --- | --- | --- | --- | --- |")
 for dims, brick in [("108,108,126", "16"), ("500,500,768", "64")]:
     name = phantom(f"paper-{brick}", dims, brick)
-    for where, camera in [("outside", []), ("inside", ["--zoom", "6"])]:
+    views = {"outside": [], "inside": ["--zoom", "6"]}
+    for look, where in [(look, where) for look in LOOKS for where in views if look == "material" or where == "outside"]:
+        camera = [*views[where], *LOOKS[look]]
         full = drawn(name, "500", [*camera, "--lod", "auto", "--lod-criterion", "cone"])
-        row(f"{dims}, {brick}, {where}: cone", full, full)
-        row(f"fov", drawn(name, "500", [*camera, "--lod", "auto", "--lod-criterion", "fov"]), full)
+        row(f"{dims}, {brick}, {where}, {look}: cone", full, full, True)
+        row("fov", drawn(name, "500", [*camera, "--lod", "auto", "--lod-criterion", "fov"]), full, True)
         for error in ["1", "2"]:
-            row(f"error {error}", drawn(name, "500", [*camera, "--lod", "auto", "--pixel-error", error]), full)
+            row(f"error {error}", drawn(name, "500", [*camera, "--lod", "auto", "--pixel-error", error]), full, True)
 
 try:
     import matplotlib
 except ImportError:
+    sys.exit()
+if not volumes:
     sys.exit()
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt

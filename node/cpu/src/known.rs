@@ -30,9 +30,9 @@ pub(crate) trait Known: Copy + 'static {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Any<const BORDERS: bool>;
 
-/// Volumes without leaps, regions and holes, between voxels; with a map or without.
+/// Volumes without leaps, regions and holes, between voxels; with a map or without, next to other levels or not.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Plain<const TAKE: u8, const MAP: bool>;
+pub(crate) struct Plain<const TAKE: u8, const MAP: bool, const BORDERS: bool>;
 
 /// Single samples of volumes with leaps and a map, without regions' own functions and holes, between voxels.
 #[derive(Debug, Clone, Copy)]
@@ -78,7 +78,7 @@ impl<const BORDERS: bool> Known for Any<BORDERS> {
     }
 }
 
-impl<const TAKE: u8, const MAP: bool> Known for Plain<TAKE, MAP> {
+impl<const TAKE: u8, const MAP: bool, const BORDERS: bool> Known for Plain<TAKE, MAP, BORDERS> {
     const READS_AHEAD: bool = TAKE != LIT;
 
     #[inline(always)]
@@ -89,7 +89,8 @@ impl<const TAKE: u8, const MAP: bool> Known for Plain<TAKE, MAP> {
     #[inline(always)]
     fn key(key: KernelKey) -> KernelKey {
         let (skips, cubes) = (MAP && key.skips, MAP && key.cubes);
-        KernelKey { skips, cubes, leaps: false, regions: false, holes: false, borders: false, take: take_of(TAKE, key) }
+        let take = take_of(TAKE, key);
+        KernelKey { skips, cubes, leaps: false, regions: false, holes: false, borders: BORDERS, take }
     }
 
     #[inline(always)]

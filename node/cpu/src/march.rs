@@ -32,15 +32,15 @@ pub(crate) fn march<L: Lanes, K: Known>(
     mut sum: Sum<L>,
 ) -> (Sum<L>, RayCounts) {
     let (frame, style, key) = (bound.scene.frame, bound.scene.style, K::key(bound.key));
-    let (reader, rays) = (K::reader(*reader), *rays);
+    let (of_brick, reader, rays) = (reader, K::reader(*reader), *rays);
     let mut counts = Counts::none(l);
-    let (zero, one, none) = (l.splat(0.0), l.splat(1.0), l.mask(0));
+    let (zero, none) = (l.splat(0.0), l.mask(0));
     let stop = l.splat(frame.stop_alpha);
     let alive = wanted & sum[3].lt(stop);
     if !alive.any() {
         return (sum, counts.total(l));
     }
-    let borders = key.borders.then(|| Borders::new(l, bound, &rays));
+    let borders = key.borders.then(|| Borders::new(l, bound, of_brick, &rays));
     let Some(mut owned) = (match &borders {
         None => rays.owned(l, frame.step, bound.brick, alive),
         Some(borders) => borders.owned(alive),
@@ -112,12 +112,14 @@ pub(crate) fn march<L: Lanes, K: Known>(
         let reads = live & !step.is_known;
         if reads.any() {
             // The map may have led some ray elsewhere.
-            let is_next = K::READS_AHEAD && (!K::has_map(key) || !(live & !k.same(next)).any());
+            let may_differ = K::has_map(key) || key.borders;
+            let is_next = K::READS_AHEAD && (!may_differ || !(live & !k.same(next)).any());
             let read = if is_next && has_ahead { ahead } else { reader.read(l, p) };
+            let behind = at.behind(k);
             if is_next {
-                ahead = reader.read(l, probe.place(k + one));
+                ahead = reader.read(l, probe.place(behind));
             }
-            (has_ahead, next) = (is_next, k + one);
+            (has_ahead, next) = (is_next, behind);
             code = if may_know { L::F::select(reads, read, code) } else { read };
             counts.samples = counts.samples.count(reads);
             if has_flags {

@@ -6,6 +6,7 @@ use brickcast_shaders::twin::bindings::Bindings;
 
 use super::lanes::{Floats, Ints, Lanes, Mask};
 use super::ray::{Rays, Segments, first_outside, rounded_up};
+use super::read::Reader;
 
 /// Which positions of rays a brick visits: from `start` to below `k_end`; it owns those below `k_out`.
 #[derive(Clone, Copy)]
@@ -91,18 +92,14 @@ pub(crate) struct Borders<'a, L: Lanes> {
     frame: &'a FrameUniform,
     brick: &'a BrickUniform,
     rays: &'a Rays<L>,
-    /// 1 where one is, of the places around the brick.
-    elsewhere: [u32; 27],
+    /// As the brick's reader has it.
+    elsewhere: &'a [u32; 27],
 }
 
 impl<'a, L: Lanes> Borders<'a, L> {
     #[inline(always)]
-    pub(crate) fn new(l: L, bound: &Bindings<'a>, rays: &'a Rays<L>) -> Self {
-        let mut elsewhere = [0; 27];
-        for side in 0..27 {
-            elsewhere[side] = bound.brick.borders >> side & 1;
-        }
-        Self { l, frame: bound.scene.frame, brick: bound.brick, rays, elsewhere }
+    pub(crate) fn new(l: L, bound: &Bindings<'a>, reader: &'a Reader<'_>, rays: &'a Rays<L>) -> Self {
+        Self { l, frame: bound.scene.frame, brick: bound.brick, rays, elsewhere: &reader.elsewhere }
     }
 
     /// Is another level drawn where rays are at `t`, in or around the brick?

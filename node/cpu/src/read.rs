@@ -26,6 +26,8 @@ pub(crate) struct Reader<'a> {
     pub(crate) means: Option<&'a [f32]>,
     flags: &'a [u8],
     pub(crate) shown: ShownEntries,
+    /// 1 where another level is drawn, of the 27 places around the brick.
+    pub(crate) elsewhere: [u32; 27],
 }
 
 /// What a texel of a coded brick says.
@@ -76,6 +78,7 @@ impl<'a> Reader<'a> {
             means: if bound.key.leaps { data.means } else { None },
             flags: data.flags,
             shown,
+            elsewhere: std::array::from_fn(|side| brick.borders >> side & 1),
         })
     }
 

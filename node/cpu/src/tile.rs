@@ -59,8 +59,8 @@ pub enum Pause {
     Row,
 }
 
-/// Takes all bricks of a scene, front to back, into a tile, by an instruction set; what each brick took. `None` as soon
-/// as `is_wanted` says no.
+/// Takes all bricks, front to back, into a tile, by an instruction set; what each brick took. `None` as soon as
+/// `is_wanted` says no. A brick's rays are those of its own scene's frame, whose pixels are those of `frame`.
 pub fn render_tile(
     set: InstructionSet,
     frame: &FrameUniform,
@@ -128,8 +128,15 @@ fn over_packets<L: Lanes>(
     }
     // Each costs seconds of compiling: not where nobody waits for pictures.
     if L::IS_FAST {
-        first_of!(Plain::<SAMPLES, false>, Plain::<SAMPLES, true>, Plain::<SLABS, false>, Plain::<SLABS, true>);
-        first_of!(Plain::<LIT, false>, Plain::<LIT, true>, Leaping);
+        if bound.key.borders {
+            first_of!(Plain::<SAMPLES, false, true>, Plain::<SAMPLES, true, true>);
+            first_of!(Plain::<SLABS, false, true>, Plain::<SLABS, true, true>);
+            // What is lit takes its time for light: it gains next to nothing.
+        } else {
+            first_of!(Plain::<SAMPLES, false, false>, Plain::<SAMPLES, true, false>);
+            first_of!(Plain::<SLABS, false, false>, Plain::<SLABS, true, false>);
+            first_of!(Plain::<LIT, false, false>, Plain::<LIT, true, false>, Leaping);
+        }
     }
     first_of!(Any::<true>);
     l.enter(BrickTask { known: Any::<false>, l, bound, reader, packets, touched })
@@ -149,6 +156,7 @@ impl Task for TileTask<'_, '_> {
         let mut packets = packets_of(l, frame, &tile);
         let per_row = tile.rect.size().x.div_ceil(shape(L::N)[0]) as usize;
         let mut counts = vec![RayCounts::default(); bricks.len()];
+        let mut seen_by = frame;
         for (placed, counts) in bricks.iter().zip(&mut counts) {
             let touched = &tile.rect.intersect(&placed.projected);
             if touched.is_empty() {
@@ -156,6 +164,13 @@ impl Task for TileTask<'_, '_> {
             }
             if !is_wanted(Pause::Brick) {
                 return None;
+            }
+            let of_brick = placed.bound.scene.frame;
+            if !std::ptr::eq(of_brick, seen_by) {
+                for packet in &mut packets {
+                    packet.rays = rays_of(l, of_brick, packet.lo, tile.rect.hi);
+                }
+                seen_by = of_brick;
             }
             for packets in packets.chunks_mut(per_row.max(1)) {
                 if !is_wanted(Pause::Row) {
@@ -189,20 +204,17 @@ fn packets_of<L: Lanes>(l: L, frame: &FrameUniform, tile: &Tile<'_>) -> Vec<Pack
         let mut x = lo.x;
         while x < hi.x {
             let at = UVec2::new(x, y);
-            let (mut xs, mut ys) = ([0.0; WIDEST], [0.0; WIDEST]);
             let mut sums = [[0.0; WIDEST]; 4];
             for lane in 0..L::N {
                 let [dx, dy] = pixel_of(L::N, lane);
                 // Lanes beyond the tile repeat its last pixels; nothing is taken by them.
                 let (px, py) = ((x + dx).min(hi.x - 1), (y + dy).min(hi.y - 1));
-                (xs[lane], ys[lane]) = (px as f32, py as f32);
                 let pixel = tile.rows[(py - lo.y) as usize][(px - lo.x) as usize];
                 for (sum, value) in sums.iter_mut().zip(pixel) {
                     sum[lane] = value;
                 }
             }
-            // Whole numbers far below 2^24.
-            let rays = Rays::of_pixels(l, frame, l.load(&xs).cut_off(), l.load(&ys).cut_off());
+            let rays = rays_of(l, frame, at, hi);
             let sum = [l.load(&sums[0]), l.load(&sums[1]), l.load(&sums[2]), l.load(&sums[3])];
             packets.push(Packet { lo: at, inside: lanes_in(L::N, at, &tile.rect), rays, sum });
             x += width;
@@ -210,6 +222,18 @@ fn packets_of<L: Lanes>(l: L, frame: &FrameUniform, tile: &Tile<'_>) -> Vec<Pack
         y += height;
     }
     packets
+}
+
+/// The rays of the packet at `at`, in a tile that ends at `hi`.
+#[inline(always)]
+fn rays_of<L: Lanes>(l: L, frame: &FrameUniform, at: UVec2, hi: UVec2) -> Rays<L> {
+    let (mut xs, mut ys) = ([0.0; WIDEST], [0.0; WIDEST]);
+    for lane in 0..L::N {
+        let [dx, dy] = pixel_of(L::N, lane);
+        (xs[lane], ys[lane]) = ((at.x + dx).min(hi.x - 1) as f32, (at.y + dy).min(hi.y - 1) as f32);
+    }
+    // Whole numbers far below 2^24.
+    Rays::of_pixels(l, frame, l.load(&xs).cut_off(), l.load(&ys).cut_off())
 }
 
 /// Has every pixel the opacity at which rays stop?

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 pub use brickcast_cpu::InstructionSet;
 use brickcast_cpu::{Pause, PlacedBrick, ShownEntries, Tile, render_tile};
-use brickcast_shaders::layout::BrickUniform;
+use brickcast_shaders::layout::{BrickUniform, FrameUniform};
 use brickcast_shaders::twin::bindings::{Bindings, BrickData, SceneData};
 use brickcast_shaders::twin::macrocell::empty_distances;
 use brickcast_volume::brick::OwnedBox;
@@ -161,13 +161,14 @@ impl<'a> SceneBrick<'a> {
         let ask = |(emptiness, built): (_, &BuiltCells)| brick.occupancy.ask(emptiness, &brick.owned, &built.cells);
         let has_cubes = cells.is_some_and(|built| built.homogeneous.is_some());
         let has = (brick.means.is_some(), has_cubes);
-        let Placed { uniform, key } = Placed::new(scene, &brick.uniform, has, emptiness.zip(cells).map(ask), sides);
+        let Placed { uniform, shown, key } =
+            Placed::new(scene, &brick.uniform, has, emptiness.zip(cells).map(ask), sides);
         let map = brick.map(emptiness.filter(|_| key.skips));
-        Self { brick, projected: scene.view.project(&uniform.owned()), uniform, key, map }
+        Self { brick, projected: scene.view.project(&shown), uniform, key, map }
     }
 
     fn placed<'b>(&'b self, reads: &Reads<'b>) -> PlacedBrick<'b> {
-        let bound = Bindings { scene: reads.scene, brick: &self.uniform, data: self.data(), key: self.key };
+        let bound = Bindings { scene: reads.data, brick: &self.uniform, data: self.data(), key: self.key };
         let place = if reads.by_twin { PlacedBrick::by_twin } else { PlacedBrick::new };
         place(self.projected, bound, reads.shown)
     }
@@ -273,35 +274,45 @@ impl Raycaster for CpuRaycaster {
         jobs: &[Job],
         watch: Watch<'_>,
     ) -> Result<Vec<JobImage>, RaycastError> {
-        check_jobs(scene, jobs, u32::MAX)?;
-        let frame = scene.frame_uniform();
-        let emptiness = self.emptiness.get(scene);
-        let data = scene.data(&frame);
-        let shown = ShownEntries::of(&data.tables);
-        let reads = Reads { scene: &data, set: self.set, by_twin: self.by_twin, shown, watch };
-        let work = || jobs.par_iter().map(|job| render_job(scene, &reads, emptiness.as_ref(), job)).collect();
-        on_kernel_threads(work)
+        self.render_scenes(&[scene], jobs, watch)
+    }
+
+    fn takes_scenes_together(&self) -> bool {
+        true
+    }
+
+    fn render_scenes(
+        &self,
+        scenes: &[&KernelScene],
+        jobs: &[Job],
+        watch: Watch<'_>,
+    ) -> Result<Vec<JobImage>, RaycastError> {
+        let frames: Vec<FrameUniform> = scenes.iter().map(|scene| scene.frame_uniform()).collect();
+        let data: Vec<SceneData<'_>> = scenes.iter().zip(&frames).map(|(scene, frame)| scene.data(frame)).collect();
+        let mut reads = Vec::with_capacity(scenes.len());
+        for (scene, data) in scenes.iter().zip(&data) {
+            check_jobs(scene, jobs, u32::MAX)?;
+            let (shown, emptiness) = (ShownEntries::of(&data.tables), self.emptiness.get(scene));
+            reads.push(Reads { scene, data, set: self.set, by_twin: self.by_twin, shown, emptiness, watch });
+        }
+        on_kernel_threads(|| jobs.par_iter().map(|job| render_job(&reads, job)).collect())
     }
 }
 
-fn render_job(
-    scene: &KernelScene,
-    reads: &Reads<'_>,
-    emptiness: Option<&Arc<Emptiness>>,
-    job: &Job,
-) -> Result<JobImage, RaycastError> {
-    let bricks: Vec<SceneBrick<'_>> = job
+fn render_job(scenes: &[Reads<'_>], job: &Job) -> Result<JobImage, RaycastError> {
+    let bricks: Vec<(SceneBrick<'_>, &Reads<'_>)> = job
         .bricks
         .par_iter()
         .enumerate()
         .map(|(i, b)| {
-            let brick = b.as_any().downcast_ref::<CpuBrick>()?;
-            Some(SceneBrick::new(brick, job.sides_of(i), scene, emptiness))
+            let (brick, reads) = (b.as_any().downcast_ref::<CpuBrick>()?, scenes.get(job.scene_of(i))?);
+            Some((SceneBrick::new(brick, job.sides_of(i), reads.scene, reads.emptiness.as_ref()), reads))
         })
         .collect::<Option<_>>()
         .ok_or(RaycastError::ForeignBrick { backend: "cpu" })?;
-    let placed: Vec<PlacedBrick<'_>> = bricks.iter().map(|brick| brick.placed(reads)).collect();
-    let mut pixels = job.started(scene.pixel_kind())?;
+    let Some(reads) = scenes.first() else { return Err(RaycastError::ForeignBrick { backend: "cpu" }) };
+    let placed: Vec<PlacedBrick<'_>> = bricks.iter().map(|(brick, reads)| brick.placed(reads)).collect();
+    let mut pixels = job.started(reads.scene.pixel_kind())?;
     let edge = tile_edge(job.rect.pixel_count(), rayon::current_num_threads());
     // One by one: what rayon would keep together is a quarter of the picture, whose other quarters may be empty.
     let tiles = tiles_of(&job.rect, pixels.raw_mut(), edge).into_par_iter().with_max_len(1);
@@ -311,7 +322,7 @@ fn render_job(
         Pause::Row => reads.watch.is_wanted().is_ok(),
     };
     let render = |tile| {
-        let counts = render_tile(reads.set, reads.scene.frame, &placed, &is_wanted, tile).ok_or(Cancelled)?;
+        let counts = render_tile(reads.set, reads.data.frame, &placed, &is_wanted, tile).ok_or(Cancelled)?;
         Ok::<Vec<BrickCounts>, RaycastError>(counts.into_iter().map(BrickCounts::from).collect())
     };
     let counts = tiles.map(render).try_reduce(
@@ -324,12 +335,14 @@ fn render_job(
     Ok(JobImage { rect: job.rect, pixels, counts })
 }
 
-/// What all rays of a job read, by which set, and how they are watched.
+/// What rays read of a scene, by which set, and how they are watched.
 struct Reads<'a> {
-    scene: &'a SceneData<'a>,
+    scene: &'a KernelScene,
+    data: &'a SceneData<'a>,
     set: InstructionSet,
     by_twin: bool,
     shown: ShownEntries,
+    emptiness: Option<Arc<Emptiness>>,
     watch: Watch<'a>,
 }
 

@@ -81,3 +81,53 @@ fn tiles_are_small_where_pixels_are_few() {
         assert_eq!(tile_edge(pixels, threads), edge, "{pixels} {threads}");
     }
 }
+
+/// Levels of a volume in one call leave the bits of a call for each, one after the other.
+#[test]
+fn scenes_taken_together_are_each_seen_as_alone() {
+    let scene = |level: u32| {
+        let spacing = f64::from(1_u32 << level);
+        let geometry = Geometry::new([32 >> level; 3], [spacing; 3], [0.5 * spacing; 3]).unwrap();
+        let full = Geometry::new([32; 3], [1.0; 3], [0.5; 3]).unwrap();
+        let camera = Camera::orbit(&full, Orbit { azimuth: 20.0, elevation: 30.0, ..Orbit::default() }).unwrap();
+        let view = View::new(&geometry, &camera, PictureSize::new(67, 45).unwrap(), 0.5 * spacing).unwrap();
+        let points = [(0.0, 0.0), (0.4, 0.0), (1.0, 0.2)].map(|(x, opacity)| OpacityPoint { x, opacity });
+        let colors = [(0.0, [1.0, 0.2, 0.1]), (1.0, [0.1, 0.6, 1.0])].map(|(x, rgb)| ColorPoint { x, rgb });
+        let function = TransferFunction::new(colors.to_vec(), points.to_vec()).unwrap();
+        let table = Arc::new(TransferTable::build(&function, (0.0, 1.0), 0.5 * spacing));
+        let (finest, weight) = (1.0 / spacing as f32, spacing as f32);
+        KernelScene { finest, weight, skip_empty: true, ..KernelScene::plain(view, table, 0.95, Filter::Exact) }
+    };
+    let scenes = [scene(0), scene(1)];
+    let sets = InstructionSet::ALL.iter().filter(|set| set.is_here()).map(|&set| CpuRaycaster::with_set(set));
+    for raycaster in sets.chain([CpuRaycaster::twin()]) {
+        let brick = |z: u32| {
+            let level = z % 2;
+            let n = 32 >> level;
+            let owned = OwnedBox { lo: UVec3::new(0, 0, n * z / 4), hi: UVec3::new(n, n, n * (z + 1) / 4) };
+            let stored = owned.stored(1);
+            let code = |i: u64| (i.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 48) as u16;
+            let codes = (0..stored.voxel_count()).map(code).collect();
+            let voxels = BrickVoxels { stored, codes, has_holes: false };
+            raycaster.upload(owned, &BrickInput::plain(&voxels)).unwrap()
+        };
+        let bricks: Vec<_> = (0..4).map(brick).collect();
+        let sides: Vec<_> = (0..4).map(|z| Sides::around(|at| z % 2 == 1 && at[2] != 0)).collect();
+        let rect = scenes[0].view.size().full_rect();
+        let job = Job { sides: sides.clone(), scenes: vec![0, 1, 0, 1], ..Job::new(bricks.clone(), rect) };
+        let pulse = Pulse::default();
+        let together =
+            raycaster.render_scenes(&[&scenes[0], &scenes[1]], &[job], Watch::new(&pulse, &|| false)).unwrap();
+        let (mut front, mut counts) = (None, Vec::new());
+        for (z, (brick, sides)) in bricks.iter().zip(sides).enumerate() {
+            let job = Job { sides: vec![sides], front, ..Job::new(vec![brick.clone()], rect) };
+            let alone = raycaster.render(&scenes[z % 2], &[job]).unwrap().remove(0);
+            counts.extend(alone.counts);
+            front = Some(alone.pixels);
+        }
+        let bits =
+            |pixels: &brickcast_volume::Pixels| pixels.raw().iter().map(|p| p.map(f32::to_bits)).collect::<Vec<_>>();
+        assert_eq!(bits(&together[0].pixels), bits(&front.unwrap()), "{}", raycaster.info().adapter);
+        assert!(counts.iter().all(|count| count.positions > 100), "{counts:?}");
+    }
+}

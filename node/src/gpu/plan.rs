@@ -69,12 +69,12 @@ pub(super) fn batches(rects: &[PixelRect], capacity: u32) -> Vec<Batch> {
     batches
 }
 
-/// The dispatches of one brick over a band: the projection of the uniform's owned box, cut where the samples could be
-/// too many.
+/// The dispatches of one brick over a band: the projection of what shows of it, cut where the samples could be too
+/// many.
 pub(super) fn dispatches(view: &View, band: &Band, (position, most): (usize, f64), placed: Placed) -> Vec<Dispatch> {
-    let Placed { uniform: boxes, key } = placed;
+    let Placed { uniform: boxes, shown, key } = placed;
     let owned = &boxes.owned();
-    let rect = view.project(owned).intersect(&band.rect);
+    let rect = view.project(&shown).intersect(&band.rect);
     if rect.is_empty() || owned.voxel_count() == 0 {
         return Vec::new();
     }
@@ -154,7 +154,8 @@ mod tests {
         let view = View::new(&geometry, &camera, PictureSize::new(8192, 8192).unwrap(), 0.05).unwrap();
         let owned = OwnedBox { lo: UVec3::ZERO, hi: UVec3::splat(512) };
         let band = Band { job: 0, rect: rect([0, 1000], [8192, 1900]), base: 77 };
-        let placed = Placed { uniform: BrickUniform::of_boxes(&owned, &owned.stored(1)), key: KernelKey::PLAIN };
+        let uniform = BrickUniform::of_boxes(&owned, &owned.stored(1));
+        let placed = Placed { uniform, shown: owned, key: KernelKey::PLAIN };
         let pieces = dispatches(&view, &band, (3, DISPATCH_SAMPLES), placed);
         assert!(pieces.len() > 10);
         let covered = view.project(&owned).intersect(&band.rect);

@@ -16,20 +16,26 @@ pub struct Job {
     pub bricks: Vec<Arc<dyn ResidentBrick>>,
     /// Of each brick, where it meets other levels; of bricks beyond the last one: nowhere.
     pub sides: Vec<Sides>,
+    /// Of each brick, by which of the call's scenes it is seen; of bricks beyond the last one: by the first.
+    pub scenes: Vec<usize>,
     pub rect: PixelRect,
     /// What lies in front of them: the pixels of a job that ended there. None: nothing.
     pub front: Option<Pixels>,
 }
 
 impl Job {
-    /// With nothing in front, of bricks that meet no other level.
+    /// With nothing in front, of bricks of one scene that meet no other level.
     #[must_use]
     pub fn new(bricks: Vec<Arc<dyn ResidentBrick>>, rect: PixelRect) -> Self {
-        Self { bricks, sides: Vec::new(), rect, front: None }
+        Self { bricks, sides: Vec::new(), scenes: Vec::new(), rect, front: None }
     }
 
     pub(crate) fn sides_of(&self, position: usize) -> Sides {
         self.sides.get(position).copied().unwrap_or_default()
+    }
+
+    pub(crate) fn scene_of(&self, position: usize) -> usize {
+        self.scenes.get(position).copied().unwrap_or_default()
     }
 
     /// The accumulator as it starts, in a scene of this kind of pixels.

@@ -2,6 +2,7 @@
 
 use brickcast_shaders::layout::BrickUniform;
 use brickcast_shaders::{BrickTraits, KernelKey};
+use brickcast_volume::OwnedBox;
 use brickcast_volume::lod::Sides;
 
 use super::occupied::Occupied;
@@ -12,6 +13,8 @@ use super::scene::KernelScene;
 pub(crate) struct Placed {
     /// Its owned box is the part of the brick that may show something, or all of it where other levels are next to it.
     pub(crate) uniform: BrickUniform,
+    /// That part, whatever is next to it: rays that do not meet it take nothing.
+    pub(crate) shown: OwnedBox,
     pub(crate) key: KernelKey,
 }
 
@@ -27,14 +30,17 @@ impl Placed {
         let mut uniform = BrickUniform { borders: sides.bits(), ..*uniform };
         let borders = !sides.is_empty();
         let mut traits = BrickTraits { leaps, holes: uniform.holes != 0, cubes, borders, ..BrickTraits::default() };
+        let mut shown = uniform.owned();
         if let Some(occupied) = occupied {
-            let (bounds, pays) = scene.bounds(occupied, &uniform.owned());
-            (traits.may_skip, traits.skipping_pays) = (true, pays);
-            // What of a brick meets other levels is told by all of it.
-            if !borders || bounds.voxel_count() == 0 {
+            let (bounds, pays) = scene.bounds(occupied, &shown);
+            // What of a brick meets other levels is told by all of it: the map says where there is something to see.
+            let is_cut = !borders || bounds.voxel_count() == 0;
+            (traits.may_skip, traits.skipping_pays) = (true, if is_cut { pays } else { occupied.skips_uncut });
+            if is_cut {
                 uniform = uniform.within(&bounds);
             }
+            shown = bounds;
         }
-        Self { uniform, key: KernelKey::of(scene.look(), traits) }
+        Self { uniform, shown, key: KernelKey::of(scene.look(), traits) }
     }
 }

@@ -75,6 +75,26 @@ pub trait Raycaster: Send + Sync + std::fmt::Debug {
         watch: Watch<'_>,
     ) -> Result<Vec<JobImage>, RaycastError>;
 
+    /// Can the bricks of a job be seen by several scenes, those of a volume's levels?
+    fn takes_scenes_together(&self) -> bool {
+        false
+    }
+
+    /// As [`Raycaster::render_watched`], of scenes that differ in their volume's level alone. Where they are not taken
+    /// together all jobs are of the same one.
+    ///
+    /// # Errors
+    /// As [`Raycaster::render_watched`].
+    fn render_scenes(
+        &self,
+        scenes: &[&KernelScene],
+        jobs: &[Job],
+        watch: Watch<'_>,
+    ) -> Result<Vec<JobImage>, RaycastError> {
+        let scene = jobs.first().and_then(|job| scenes.get(job.scene_of(0)));
+        scene.map_or_else(|| Ok(Vec::new()), |scene| self.render_watched(scene, jobs, watch))
+    }
+
     /// The same to its end.
     ///
     /// # Errors

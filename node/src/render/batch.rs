@@ -16,7 +16,7 @@ use super::workshop::{MAX_BATCH_BYTES, Turns, Workshop};
 use crate::brick::residency::{Ask, BrickKey, Wanted, beside};
 use crate::error::NodeError;
 use crate::interval;
-use crate::kernel::{BackendInfo, Job, JobImage, ResidentBrick, Watch, new_pixels};
+use crate::kernel::{BackendInfo, Job, JobImage, KernelScene, ResidentBrick, Watch, new_pixels};
 use crate::stores::Sources;
 
 /// The plan's units in their order, rendered when they are needed, several at once where they are small. Holds no
@@ -74,10 +74,8 @@ struct Part {
     positions: Vec<usize>,
 }
 
-/// A slice that fits the memory.
+/// A slice that fits the memory. All of its bricks are of one level where levels are not taken together.
 struct Slice {
-    /// Of the plan's, which all of its bricks are of.
-    level: usize,
     parts: Vec<Part>,
     /// None twice.
     wanted: Vec<Wanted>,
@@ -136,7 +134,7 @@ impl<'a> Batches<'a> {
 
     /// Renders the next slice.
     fn render(&mut self, meter: &mut FrameMeter) -> Result<(), NodeError> {
-        let Slice { level, parts, wanted, samples } = self.slice();
+        let Slice { parts, wanted, samples } = self.slice();
         let (plan, sources, workshop, watch) = (self.plan, &self.sources.parts[..], self.workshop, self.watch);
         let is_cancelled = || watch.is_cancelled();
         let place = Some(plan.visits.at(&wanted));
@@ -148,16 +146,18 @@ impl<'a> Batches<'a> {
         let key = |position: &usize| self.plan.bricks[*position].wanted.key;
         let brick = |position: &usize| resident[&key(position)].clone();
         let sides = |part: &Part| part.positions.iter().map(|p| self.plan.bricks[*p].sides).collect();
+        let levels = |part: &Part| part.positions.iter().map(|p| self.plan.bricks[*p].level).collect();
         let job = |part: &Part| {
             let front = part.goes_on.then(|| self.begun[part.unit - self.next].layer.within(&part.rect));
             let bricks = part.positions.iter().map(&brick).collect();
-            Job { bricks, sides: sides(part), rect: part.rect, front }
+            Job { bricks, sides: sides(part), scenes: levels(part), rect: part.rect, front }
         };
         let jobs: Vec<Job> = parts.iter().map(job).collect();
-        let (scene, raycaster) = (&self.plan.levels[level].scene, workshop.raycaster);
-        let render = || match &self.plan.interval {
-            Some(interval) => interval::render(scene, interval, raycaster.info(), &jobs, watch),
-            None => raycaster.render_watched(scene, &jobs, watch),
+        let scenes: Vec<&KernelScene> = plan.levels.iter().map(|level| &level.scene).collect();
+        let raycaster = workshop.raycaster;
+        let render = || match &plan.interval {
+            Some(interval) => interval::render(scenes[jobs[0].scene_of(0)], interval, raycaster.info(), &jobs, watch),
+            None => raycaster.render_scenes(&scenes, &jobs, watch),
         };
         let (is_over, nanos, fetched) = (AtomicBool::new(false), AtomicU64::new(0), OnceLock::new());
         let next = Ask { wanted: plan.visits.after(&wanted, plan.pass_bytes), ..ask };
@@ -180,8 +180,8 @@ impl<'a> Batches<'a> {
         meter.loaded(fetched.into_inner().unwrap_or_default());
         for (part, image) in parts.iter().zip(images) {
             for (position, counts) in part.positions.iter().zip(&image.counts) {
-                let PlannedBrick { wanted, drawn, chunk, .. } = &self.plan.bricks[*position];
-                meter.rendered((level, wanted.key.brick), *chunk, drawn, counts);
+                let PlannedBrick { wanted, drawn, chunk, level, .. } = &self.plan.bricks[*position];
+                meter.rendered((*level, wanted.key.brick), *chunk, drawn, counts);
             }
             self.begun[part.unit - self.next].layer.put(image)?;
         }
@@ -203,7 +203,7 @@ impl<'a> Batches<'a> {
             let Some(pass) = begun.map_or(unit.passes.first(), |begun| begun.pass(unit)) else { break };
             let bricks = &unit.positions[pass.positions.clone()];
             let of_pass = bricks.first().map_or(0, |&p| plan.bricks[p].level);
-            if *level.get_or_insert(of_pass) != of_pass {
+            if plan.level_by_level && *level.get_or_insert(of_pass) != of_pass {
                 break;
             }
             let left = self.size.samples() - samples;
@@ -245,7 +245,7 @@ impl<'a> Batches<'a> {
         // In the grid's order, so that neighbours share decoded chunks.
         let mut wanted: Vec<Wanted> = wanted.into_values().collect();
         wanted.sort_unstable_by_key(|w| w.key);
-        Slice { level: level.unwrap_or(0), parts, wanted, samples }
+        Slice { parts, wanted, samples }
     }
 }
 

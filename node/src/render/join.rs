@@ -2,6 +2,7 @@
 
 use brickcast_volume::pixel::KindError;
 use brickcast_volume::{PixelKind, PixelRect, Pixels, RawPixel};
+use rayon::prelude::*;
 
 use super::batch::Batches;
 use super::meter::FrameMeter;
@@ -80,30 +81,54 @@ pub(super) fn picture(
     }
 }
 
+/// Pixels that are worth a thread's while.
+const AT_ONCE: usize = 1 << 13;
+
 /// The front layer joined with the one behind, on the rectangle around both; outside its own rectangle each is clear.
+/// What has that rectangle already takes the other in: pictures are large, and most of what is joined lies in one.
 fn layer_over(front: Layer, back: Layer) -> Result<Layer, KindError> {
     let kind = front.pixels.kind_with(&back.pixels)?;
     let rect = front.rect.union(&back.rect);
-    let mut pixels = Vec::with_capacity(rect.pixel_count());
-    for y in rect.lo.y..rect.hi.y {
-        let start = pixels.len();
-        pixels.resize(start + rect.size().x as usize, [0.0; 4]);
-        let row = &mut pixels[start..];
-        for (layer, is_front) in [(&back, false), (&front, true)] {
-            let r = layer.rect;
-            if r.is_empty() || y < r.lo.y || y >= r.hi.y {
-                continue;
-            }
-            let values = layer.row(y, r.lo.x, r.hi.x);
-            let behind = &mut row[(r.lo.x - rect.lo.x) as usize..][..values.len()];
-            if is_front {
-                kind.join(values, behind);
-            } else {
-                behind.copy_from_slice(values);
-            }
-        }
+    if front.rect == rect {
+        let mut picture = front;
+        let behind = |row: &mut [RawPixel], values: &[RawPixel]| {
+            let mut joined = values.to_vec();
+            kind.join(row, &mut joined);
+            row.copy_from_slice(&joined);
+        };
+        picture.take_in(&back, &behind);
+        return Ok(picture);
     }
-    Ok(Layer { rect, pixels: Pixels::from_raw(kind, pixels) })
+    let mut picture = match back.rect == rect {
+        true => back,
+        false => {
+            let pixels = Pixels::from_raw(kind, vec![[0.0; 4]; rect.pixel_count()]);
+            let mut picture = Layer { rect, pixels };
+            picture.take_in(&back, &|row, values| row.copy_from_slice(values));
+            picture
+        }
+    };
+    picture.take_in(&front, &|row, values| kind.join(values, row));
+    Ok(picture)
+}
+
+impl Layer {
+    /// Has `join` put each row of a layer inside this one into what is there; the rows side by side.
+    fn take_in(&mut self, other: &Self, join: &(dyn Fn(&mut [RawPixel], &[RawPixel]) + Sync)) {
+        let (rect, inside) = (self.rect, other.rect);
+        if inside.is_empty() {
+            return;
+        }
+        let (width, rows) = (rect.size().x as usize, (AT_ONCE / rect.size().x as usize).max(1));
+        let first = (inside.lo.y - rect.lo.y) as usize * width;
+        let there = &mut self.pixels.raw_mut()[first..][..inside.size().y as usize * width];
+        there.par_chunks_mut(rows * width).enumerate().for_each(|(i, band)| {
+            for (y, row) in (inside.lo.y + (i * rows) as u32..).zip(band.chunks_mut(width)) {
+                let values = other.row(y, inside.lo.x, inside.hi.x);
+                join(&mut row[(inside.lo.x - rect.lo.x) as usize..][..values.len()], values);
+            }
+        });
+    }
 }
 
 #[cfg(test)]
@@ -128,6 +153,48 @@ mod tests {
         assert_eq!(at(4, 2), over(Premul::from_array(f), Premul::from_array(b)).to_array());
         assert_eq!(at(2, 5), [0.0; 4]);
         assert_eq!(joined.pixels.len(), 25);
+    }
+
+    /// Whichever of them has room for the other, as large as threads share, or larger in another direction.
+    #[test]
+    fn each_pixel_is_joined_as_if_it_was_alone() {
+        let mut state = 7_u32;
+        let mut random = |below: u32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 16) % below
+        };
+        for large in [9, 9, 9, 9, 9, 9, 9, 9, 300] {
+            let mut made = || {
+                let lo = UVec2::new(random(large), random(large));
+                let rect = PixelRect { lo, hi: lo + UVec2::new(1 + random(large), 1 + random(large)) };
+                let value = |_| [0; 4].map(|_| random(1000) as f32 / 2000.0);
+                Layer { rect, pixels: Pixels::from_raw(PixelKind::Over, (0..rect.pixel_count()).map(value).collect()) }
+            };
+            let (front, back) = (made(), made());
+            for (front, back) in [(&front, &back), (&back, &front)] {
+                let inside = |inner: &Layer, outer: PixelRect| {
+                    let mut all = Layer { rect: outer, pixels: Pixels::clear(PixelKind::Over, outer.pixel_count()) };
+                    all.take_in(inner, &|row, values| row.copy_from_slice(values));
+                    all
+                };
+                let rect = front.rect.union(&back.rect);
+                let wide = [inside(front, rect), inside(back, rect)];
+                for (front, back) in [(front, back), (&wide[0], back), (front, &wide[1]), (&wide[0], &wide[1])] {
+                    let joined = layer_over(front.clone(), back.clone()).unwrap();
+                    assert_eq!(joined.rect, rect);
+                    let at = |layer: &Layer, x: u32, y: u32| {
+                        let (at, PixelRect { lo, hi }) = (UVec2::new(x, y), layer.rect);
+                        let is_in = at.cmpge(lo).all() && at.cmplt(hi).all();
+                        if is_in { layer.row(y, x, x + 1)[0] } else { [0.0; 4] }
+                    };
+                    for (y, x) in (rect.lo.y..rect.hi.y).flat_map(|y| (rect.lo.x..rect.hi.x).map(move |x| (y, x))) {
+                        let (f, b) = (Premul::from_array(at(front, x, y)), Premul::from_array(at(back, x, y)));
+                        let want = over(f, b).to_array().map(f32::to_bits);
+                        assert_eq!(at(&joined, x, y).map(f32::to_bits), want);
+                    }
+                }
+            }
+        }
     }
 
     #[test]

@@ -29,6 +29,8 @@ pub(super) struct FramePlan {
     pub from: Viewpoint,
     /// Of the order's parts; one where it has none.
     pub levels: Vec<PlanLevel>,
+    /// What is drawn at a time is of one of them.
+    pub level_by_level: bool,
     /// Where one end of intervals is asked for, and not the picture itself.
     pub interval: Option<IntervalScene>,
     pub bricks: Vec<PlannedBrick>,
@@ -124,6 +126,7 @@ impl FramePlan {
             tree,
             from: order.scene.view_of(&manifest.geometry)?.viewpoint(),
             levels,
+            level_by_level: extreme.is_some() || !workshop.raycaster.takes_scenes_together(),
             interval: extreme.map(|extreme| choices.of(0).interval(extreme)),
             bricks: Vec::new(),
             pieces: Vec::new(),
@@ -325,10 +328,11 @@ impl FramePlan {
         positions.iter().copied().filter(touches).collect()
     }
 
-    /// Cuts positions into runs of one level and at most so many bytes of bricks; a run of a single one may have more.
+    /// Cuts positions into runs of at most so many bytes of bricks, and of one level where these are drawn one by one;
+    /// a run of a single brick may have more.
     fn runs(&self, positions: &[usize], bytes: u64) -> Vec<Range<usize>> {
         let (mut runs, mut first, mut sum) = (Vec::new(), 0, 0_u64);
-        let level = |i: usize| self.bricks[positions[i]].level;
+        let level = |i: usize| if self.level_by_level { self.bricks[positions[i]].level } else { 0 };
         for (i, &position) in positions.iter().enumerate() {
             let more = self.bricks[position].wanted.bytes;
             if i > first && (sum.saturating_add(more) > bytes || level(i) != level(first)) {

@@ -59,7 +59,7 @@ impl Cells {
         self.edge
     }
 
-    /// Voxels of the volume per axis.
+    /// The volume's, voxels.
     #[must_use]
     pub fn dims(self) -> UVec3 {
         self.dims
@@ -73,7 +73,8 @@ impl Cells {
     /// The place of the cell that a voxel lies in.
     #[must_use]
     pub fn place(self, voxel: UVec3) -> usize {
-        let (n, at) = (self.counts(), voxel / self.edge);
+        // A power of two long.
+        let (n, at) = (self.counts(), voxel >> self.edge.trailing_zeros());
         ((at.z * n.y + at.y) * n.x + at.x) as usize
     }
 

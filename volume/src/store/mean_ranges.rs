@@ -39,6 +39,14 @@ impl MeanRanges {
         Ok(Some(Self::new(cubes, ranges)))
     }
 
+    /// Of a volume that is nowhere: `range` by the middle of a cell, in voxels of the level.
+    #[cfg(test)]
+    pub(crate) fn made(dims: UVec3, level: u8, mut range: impl FnMut(glam::DVec3) -> [u16; 2]) -> Self {
+        let cubes = cubes_of(dims.map(|n| n.div_ceil(1 << level)), level);
+        let middle = |place| (cubes.at(place).as_dvec3() + 0.5) * f64::from(cubes.edge);
+        Self::new(cubes, (0..cubes.count() as usize).map(|place| range(middle(place))).collect())
+    }
+
     #[must_use]
     pub fn to_bytes(&self) -> Vec<u8> {
         table_to_bytes(&self.ranges)

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Hidden, HiddenPlace};
+use super::place::{Hidden, HiddenPlace};
 
 /// The most places that statistics and manifests list.
 const MOST: usize = 64;
