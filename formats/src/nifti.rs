@@ -48,10 +48,12 @@ fn kind(start: &[u8]) -> Option<(Kind, Endian, bool)> {
     match start.get(344..348)? {
         b"n+1\0" => Some((Kind::One, endian, true)),
         b"ni1\0" => Some((Kind::One, endian, false)),
-        // Its mark is weak: the count of axes and the letter of regular volumes count too.
+        // Its mark is weak: the count of axes counts too, and the letter of regular volumes or the bits of the type.
         _ => {
             let header = Header { bytes: start, endian };
-            let is_one = start.get(38) == Some(&b'r') && (1..=7).contains(&header.int(40, 2));
+            let bits = voxel_type(header.int(70, 2)).map(|t| 8 * t.bytes() as i64);
+            let is_whole = start.get(38) == Some(&b'r') || bits == Some(header.int(72, 2));
+            let is_one = is_whole && (1..=7).contains(&header.int(40, 2));
             (is_one && !matches!(size, [0x1c, 2, ..] | [.., 2, 0x1c])).then_some((Kind::Analyze, endian, false))
         }
     }
@@ -271,7 +273,8 @@ fn parse(kind: Kind, header: &Header<'_>, hints: &RawHints) -> Result<Parsed, Wr
     let volume = geometry.voxel_count() * voxel_type.bytes() as u64;
     let start = time.checked_mul(volume).and_then(|skip| skip.checked_add(offset as u64));
     let start = start.ok_or_else(|| Wrong::broken("dim[4]", format!("time {time} of {times}")))?;
-    let unit = match (kind, header.bytes.get(layout.units).map_or(0, |u| u & 7)) {
+    let units = if kind == Kind::Two { header.int(layout.units, 4) } else { header.bytes[layout.units].into() };
+    let unit = match (kind, units & 7) {
         (Kind::Analyze, _) => Some("mm"),
         (_, 1) => Some("m"),
         (_, 2) => Some("mm"),

@@ -31,6 +31,12 @@ impl Wrong {
 
     pub(crate) fn of(self, path: &Path, format: &'static str) -> FormatError {
         let Self { field, problem, remedy } = self;
+        // A file's own words, and those of decoders, would reach the terminal.
+        let harmless = |text: String| -> String {
+            let escaped = |c: char| if c.is_control() { c.escape_debug().to_string() } else { c.into() };
+            text.trim().chars().map(escaped).collect()
+        };
+        let (field, problem) = (harmless(field), harmless(problem));
         FormatError::Field { path: path.into(), format, field, problem, remedy: remedy.into() }
     }
 }
