@@ -7,6 +7,7 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they have written"))]
 
 mod affine;
+mod coding;
 mod grey;
 mod input;
 mod meta_image;
@@ -25,6 +26,7 @@ mod stack;
 mod tiff;
 mod units;
 mod unpacked;
+mod vtk;
 mod wrong;
 
 use std::path::Path;
@@ -48,7 +50,7 @@ struct Format {
     open: fn(Input, &RawHints) -> Result<Box<dyn VolumeSource>, FormatError>,
 }
 
-static FORMATS: [Format; 7] = [
+static FORMATS: [Format; 9] = [
     Format {
         name: "TIFF",
         extensions: ".tif, .tiff",
@@ -104,6 +106,22 @@ static FORMATS: [Format; 7] = [
         recognises: numpy::has_magic,
         is_in_order: true,
         open: numpy::open,
+    },
+    Format {
+        name: "VTK legacy",
+        extensions: ".vtk",
+        reads: "structured points, text or binary",
+        recognises: vtk::is_legacy,
+        is_in_order: true,
+        open: vtk::open_legacy,
+    },
+    Format {
+        name: "VTK image data",
+        extensions: ".vti",
+        reads: "text, base64 or appended, zlib or LZ4",
+        recognises: vtk::is_xml,
+        is_in_order: true,
+        open: vtk::open_xml,
     },
 ];
 

@@ -9,7 +9,7 @@ use brickcast_volume::format::{
 use glam::DVec3;
 
 use crate::input::Input;
-use crate::ordered::{Block, OrderedSource};
+use crate::ordered::{Block, Coding, OrderedSource};
 use crate::packed::{Packing, opened};
 use crate::parts::{Parts, numbered};
 use crate::slices::SliceSource;
@@ -114,7 +114,15 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
         v.parse::<i64>().map_err(|_| wrong(Wrong::broken("HeaderSize", format!("`{}`", excerpt(v)))))
     })?;
     let inner = if is_packed { Packing::Zlib } else { Packing::None };
-    let block = |path: PathBuf, outer, start| Block { path, outer, start, inner, endian, is_half: false };
+    let block = |path: PathBuf, outer, start| Block {
+        path,
+        outer,
+        start,
+        inner,
+        endian,
+        is_half: false,
+        coding: Coding::Plain,
+    };
     let data_file = fields.get(&["ElementDataFile"]).unwrap_or_default();
     let expected = about.geometry.voxel_count() * about.voxel_type.bytes() as u64;
     if data_file.eq_ignore_ascii_case("LOCAL") {
@@ -124,7 +132,7 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
             (_, true) => fields.end as u64,
         };
         let block = with_mark(block(path.clone(), input.packing, start), &head).map_err(wrong)?;
-        return Ok(Box::new(OrderedSource::new(hinted(about, hints, false)?, block, vec![path.clone()])?));
+        return Ok(Box::new(OrderedSource::new(hinted(&path, about, hints, false)?, block, vec![path.clone()])?));
     }
     let depth = about.geometry.dims().z;
     let names = names(data_file, &head[fields.end..], depth).map_err(wrong)?;
@@ -144,7 +152,7 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
         };
         let block = with_mark(block(file.clone(), outer, start), &[]).map_err(wrong)?;
         let all = vec![path.clone(), file.clone()];
-        return Ok(Box::new(OrderedSource::new(hinted(about, hints, false)?, block, all)?));
+        return Ok(Box::new(OrderedSource::new(hinted(&path, about, hints, false)?, block, all)?));
     }
     if is_packed {
         let why = "several files that are compressed each by itself";
@@ -152,7 +160,7 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
     }
     let parts = Parts::new(files.clone(), skip, &about, endian)?;
     files.insert(0, path.clone());
-    Ok(Box::new(SliceSource::new(hinted(about, hints, false)?, files, parts)))
+    Ok(Box::new(SliceSource::new(hinted(&path, about, hints, false)?, files, parts)))
 }
 
 /// Compressed data may be gzip as well as zlib.

@@ -10,7 +10,7 @@ use glam::{DMat3, DVec3};
 
 use crate::affine::rotation_of_quaternion;
 use crate::input::Input;
-use crate::ordered::{Block, OrderedSource};
+use crate::ordered::{Block, Coding, OrderedSource};
 use crate::packed::Packing;
 use crate::space::{Place, hinted};
 use crate::wrong::{EXPORT_AGAIN, Wrong};
@@ -184,8 +184,8 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
     }
     let mut files = vec![input.path.clone()];
     files.extend((!is_one_file).then(|| path.clone()));
-    about = hinted(about, hints, has_several)?;
-    let block = Block { path, outer, start, inner: Packing::None, endian, is_half: false };
+    about = hinted(&input.path, about, hints, has_several)?;
+    let block = Block { path, outer, start, inner: Packing::None, endian, is_half: false, coding: Coding::Plain };
     Ok(Box::new(OrderedSource::new(about, block, files)?))
 }
 

@@ -7,7 +7,7 @@ use brickcast_volume::format::{
 use glam::DVec3;
 
 use crate::input::Input;
-use crate::ordered::{Block, OrderedSource};
+use crate::ordered::{Block, Coding, OrderedSource};
 use crate::packed::Packing;
 use crate::space::{Place, hinted};
 use crate::wrong::Wrong;
@@ -58,8 +58,9 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
         inner: Packing::None,
         endian: header.endian,
         is_half: header.is_half,
+        coding: Coding::Plain,
     };
-    Ok(Box::new(OrderedSource::new(hinted(about, hints, false)?, block, vec![path.clone()])?))
+    Ok(Box::new(OrderedSource::new(hinted(&path, about, hints, false)?, block, vec![path.clone()])?))
 }
 
 /// The axis that goes fastest first.

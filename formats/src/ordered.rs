@@ -3,8 +3,9 @@
 use std::io::{self, Read, Seek as _, SeekFrom};
 use std::path::PathBuf;
 
-use brickcast_volume::format::{Endian, FormatError, SourceHeader, VolumeSource};
+use brickcast_volume::format::{Endian, FormatError, SourceHeader, VolumeSource, VoxelType};
 
+use crate::coding::{Blocks, Numbers};
 use crate::packed::{Packing, opened};
 use crate::wrong::unreadable;
 
@@ -24,18 +25,49 @@ pub(crate) struct Block {
     pub(crate) endian: Endian,
     /// The bytes of a number as it lies there, where that is a float of 16 bits; voxels are float32 then.
     pub(crate) is_half: bool,
+    pub(crate) coding: Coding,
+}
+
+/// How voxels are written down.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Coding {
+    Plain,
+    /// Numbers between white space.
+    Text(VoxelType),
+    /// Of VTK.
+    Blocks(Blocks),
 }
 
 impl Block {
     fn is_raw(&self) -> bool {
-        self.outer == Packing::None && self.inner == Packing::None && !self.is_half
+        self.outer == Packing::None && self.inner == Packing::None && self.coding == Coding::Plain && !self.is_half
     }
 
     fn packing(&self) -> &'static str {
-        if self.inner == Packing::None { self.outer.name() } else { self.inner.name() }
+        match (self.coding, self.inner) {
+            (Coding::Text(_), _) => "text",
+            (Coding::Blocks(_), _) => "VTK",
+            (Coding::Plain, Packing::None) => self.outer.name(),
+            (Coding::Plain, inner) => inner.name(),
+        }
     }
 
     fn stream(&self) -> io::Result<Stream> {
+        let stream = self.bytes()?;
+        let reader: Box<dyn Read + Send> = match stream {
+            _ if self.coding == Coding::Plain => return Ok(stream),
+            Stream::Raw(file) => Box::new(file),
+            Stream::Packed(unpacked) => unpacked,
+        };
+        let reader = io::BufReader::with_capacity(1 << 16, reader);
+        Ok(Stream::Packed(match self.coding {
+            Coding::Text(voxel_type) => Box::new(Numbers::new(reader, voxel_type)),
+            Coding::Blocks(blocks) => blocks.reader(reader)?,
+            Coding::Plain => Box::new(reader),
+        }))
+    }
+
+    fn bytes(&self) -> io::Result<Stream> {
         let mut file = opened(&self.path)?;
         if self.outer == Packing::None {
             file.seek(SeekFrom::Start(self.start))?;
@@ -83,7 +115,7 @@ impl OrderedSource {
         let failed = |reason| unreadable(&block.path, reason);
         let file_bytes = opened(&block.path).and_then(|f| f.get_ref().metadata()).map_err(failed)?.len();
         let expected = expected(&header) / if block.is_half { 2 } else { 1 };
-        if block.outer == Packing::None && block.inner == Packing::None {
+        if block.is_raw() || (block.is_half && block.outer == Packing::None) {
             let present = file_bytes.saturating_sub(block.start);
             if present < expected {
                 return Err(FormatError::TooShort {

@@ -1,5 +1,7 @@
 //! A header's geometry: from axes and origin, overruled by what the user says.
 
+use std::path::Path;
+
 use brickcast_volume::format::{Axes, FormatError, Placement, RawHints, SourceHeader};
 use brickcast_volume::space::Geometry;
 use glam::DVec3;
@@ -57,6 +59,7 @@ impl Place {
 /// # Errors
 /// A spacing or an origin that cannot be.
 pub(crate) fn hinted(
+    path: &Path,
     mut header: SourceHeader,
     hints: &RawHints,
     has_several: bool,
@@ -67,7 +70,7 @@ pub(crate) fn hinted(
         let origin = hints.origin.unwrap_or(g.origin().to_array());
         header.geometry = Geometry::new(g.dims().to_array(), spacing, origin)
             .and_then(|geometry| geometry.with_directions(g.directions()))
-            .map_err(|e| Wrong::new("--spacing", e.to_string(), "give another").of("".as_ref(), header.format))?;
+            .map_err(|e| Wrong::new("--spacing", e.to_string(), "give another").of(path, header.format))?;
         header.placement.spacing |= hints.spacing.is_some();
         header.placement.origin |= hints.origin.is_some();
         header.notes.retain(|note| hints.spacing.is_none() || !note.starts_with("spacing not said"));

@@ -177,7 +177,7 @@ fn open_files(
         notes,
         ..SourceHeader::new(said.format, geometry, first.shape.voxel_type)
     };
-    let header = hinted(header, hints, said.has_several)?;
+    let header = hinted(of, header, hints, said.has_several)?;
     let all = also.iter().chain(&files).cloned().collect();
     Ok(Box::new(SliceSource::new(header, all, Stack { files: slice_files, planes })))
 }

@@ -166,7 +166,8 @@ fn pictures() -> Vec<Vec<u8>> {
     let grey: Vec<u8> = voxels(192).iter().flat_map(|v| [*v; 3]).collect();
     let bmp = |bits: u8, palette: Vec<u8>, pixels: &[u8]| {
         let start = (54 + palette.len() as u32).to_le_bytes();
-        let head = [&b"BM\0\0\0\0\0\0\0\0"[..], &start, &[40, 0, 0, 0, 16, 0, 0, 0, 12, 0, 0, 0, 1, 0, bits, 0], &[0; 24]];
+        let head =
+            [&b"BM\0\0\0\0\0\0\0\0"[..], &start, &[40, 0, 0, 0, 16, 0, 0, 0, 12, 0, 0, 0, 1, 0, bits, 0], &[0; 24]];
         [&head.concat()[..], &palette, pixels].concat()
     };
     let greys = (0..=255).flat_map(|i| [i, i, i, 0]).collect();
@@ -240,6 +241,54 @@ fn arrays() -> Vec<Vec<u8>> {
         file("{'descr': '>f8', 'fortran_order': True, 'shape': (2, 3, 4), }", 192),
         file("{'descr': '<f2', 'fortran_order': False, 'shape': (3, 4), }", 24),
         gzip(&file("{'descr': '|i1', 'fortran_order': False, 'shape': (1, 2, 3, 4), }", 24)),
+    ]
+}
+
+fn legacy() -> Vec<Vec<u8>> {
+    let file = |format: &str, more: &str, data: &[u8]| {
+        let head = format!(
+            "# vtk DataFile Version 3.0\ntitle\n{format}\nDATASET STRUCTURED_POINTS\nDIMENSIONS 4 3 2\n\
+             SPACING 1 2 3\nORIGIN -1 2.5 0\n{more}"
+        );
+        [head.as_bytes(), data].concat()
+    };
+    let scalars = "POINT_DATA 24\nSCALARS v short 1\nLOOKUP_TABLE default\n";
+    let text = (0..24).map(|i| (i * 9 - 40).to_string()).collect::<Vec<_>>().join(" ") + "\n";
+    vec![
+        file("BINARY", scalars, &voxels(48)),
+        file("ASCII", scalars, text.as_bytes()),
+        file("BINARY", "CELL_DATA 6\nFIELD FieldData 1\nv 1 6 double\n", &voxels(48)),
+        gzip(&file("ASCII", scalars, text.as_bytes())),
+    ]
+}
+
+fn image_data() -> Vec<Vec<u8>> {
+    let file = |compressor: &str, array: &str, appended: Vec<u8>| {
+        let head = format!(
+            r#"<?xml version="1.0"?><VTKFile type="ImageData" version="1.0" byte_order="LittleEndian" header_type="UInt32"{compressor}>
+<ImageData WholeExtent="0 3 0 2 0 1" Origin="0 1 2" Spacing="1 2 3" Direction="1 0 0 0 1 0 0 0 1">
+<Piece Extent="0 3 0 2 0 1"><PointData Scalars="v"><DataArray type="Int16" Name="v" {array}</DataArray></PointData></Piece>
+</ImageData><AppendedData encoding="raw">
+_"#
+        );
+        [head.as_bytes(), &appended].concat()
+    };
+    let text = (0..24).map(|i| (i * 9 - 40).to_string()).collect::<Vec<_>>().join(" ");
+    let numbers = |all: &[u32]| all.iter().flat_map(|n| n.to_le_bytes()).collect::<Vec<u8>>();
+    let blocks = |pack: &dyn Fn(&[u8]) -> Vec<u8>| {
+        let packed: Vec<Vec<u8>> = voxels(48).chunks(20).map(pack).collect();
+        let sizes: Vec<u32> = [3, 20, 8].into_iter().chain(packed.iter().map(|p| p.len() as u32)).collect();
+        [numbers(&sizes), packed.concat()].concat()
+    };
+    // 48 and 48 letters of base64 that are 4 and 48 bytes.
+    let coded = "MAAAAAAA".to_owned() + &"AQIDBAUGBwgJCgsM".repeat(3) + "AQIDBAUGBwgJCgsM";
+    let appended = r#"format="appended" offset="0">"#;
+    vec![
+        file("", &format!(r#"format="ascii">{text}"#), Vec::new()),
+        file("", &format!(r#"format="binary">{coded}"#), Vec::new()),
+        file("", appended, [numbers(&[48]), voxels(48)].concat()),
+        file(r#" compressor="vtkZLibDataCompressor""#, appended, blocks(&zlib)),
+        file(r#" compressor="vtkLZ4DataCompressor""#, appended, blocks(&lz4_flex::block::compress)),
     ]
 }
 
@@ -382,4 +431,14 @@ fn damaged_niftis() {
 #[test]
 fn damaged_arrays() {
     damaged("x.npy", arrays());
+}
+
+#[test]
+fn damaged_legacy_files_of_vtk() {
+    damaged("x.vtk", legacy());
+}
+
+#[test]
+fn damaged_image_data_of_vtk() {
+    damaged("x.vti", image_data());
 }

@@ -1,4 +1,4 @@
-//! The same phantom as tifffile, imagecodecs, SimpleITK, nibabel, numpy and pynrrd write it, voxel by voxel and place by
+//! The same phantom as tifffile, imagecodecs, SimpleITK, nibabel, numpy, VTK and pynrrd write it, voxel by voxel and place by
 //! place.
 
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
@@ -92,7 +92,7 @@ fn check(folder: &Path, line: &str) -> Result<(), String> {
 
 #[test]
 fn what_other_programs_write_is_read_voxel_by_voxel_and_in_its_place() {
-    let modules = "imagecodecs, nibabel, nrrd, numpy, SimpleITK, tifffile";
+    let modules = "imagecodecs, nibabel, nrrd, numpy, SimpleITK, tifffile, vtkmodules";
     let probe = Command::new("python3").args(["-c", &format!("import {modules}")]).output();
     if !probe.is_ok_and(|probe| probe.status.success()) {
         brickcast_harness::ignore(format!("python3 with {modules} is missing: see install_formats in .ci/run"));
@@ -106,7 +106,7 @@ fn what_other_programs_write_is_read_voxel_by_voxel_and_in_its_place() {
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     }
     let table = std::fs::read_to_string(folder.join("table.tsv")).unwrap();
-    assert!(table.lines().count() > 500, "the writer left rows out");
+    assert!(table.lines().count() > 680, "the writer left rows out");
     let mut failures = Vec::new();
     for line in table.lines() {
         if let Err(why) = check(folder, line) {

@@ -6,6 +6,10 @@ unit (or -), slope and intercept, channel and time (or -).
 
 import gzip, io, os, shutil, sys
 import imagecodecs, nibabel, nrrd, numpy, SimpleITK, tifffile
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.vtkCommonDataModel import vtkImageData
+from vtkmodules.vtkIOLegacy import vtkStructuredPointsReader, vtkStructuredPointsWriter
+from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
 
 out = sys.argv[1]
 os.chdir(out)
@@ -258,8 +262,84 @@ row("flat.npy", phantom("i2")[0])
 numpy.save("squeezed.npy", phantom("i2")[None])
 row("squeezed.npy", phantom("i2"))
 
+# VTK, by VTK: the legacy format and XML, every way to write data down; arrays on points and in cells.
+def vtk_image(dtype, direction=None, cells=False, first=(0, 0, 0), name="density"):
+    image = vtkImageData()
+    n = numpy.array([NX, NY, NZ]) + (1 if cells else 0)
+    image.SetExtent(*[e for i in range(3) for e in (first[i], first[i] + int(n[i]) - 1)])
+    image.SetSpacing(SPACING), image.SetOrigin(-4.5, 5.25, 6.0)
+    if direction is not None:
+        image.SetDirectionMatrix(numpy.ravel(direction).tolist())
+    array = numpy_to_vtk(numpy.ravel(phantom(dtype)), deep=True)
+    array.SetName(name)
+    (image.GetCellData() if cells else image.GetPointData()).SetScalars(array)
+    return image
+
+
+def vtk_row(name, image, dtype, cells=False):
+    lo = image.GetExtent()[::2]
+    point = lambda *d: numpy.array(image.GetPoint(image.ComputePointId([lo[i] + d[i] for i in range(3)])))
+    first = numpy.array(image.GetCell(0).GetBounds()).reshape(3, 2).mean(1) if cells else point(0, 0, 0)
+    vectors = [point(1, 0, 0) - point(0, 0, 0), point(0, 1, 0) - point(0, 0, 0), point(0, 0, 1) - point(0, 0, 0)]
+    row(name, phantom(dtype), vectors, first)
+
+
+for dtype in TYPES:
+    for text in [True, False]:
+        writer, name = vtkStructuredPointsWriter(), f"vtk_{dtype}_{text}.vtk"
+        image = vtk_image(dtype)
+        writer.SetInputData(image), writer.SetFileName(name)
+        writer.SetFileTypeToASCII() if text else writer.SetFileTypeToBinary()
+        writer.Write()
+        if text and dtype == "f8":
+            # Of the digits that VTK writes, VTK's own reader makes these numbers.
+            reader = vtkStructuredPointsReader()
+            reader.SetFileName(name), reader.Update()
+            read = vtk_to_numpy(reader.GetOutput().GetPointData().GetScalars()).reshape(NZ, NY, NX)
+            row(name, read, straight, (-4.5, 5.25, 6.0))
+        elif not (text and dtype == "u1"):  # shares of 255, which are refused
+            vtk_row(name, image, dtype)
+writer = vtkStructuredPointsWriter()
+image = vtk_image("u2", cells=True)
+writer.SetInputData(image), writer.SetFileName("vtk_cells.vtk"), writer.SetFileTypeToBinary(), writer.Write()
+vtk_row("vtk_cells.vtk", image, "u2", True)
+
+
+def write_vti(name, image, mode, codec, wide, big=False, coded=False):
+    writer = vtkXMLImageDataWriter()
+    writer.SetInputData(image), writer.SetFileName(name)
+    {"ascii": writer.SetDataModeToAscii, "binary": writer.SetDataModeToBinary, "appended": writer.SetDataModeToAppended}[mode]()
+    {"none": writer.SetCompressorTypeToNone, "zlib": writer.SetCompressorTypeToZLib, "lz4": writer.SetCompressorTypeToLZ4}[codec]()
+    writer.SetHeaderTypeToUInt64() if wide else writer.SetHeaderTypeToUInt32()
+    writer.SetByteOrderToBigEndian() if big else writer.SetByteOrderToLittleEndian()
+    writer.SetEncodeAppendedData(coded), writer.SetBlockSize(64)
+    assert writer.Write()
+
+
+for dtype in TYPES:
+    for mode in ["ascii", "binary", "appended"]:
+        for codec in ["none", "zlib", "lz4"] if mode != "ascii" else ["none"]:
+            for coded in [True, False] if mode == "appended" else [False]:
+                for big in [True, False]:
+                    name = f"vti_{dtype}_{mode}_{codec}_{coded}_{big}.vti"
+                    image = vtk_image(dtype, turn, first=(2, -1, 5))
+                    write_vti(name, image, mode, codec, dtype in ("u2", "f8"), big, coded)
+                    vtk_row(name, image, dtype)
+for cells in [False, True]:
+    for mode in ["ascii", "binary", "appended"]:
+        image = vtk_image("i2", cells=cells)
+        for extra in ["another", "a third"]:
+            array = numpy_to_vtk(numpy.ravel(phantom("f4")), deep=True)
+            array.SetName(extra)
+            (image.GetCellData() if cells else image.GetPointData()).AddArray(array)
+        name = f"vti_several_{cells}_{mode}.vti"
+        write_vti(name, image, mode, "zlib", True)
+        vtk_row(name, image, "i2", cells)
+
 # Packed.
-for name in ["itk_u2_False.mha", "itk_u2_True.mha", "nifti2_i2_be.nii", "numpy_f4_be.npy", "pages_u2_be.tif", "itk_201_3.nrrd"]:
+for name in ["itk_u2_False.mha", "itk_u2_True.mha", "nifti2_i2_be.nii", "numpy_f4_be.npy", "pages_u2_be.tif", "itk_201_3.nrrd",
+             "vtk_u2_False.vtk", "vtk_u2_True.vtk", "vti_u2_appended_none_False_True.vti", "vti_u2_appended_zlib_True_False.vti",
+             "vti_u2_binary_lz4_False_False.vti"]:
     data = open(name, "rb").read()
     line = next(line for line in table if line.startswith(name + "\t"))
     half = len(data) // 2
