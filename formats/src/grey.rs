@@ -2,8 +2,8 @@
 
 use crate::wrong::Wrong;
 
-/// One sample a pixel of `bytes` bytes out of `samples`: those of colour must be equal. The last of two and of four says
-/// how far a pixel covers what is behind it, and is left aside.
+/// One sample a pixel of `bytes` bytes out of `samples`: those of colour must be equal. The last of two and of four
+/// says how far a pixel covers what is behind it, and is left aside.
 pub(crate) fn grey(data: Vec<u8>, samples: usize, bytes: usize) -> Result<Vec<u8>, Wrong> {
     if samples == 1 {
         return Ok(data);

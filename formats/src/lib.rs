@@ -47,8 +47,10 @@ struct Format {
     recognises: fn(&[u8]) -> bool,
     /// Read from its first byte to its last, so that what is packed is unpacked on the way.
     is_in_order: bool,
-    open: fn(Input, &RawHints) -> Result<Box<dyn VolumeSource>, FormatError>,
+    open: OpenFormat,
 }
+
+type OpenFormat = fn(Input, &RawHints) -> Result<Box<dyn VolumeSource>, FormatError>;
 
 static FORMATS: [Format; 9] = [
     Format {
@@ -136,8 +138,8 @@ pub fn supported() -> String {
     )
 }
 
-/// Opens an input volume: a file, a folder of slices, a pattern that stands for files, or a list of their names. What is
-/// in the file decides, then its suffix.
+/// Opens an input volume: a file, a folder of slices, a pattern that stands for files, or a list of their names. What
+/// is in the file decides, then its suffix.
 ///
 /// # Errors
 /// Nothing there, an unknown format, or what the format's own reader finds wrong.

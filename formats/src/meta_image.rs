@@ -1,5 +1,5 @@
-//! MetaImage, as ITK writes it: lines of `Key = value`, the last of which says where the voxels are. Its world is LPS, as
-//! ours.
+//! MetaImage, as ITK writes it: lines of `Key = value`, the last of which says where the voxels are. Its world is
+//! LPS, as ours.
 
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! NumPy's .npy: arrays of two or three axes. An array of axes z, y, x has x last, as everyone who stacks slices has it.
+//! NumPy's .npy: arrays of two or three axes. An array of axes z, y, x has x last, as whoever stacks slices has it.
 //! One in Fortran's order lies in memory the other way round: its axes are taken as they lie, and turned in the world.
 
 use brickcast_volume::format::{

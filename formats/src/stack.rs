@@ -1,4 +1,4 @@
-//! Stacks: slices in files, sorted by the numbers in their names; what does not fit in is named, and nothing is guessed.
+//! Stacks: slices in files, sorted by the numbers in their names. What does not fit in is named; nothing is guessed.
 
 use std::path::{Path, PathBuf};
 

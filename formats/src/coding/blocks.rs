@@ -28,8 +28,7 @@ pub(crate) struct Blocks {
 }
 
 impl Blocks {
-    /// The voxels out of the bytes behind where `file` stands. In base64 an array has its own run of letters; of several
-    /// that are appended, `start` says where it begins.
+    /// The voxels out of the bytes behind where `file` stands.
     pub(crate) fn reader<R: BufRead + Send + 'static>(self, file: R) -> io::Result<Box<dyn Read + Send>> {
         let bytes: Box<dyn Read + Send> = match self.is_base64 {
             true => Box::new(Base64::new(file)),

@@ -15,7 +15,10 @@ const MOST_EDGE: usize = 1 << 16;
 /// How much a picture of that many bytes can be at most: 64 pixels take two bits at least.
 const MOST_RATIO: usize = 1024;
 
-fn decoder(bytes: &[u8]) -> Result<(JpegDecoder<ZCursor<&[u8]>>, Shape, bool), Wrong> {
+type Opened<'a> = (JpegDecoder<ZCursor<&'a [u8]>>, Shape, bool);
+
+/// Its headers read, and whether it is grey.
+fn decoder(bytes: &[u8]) -> Result<Opened<'_>, Wrong> {
     let options = DecoderOptions::default().set_max_width(MOST_EDGE).set_max_height(MOST_EDGE).set_strict_mode(true);
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
     decoder.decode_headers().map_err(|e| Wrong::broken("header", format!("{e:?}")))?;

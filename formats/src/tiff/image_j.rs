@@ -54,7 +54,8 @@ mod tests {
 
     #[test]
     fn a_description_is_understood() {
-        let text = "ImageJ=1.54f\nimages=12\nchannels=2\nslices=3\nframes=2\nunit=\\u00B5m\nspacing=-2.5\nxorigin=4\ncf=0\nc0=-32768\nc1=1\n";
+        let text = "ImageJ=1.54f\nimages=12\nchannels=2\nslices=3\nframes=2\nunit=\\u00B5m\nspacing=-2.5\n\
+                    xorigin=4\ncf=0\nc0=-32768\nc1=1\n";
         let found = ImageJ::parse(text).unwrap();
         assert_eq!(found.order.counts, Counts { z: 3, c: 2, t: 2 });
         assert_eq!((found.depth, found.unit), (Some(2.5), Some("um")));

@@ -1,7 +1,7 @@
-//! The same phantom as tifffile, imagecodecs, SimpleITK, nibabel, numpy, VTK and pynrrd write it, voxel by voxel and place by
-//! place.
+//! The same phantom as tifffile, imagecodecs, SimpleITK, nibabel, numpy, VTK and pynrrd write it, voxel by voxel and
+//! place by place.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
 // Its `#[test]` in place of the compiler's: a test may find out that it can try nothing here.
 #[macro_use]
