@@ -170,7 +170,9 @@ fn opened(path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, Format
     if input.is_packed() {
         return unpacked::open(&input, hints, Opener(open));
     }
-    match pattern::list(&input)? {
+    // Whose dims are given is raw, whatever it is called.
+    let list = if hints.dims.is_some() { None } else { pattern::list(&input)? };
+    match list {
         Some(files) => stack::open_list(path, files, hints),
         None => format::open(path, hints),
     }

@@ -179,7 +179,7 @@ impl OrderedSource {
                 return Err(self.failed(done + have + got, io::ErrorKind::UnexpectedEof.into()));
             }
         }
-        if self.done == all && is_packed {
+        if self.done == all && is_packed && self.block.coding == Coding::Plain {
             // Makes the decoder check the sum behind the voxels.
             reader.read(&mut [0]).map_err(|reason| self.failed(all, reason))?;
         }

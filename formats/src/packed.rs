@@ -1,7 +1,7 @@
 //! gzip, zlib and zstd: unpacked as they are read.
 
 use std::fs::File;
-use std::io::{self, BufRead as _, BufReader, Read};
+use std::io::{self, BufReader, Read};
 use std::path::Path;
 
 use brickcast_volume::format::FormatError;
@@ -65,19 +65,23 @@ impl<R: io::BufRead> Read for Members<R> {
     }
 }
 
-/// A small packed file as a whole, at most `most` bytes of it.
+/// At most `most` of a file's first bytes, and whether these are all.
+pub(crate) fn head(path: &Path, most: u64) -> Result<(Vec<u8>, bool), FormatError> {
+    let mut bytes = Vec::new();
+    let read = opened(path).and_then(|file| file.take(most + 1).read_to_end(&mut bytes));
+    read.map_err(|reason| unreadable(path, reason))?;
+    let is_all = bytes.len() as u64 <= most;
+    bytes.truncate(most as usize);
+    Ok((bytes, is_all))
+}
+
+/// A file as a whole, of at most `most` bytes.
 pub(crate) fn whole(path: &Path, most: u64) -> Result<Vec<u8>, FormatError> {
-    let read = || -> io::Result<Vec<u8>> {
-        let mut file: BufReader<File> = opened(path)?;
-        let packing = Packing::of(file.fill_buf()?);
-        let mut bytes = Vec::new();
-        packing.unpacked(file)?.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
-        match bytes.len() as u64 > most {
-            true => Err(io::Error::other(format!("more than {most} bytes; no slice has so many"))),
-            false => Ok(bytes),
-        }
-    };
-    read().map_err(|reason| unreadable(path, reason))
+    let (bytes, is_all) = head(path, most)?;
+    match is_all {
+        true => Ok(bytes),
+        false => Err(unreadable(path, io::Error::other(format!("more than {most} bytes; no slice has so many")))),
+    }
 }
 
 pub(crate) fn opened(path: &Path) -> io::Result<BufReader<File>> {

@@ -194,6 +194,10 @@ fn open_slices(path: &Path, hints: &RawHints) -> Result<(SliceFile, Said), Forma
             Err(small_file::NotOpened::NotRegular(kind)) => FormatError::NotRegular { path: path.into(), kind },
         });
     };
+    if input.is_packed() {
+        let why = format!("{} is around it", input.packing.name());
+        return Err(Wrong::new("content", why, "unpack the slices").of(path, "stack"));
+    }
     if tiff::has_magic(&input.start) {
         let (tiff, said) = tiff::open(path, hints)?;
         let (shape, slices) = (tiff.shape, tiff.slices());

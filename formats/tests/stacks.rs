@@ -1,6 +1,6 @@
 //! Stacks: what belongs together is read in order, what does not is named; files above 4 GiB with one directory.
 
-#![allow(clippy::unwrap_used)] // helpers of tests are tests
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
 use std::io::{Seek as _, SeekFrom, Write as _};
 use std::path::Path;
@@ -82,6 +82,9 @@ fn what_is_missing_doubled_or_strange_is_named() {
     refused(folder.path(), &["a2.png", "neither TIFF nor PNG"]);
     std::fs::write(&second, b"").unwrap();
     refused(folder.path(), &["a2.png", "empty"]);
+    std::fs::write(&second, zstd::bulk::compress(&std::fs::read(folder.path().join("a1.png")).unwrap(), 1).unwrap())
+        .unwrap();
+    refused(folder.path(), &["a2.png", "zstd is around it", "unpack the slices"]);
     slice(&second, 2);
     slice(&folder.path().join("b.jpg"), 2);
     refused(folder.path(), &["a1.png", "b.jpg", "of different kinds", "in quotes"]);

@@ -218,8 +218,7 @@ impl OnTheWayArgs {
         let source = open_input(place, &hints)?;
         let header = source.header();
         // What lies in chunks already is shown where it is; a stack of slices does not.
-        let is_stack = matches!(place, Place::Folder(path) if brickcast_formats::is_stack(path));
-        let in_chunks = is_place_of_many_files(place) && !is_stack;
+        let in_chunks = is_place_of_many_files(place) && brickcast_zarr::is_zarr(place.objects().as_ref())?;
         let view = in_chunks.then(|| view_of(place, &hints, None)).transpose()?;
         let options =
             PrepareOptions { brick_size: self.brick, range, force: true, regions, view, ..PrepareOptions::default() };

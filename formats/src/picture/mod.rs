@@ -14,6 +14,8 @@ use crate::wrong::Wrong;
 
 /// A picture's file is read as a whole: one of 32,768 x 32,768 pixels of 16 bits that did not shrink is larger.
 const LONGEST: u64 = 1 << 30;
+/// Where size and type mostly stand.
+const HEADER: u64 = 64 << 10;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
@@ -55,11 +57,16 @@ pub(crate) fn kind(start: &[u8]) -> Option<Kind> {
 
 /// Size and type, from the file's header.
 pub(crate) fn shape(path: &Path, kind: Kind) -> Result<Shape, FormatError> {
-    let bytes = packed::whole(path, LONGEST)?;
-    let shape = match kind {
-        Kind::Png => png::shape(&bytes),
-        Kind::Jpeg => jpeg::shape(&bytes),
-        Kind::Bmp => bmp::shape(&bytes),
+    let of_bytes = |bytes: &[u8]| match kind {
+        Kind::Png => png::shape(bytes),
+        Kind::Jpeg => jpeg::shape(bytes),
+        Kind::Bmp => bmp::shape(bytes),
+    };
+    // Stacks have thousands of files, and few a header that is longer.
+    let (head, is_all) = packed::head(path, HEADER)?;
+    let shape = match of_bytes(&head) {
+        Err(_) if !is_all => of_bytes(&packed::whole(path, LONGEST)?),
+        shape => shape,
     };
     shape.map_err(|wrong| wrong.of(path, kind.name()))
 }

@@ -27,7 +27,7 @@ impl<'a> Lines<'a> {
     /// The next line that is not empty.
     fn next(&mut self) -> Result<&'a str, Wrong> {
         loop {
-            let rest = &self.head[self.at..];
+            let rest = self.head.get(self.at..).unwrap_or_default();
             let Some(length) = rest.iter().position(|b| *b == b'\n') else {
                 return Err(Wrong::broken("header", "it ends before the voxels begin"));
             };
@@ -95,7 +95,7 @@ fn parse(head: &[u8]) -> Result<Parsed, Wrong> {
     lines.next()?;
     // The title may be empty.
     let title_at = lines.at;
-    let title = head[title_at..].iter().position(|b| *b == b'\n').unwrap_or_default();
+    let title = head[title_at..].iter().position(|b| *b == b'\n').unwrap_or(head.len());
     lines.at = title_at + title + 1;
     let is_text = match lines.next()?.to_ascii_uppercase().as_str() {
         "ASCII" => true,

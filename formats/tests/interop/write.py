@@ -299,6 +299,15 @@ for dtype in TYPES:
             row(name, read, straight, (-4.5, 5.25, 6.0))
         elif not (text and dtype == "u1"):  # shares of 255, which are refused
             vtk_row(name, image, dtype)
+for text in [True, False]:
+    # What follows the voxels is none of them.
+    image, writer, name = vtk_image("i4"), vtkStructuredPointsWriter(), f"vtk_metadata_{text}.vtk"
+    image.GetPointData().GetScalars().SetComponentName(0, "a component")
+    writer.SetInputData(image), writer.SetFileName(name)
+    writer.SetFileTypeToASCII() if text else writer.SetFileTypeToBinary()
+    writer.Write()
+    assert b"METADATA" in open(name, "rb").read()
+    vtk_row(name, image, "i4")
 writer = vtkStructuredPointsWriter()
 image = vtk_image("u2", cells=True)
 writer.SetInputData(image), writer.SetFileName("vtk_cells.vtk"), writer.SetFileTypeToBinary(), writer.Write()

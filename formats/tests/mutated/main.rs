@@ -19,7 +19,7 @@ use proptest::prelude::*;
 static ALLOCATOR: Cap<System> = Cap::new(System, usize::MAX);
 
 const MEMORY_BOUND: usize = 256 << 20;
-/// Of each format.
+/// Of each format; `BRICKCAST_CASES` for a longer hunt.
 const CASES: u32 = 3_000;
 /// Of a volume that became huge no more planes are read, nor planes of more bytes.
 const MOST_PLANES: u32 = 64;
@@ -112,7 +112,8 @@ fn damaged(name: &str, seeds: Vec<Vec<u8>>) {
         assert!(read(&path).unwrap_or_else(|e| panic!("seed {i} of {name}: {e}")) > 0);
     }
     let (read_whole, refused) = (Cell::new(0), Cell::new(0));
-    let config = ProptestConfig { cases: CASES, failure_persistence: None, ..ProptestConfig::default() };
+    let cases = std::env::var("BRICKCAST_CASES").ok().and_then(|n| n.parse().ok()).unwrap_or(CASES);
+    let config = ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() };
     let strategy = (prop::sample::select(seeds), prop::collection::vec(mutation(), 1..4));
     proptest::test_runner::TestRunner::new(config)
         .run(&strategy, |(mut file, mutations)| {
@@ -137,7 +138,7 @@ fn damaged(name: &str, seeds: Vec<Vec<u8>>) {
         .unwrap();
     let (read_whole, refused) = (read_whole.get(), refused.get());
     // Both ways must have been gone often, or the mutations are too weak or too strong to show anything.
-    assert!(read_whole > CASES / 50 && refused > CASES / 10, "{name}: {read_whole} read, {refused} refused");
+    assert!(read_whole > cases / 50 && refused > cases / 10, "{name}: {read_whole} read, {refused} refused");
     eprintln!("{name}: {read_whole} read, {refused} refused, {} bytes at most", ALLOCATOR.max_allocated());
 }
 

@@ -165,8 +165,8 @@ pub(crate) fn meta_images() -> Vec<Vec<u8>> {
     let data = voxels(4 * 3 * 2 * 2);
     let file = |more: &str, data: &[u8]| {
         let head = "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = True\n\
-                    TransformMatrix = 0 1 0 -1 0 0 0 0 1\nOffset = 1 -2 3e1\nElementSpacing = 1 2.5 3\nDimSize = 4 3 2\n\
-                    ElementType = MET_SHORT\n";
+                    TransformMatrix = 0 1 0 -1 0 0 0 0 1\nOffset = 1 -2 3e1\nElementSpacing = 1 2.5 3\n\
+                    DimSize = 4 3 2\nElementType = MET_SHORT\n";
         [head.as_bytes(), more.as_bytes(), data].concat()
     };
     let names = ["a.bin", "b.bin"].map(|name| format!("{name}\n")).concat();
