@@ -1,5 +1,6 @@
 //! What is read out of order, or by others, is unpacked once into a temporary file.
 
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
@@ -8,13 +9,17 @@ use brickcast_volume::format::{FormatError, Opener, RawHints, SourceHeader, Volu
 use brickcast_volume::store::ScratchFolder;
 
 use crate::input::Input;
+use crate::packed::Packing;
 use crate::wrong::{EXPORT_AGAIN, Wrong};
 
 #[derive(Debug)]
 struct Unpacked {
     inner: Box<dyn VolumeSource>,
     header: SourceHeader,
+    /// The packed one.
     files: Vec<PathBuf>,
+    packing: Packing,
+    copy: PathBuf,
     _folder: ScratchFolder,
 }
 
@@ -24,19 +29,26 @@ pub(crate) fn open(input: &Input, hints: &RawHints, opener: Opener) -> Result<Bo
     let folder = ScratchFolder::beside(&std::env::temp_dir().join("brickcast-unpacked")).map_err(|reason| {
         FormatError::Io { path: path.clone(), action: "unpack", reason: io::Error::other(reason.to_string()) }
     })?;
-    let name = path.file_stem().unwrap_or(path.as_os_str());
-    let copy = folder.path().join(name);
+    let copy = folder.path().join(unpacked_name(path));
     unpack(input, &copy)?;
     let unpacked = small_input(&copy)?;
     if unpacked.is_packed() {
         let why = format!("there is {} in {}", unpacked.packing.name(), input.packing.name());
         return Err(Wrong::new("content", why, "unpack the outer one").of(path, input.packing.name()));
     }
-    let inner = opener.open(&copy, hints).map_err(|error| of_packed(input, &copy, error))?;
+    let inner = opener.open(&copy, hints).map_err(|error| of_packed(input.packing, path, &copy, error))?;
     let mut header = inner.header().clone();
     header.notes.push(format!("unpacked from {} into a temporary file, which was read", input.packing.name()));
     let files = vec![path.clone()];
-    Ok(Box::new(Unpacked { inner, header, files, _folder: folder }))
+    Ok(Box::new(Unpacked { inner, header, files, packing: input.packing, copy, _folder: folder }))
+}
+
+/// Raw voxels are told by their names.
+fn unpacked_name(path: &Path) -> &OsStr {
+    let is_packed =
+        path.extension().is_some_and(|e| ["gz", "gzip", "zst", "zstd"].iter().any(|p| e.eq_ignore_ascii_case(p)));
+    let name = if is_packed { path.file_stem() } else { path.file_name() };
+    name.unwrap_or(path.as_os_str())
 }
 
 fn small_input(path: &Path) -> Result<Input, FormatError> {
@@ -44,13 +56,11 @@ fn small_input(path: &Path) -> Result<Input, FormatError> {
 }
 
 /// The error names what the user knows, not the copy.
-fn of_packed(input: &Input, copy: &Path, error: FormatError) -> FormatError {
-    let said = error.to_string().replace(&*copy.to_string_lossy(), &input.path.to_string_lossy());
-    let said = said
-        .strip_prefix(&*input.path.to_string_lossy())
-        .map(|s| s.trim_start_matches(": ").to_owned())
-        .unwrap_or(said);
-    Wrong::new("content", said, EXPORT_AGAIN).of(&input.path, input.packing.name())
+fn of_packed(packing: Packing, path: &Path, copy: &Path, error: FormatError) -> FormatError {
+    let (own, copied) = (path.to_string_lossy(), copy.to_string_lossy());
+    let said = error.to_string().replace(&*copied, &own);
+    let said = said.strip_prefix(&*own).map_or(said.as_str(), |rest| rest.trim_start_matches([':', ' ']));
+    Wrong::new("content", said, EXPORT_AGAIN).of(path, packing.name())
 }
 
 /// At most three quarters of what the disk has left, so that a file of a few bytes that unpacks for ever ends.
@@ -87,18 +97,20 @@ impl VolumeSource for Unpacked {
     }
 
     fn rewind(&mut self) -> Result<(), FormatError> {
-        self.inner.rewind()
+        self.inner.rewind().map_err(|error| of_packed(self.packing, &self.files[0], &self.copy, error))
     }
 
     fn read_planes(&mut self, count: u32, planes: &mut Vec<u8>) -> Result<(), FormatError> {
-        self.inner.read_planes(count, planes)
+        self.inner
+            .read_planes(count, planes)
+            .map_err(|error| of_packed(self.packing, &self.files[0], &self.copy, error))
     }
 
     fn read_piece(&mut self, most: usize, piece: &mut Vec<u8>) -> Result<(), FormatError> {
-        self.inner.read_piece(most, piece)
+        self.inner.read_piece(most, piece).map_err(|error| of_packed(self.packing, &self.files[0], &self.copy, error))
     }
 
     fn seek(&mut self, voxel: u64) -> Result<bool, FormatError> {
-        self.inner.seek(voxel)
+        self.inner.seek(voxel).map_err(|error| of_packed(self.packing, &self.files[0], &self.copy, error))
     }
 }

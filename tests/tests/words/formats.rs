@@ -60,7 +60,7 @@ fn a_volume_gives_one_store_whatever_its_format() {
     let head = "ObjectType = Image\nNDims = 3\nElementSpacing = 1 1 2\nDimSize = 24 24 24\nElementType = MET_USHORT\n\
                 ElementDataFile = LOCAL\n";
     fs::write(at.join("p.mha"), [head.as_bytes(), &voxels].concat()).unwrap();
-    brickcast_ok(at, &["prepare", "p.nrrd", "want"]);
+    brickcast_ok(at, &["prepare", "p.nrrd", "want", "--brick", "16"]);
     let want = manifest(&at.join("want"));
     let spacing = ["--spacing", "1,1,2"];
     for (i, (input, more)) in [("stack", &spacing[..]), ("stack/s*.png", &spacing), ("p.npy", &spacing), ("p.mha", &[])]
@@ -68,7 +68,7 @@ fn a_volume_gives_one_store_whatever_its_format() {
         .enumerate()
     {
         let store = format!("store{i}");
-        brickcast_ok(at, &[&["prepare", input, &store], more].concat());
+        brickcast_ok(at, &[&["prepare", input, &store, "--brick", "16"], more].concat());
         assert!(manifest(&at.join(&store)) == want, "another store: {input}");
     }
     let (told, _) = brickcast_both(at, &["info", "stack"]);
