@@ -31,12 +31,13 @@ pub(crate) fn open(input: &Input, hints: &RawHints, opener: Opener) -> Result<Bo
     })?;
     let copy = folder.path().join(unpacked_name(path));
     unpack(input, &copy)?;
-    let unpacked = small_input(&copy)?;
+    let named = |error| of_packed(input.packing, path, &copy, error);
+    let unpacked = small_input(&copy).map_err(named)?;
     if unpacked.is_packed() {
         let why = format!("there is {} in {}", unpacked.packing.name(), input.packing.name());
         return Err(Wrong::new("content", why, "unpack the outer one").of(path, input.packing.name()));
     }
-    let inner = opener.open(&copy, hints).map_err(|error| of_packed(input.packing, path, &copy, error))?;
+    let inner = opener.open(&copy, hints).map_err(named)?;
     let mut header = inner.header().clone();
     header.notes.push(format!("unpacked from {} into a temporary file, which was read", input.packing.name()));
     let files = vec![path.clone()];
