@@ -181,3 +181,31 @@ fn damaged_legacy_files_of_vtk() {
 fn damaged_image_data_of_vtk() {
     damaged("x.vti", seeds::image_data());
 }
+
+/// Packed, no length gives them away: planes of terabytes out of a few bytes.
+#[test]
+fn headers_that_lie_cost_no_memory() {
+    let folder = tempfile::tempdir().unwrap();
+    let swapped = |seed: &[u8], from: &str, to: &str| {
+        let at = seed.windows(from.len()).position(|w| w == from.as_bytes()).unwrap();
+        let file = [&seed[..at], to.as_bytes(), &seed[at + from.len()..]].concat();
+        seeds::gzip(&file)
+    };
+    let mut nifti = seeds::niftis()[0].clone();
+    nifti[42..46].copy_from_slice(&[0xff, 0x7f, 0xff, 0x7f]);
+    let shape = "(2, 1000000, 1000000)";
+    let lying = [
+        ("x.npy", swapped(&seeds::arrays()[0], &format!("{:<21}", "(2, 3, 4), }"), shape)),
+        ("x.mha", swapped(&seeds::meta_images()[0], "DimSize = 4 3 2", "DimSize = 1000000 1000000 2")),
+        ("x.nii", seeds::gzip(&nifti)),
+        ("x.vtk", swapped(&seeds::legacy()[0], "DIMENSIONS 4 3 2", "DIMENSIONS 1000000 1000000 2")),
+    ];
+    for (name, file) in lying {
+        let path = folder.path().join(name);
+        std::fs::write(&path, file).unwrap();
+        let error = read(&path).expect_err(name).to_string();
+        assert!(error.contains(name) && error.contains("ends after"), "{error}");
+        let peak = ALLOCATOR.max_allocated();
+        assert!(peak < MEMORY_BOUND, "{name}: {peak} bytes were allocated at once");
+    }
+}
