@@ -1,11 +1,11 @@
-//! Input volumes, wherever they lie: a file, a folder of OME-Zarr, or OME-Zarr behind a network.
+//! Input volumes, wherever they lie: a file, a stack of slices, a folder of OME-Zarr, or OME-Zarr behind a network.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context as _, anyhow};
 use brickcast_remote::{Place, Root, seen_from};
-use brickcast_volume::format::{self, RawHints, VolumeSource};
+use brickcast_volume::format::{RawHints, VolumeSource};
 use brickcast_volume::store::{
     Manifest, Phase, PrepareOptions, PrepareSummary, Progress, ScratchFolder, StoreError, ViewInput, prepare,
     prepare_to,
@@ -22,7 +22,7 @@ pub fn open_input(place: &Place, hints: &RawHints) -> anyhow::Result<Box<dyn Vol
     if let Place::Folder(path) = place
         && !path.is_dir()
     {
-        return Ok(format::open(path, hints)?);
+        return Ok(brickcast_formats::open(path, hints)?);
     }
     let objects = place.objects();
     // A server may refuse to say that something is not there; then it is no store that could be opened.
@@ -31,7 +31,7 @@ pub fn open_input(place: &Place, hints: &RawHints) -> anyhow::Result<Box<dyn Vol
     }
     match (brickcast_zarr::is_zarr(objects.as_ref())?, place) {
         (true, _) => Ok(brickcast_zarr::open(objects, hints)?),
-        (false, Place::Folder(path)) => Ok(format::open(path, hints)?),
+        (false, Place::Folder(path)) => Ok(brickcast_formats::open(path, hints)?),
         (false, Place::Far(root)) => {
             let why = "there is no zarr.json, .zattrs, .zarray or .zgroup; behind a network stores and OME-Zarr are \
                        read, files of other formats only on this machine";
@@ -46,7 +46,8 @@ pub fn open_input(place: &Place, hints: &RawHints) -> anyhow::Result<Box<dyn Vol
 /// The place cannot be read.
 pub fn is_input(place: &Place, error: &StoreError) -> anyhow::Result<bool> {
     let is_none = matches!(error, StoreError::NotAStore { .. });
-    Ok(is_none && brickcast_zarr::is_zarr(place.objects().as_ref())?)
+    let is_stack = || matches!(place, Place::Folder(path) if brickcast_formats::is_stack(path));
+    Ok(is_none && (brickcast_zarr::is_zarr(place.objects().as_ref())? || is_stack()))
 }
 
 /// Prepares the input at `place` into `target`, showing progress and telling what the reader noticed.

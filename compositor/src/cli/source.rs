@@ -153,7 +153,11 @@ impl OnTheWayArgs {
     /// # Errors
     /// stderr cannot be written.
     pub fn with_regions_for(mut self, path: &Path, asked: Option<&str>, quiet: bool) -> Result<Self, Failure> {
-        let is_input = || path.is_file() || (path.is_dir() && !path.join(MANIFEST_FILE).exists());
+        let is_input = || {
+            path.is_file()
+                || brickcast_formats::is_pattern(path)
+                || (path.is_dir() && !path.join(MANIFEST_FILE).exists())
+        };
         if let (Some(asked), true, true) = (asked, self.regions.is_silent(), is_input()) {
             let range = DEFAULT_SEGMENTATION_RANGE;
             self.regions.segmentation_range = Some(range);
@@ -198,7 +202,7 @@ impl OnTheWayArgs {
             return Ok(Source::Store(store));
         }
         // What is there but no regular file is refused by name, not taken for a name that nodes know.
-        if path.exists() {
+        if path.exists() || brickcast_formats::is_pattern(path) {
             return Ok(Source::Store(self.prepared(&place, path)?));
         }
         match path.to_str() {
@@ -213,8 +217,9 @@ impl OnTheWayArgs {
         let regions = self.regions.options(self.raw.dims)?;
         let source = open_input(place, &hints)?;
         let header = source.header();
-        // What lies in chunks already is shown where it is.
-        let view = is_place_of_many_files(place).then(|| view_of(place, &hints, None)).transpose()?;
+        // What lies in chunks already is shown where it is; a stack of slices does not.
+        let in_chunks = is_place_of_many_files(place) && brickcast_zarr::is_zarr(place.objects().as_ref())?;
+        let view = in_chunks.then(|| view_of(place, &hints, None)).transpose()?;
         let options =
             PrepareOptions { brick_size: self.brick, range, force: true, regions, view, ..PrepareOptions::default() };
         // As if nothing could be compressed; what is wider is mapped to 16 bits. Coarser levels are a seventh more.

@@ -16,6 +16,7 @@ mod config;
 mod default_look;
 mod field;
 mod films;
+mod formats;
 mod hidden;
 #[cfg(target_os = "linux")]
 mod interrupts;

@@ -46,7 +46,7 @@ fn prepared(source: &mut dyn VolumeSource, store: &Path, tile_voxels: u64, view:
 }
 
 /// Of all levels, in one. The hashes of levels' manifests are not: those tell of the input, too.
-fn manifest(store: &Path) -> Value {
+pub(crate) fn manifest(store: &Path) -> Value {
     let read = |file: &str| {
         let mut manifest: Value = serde_json::from_slice(&fs::read(store.join(file)).unwrap()).unwrap();
         for what in ["source", "notes"] {

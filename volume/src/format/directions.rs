@@ -12,16 +12,17 @@ pub(super) const TOLD: f64 = 1e-6;
 
 /// Axes as a [`crate::space::Geometry`] takes them.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Axes {
-    pub(super) spacing: [f64; 3],
+pub struct Axes {
+    /// Lengths of the vectors.
+    pub spacing: [f64; 3],
     /// Orthonormal, one axis a column.
-    pub(super) directions: DMat3,
+    pub directions: DMat3,
     /// The farthest that an axis was moved, of length one.
-    pub(super) moved: f64,
+    pub moved: f64,
 }
 
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub(super) enum AxesError {
+pub enum AxesError {
     #[error("axis {axis} has the vector {vector}: it must be finite and not zero")]
     Length { axis: usize, vector: DVec3 },
     #[error(
@@ -33,7 +34,10 @@ pub(super) enum AxesError {
 
 impl Axes {
     /// `vectors`: from a voxel to the next along each axis, world.
-    pub(super) fn of(vectors: [DVec3; 3]) -> Result<Self, AxesError> {
+    ///
+    /// # Errors
+    /// A vector without length, axes that are not at right angles.
+    pub fn of(vectors: [DVec3; 3]) -> Result<Self, AxesError> {
         let spacing = vectors.map(DVec3::length);
         for axis in 0..3 {
             if !(spacing[axis].is_finite() && spacing[axis] > 0.0) {

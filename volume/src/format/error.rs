@@ -3,7 +3,6 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::known::supported;
 use super::voxel_type::VoxelType;
 use crate::small_file::FileKind;
 use crate::space::GeometryError;
@@ -12,18 +11,20 @@ use crate::space::GeometryError;
 pub enum FormatError {
     #[error("{path}: cannot {action} this file: {reason}")]
     Io { path: PathBuf, action: &'static str, reason: io::Error },
-    #[error("{path} is a directory, but no OME-Zarr; give one file. Read are: {}", supported())]
-    Directory { path: PathBuf },
+    #[error("{path} is a directory, but no OME-Zarr; give one file. Read are: {supported}")]
+    Directory { path: PathBuf, supported: String },
     #[error("{path} is {kind}; copy its content to a regular file first, which is read more than once")]
     NotRegular { path: PathBuf, kind: FileKind },
     #[error("{path} is empty (0 bytes); copy or export it again")]
     Empty { path: PathBuf },
     #[error(
-        "{path}: unknown format (it starts with `{start}`). Read are: {}. For a headerless file of another name give \
-         --dims",
-        supported()
+        "{path}: unknown format (it starts with `{start}`). Read are: {supported}. For a headerless file of another \
+         name give --dims"
     )]
-    Unknown { path: PathBuf, start: String },
+    Unknown { path: PathBuf, start: String, supported: String },
+    /// For readers that tell what is wrong in plain words.
+    #[error("{path}: {format}, {field}: {problem}; {remedy}")]
+    Field { path: PathBuf, format: &'static str, field: String, problem: String, remedy: String },
     /// What is wrong in the terms of one format; its reader has the type.
     #[error("{path}: {reason}")]
     Header { path: PathBuf, reason: Box<dyn std::error::Error + Send + Sync> },

@@ -10,8 +10,7 @@ use super::source::open_regular;
 /// How much of a file formats are known by, bytes: DICOM's mark is at 128, NIfTI's at 344.
 const START_BYTES: u64 = 512;
 
-/// An input that is one file, or begins with one. A folder of slices would be an input too, with its files; no format
-/// reads one yet.
+/// An input that is one file, or begins with one; stacks of slices are read by the crate `formats`.
 #[derive(Debug)]
 pub(super) struct Input {
     /// As the user names it.

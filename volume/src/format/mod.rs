@@ -1,6 +1,7 @@
 //! Volume file formats, read in slabs of whole z-planes.
 //!
-//! A new format is a line in [`FORMATS`], its words in `known.rs`, and a module that ends in a [`VolumeSource`].
+//! NRRD and raw files alone: all other formats lie in the crate `formats`, whose opener tries its own first and falls
+//! to [`open`], so that a change of a reader compiles little anew.
 
 mod coded;
 mod directions;
@@ -9,6 +10,7 @@ mod excerpt;
 mod input;
 mod known;
 pub mod nrrd;
+mod opener;
 mod planes;
 pub mod raw;
 mod rescale;
@@ -20,12 +22,14 @@ mod voxel_type;
 use std::ffi::OsStr;
 use std::path::Path;
 
-use excerpt::excerpt;
 use input::Input;
 use known::Known;
 
+pub use directions::{Axes, AxesError};
 pub use error::FormatError;
+pub use excerpt::excerpt;
 pub use known::supported;
+pub use opener::Opener;
 pub use raw::RawHints;
 pub use rescale::Rescale;
 pub use source::{Placement, SourceHeader, VolumeSource};
@@ -66,7 +70,8 @@ pub fn open(path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, Form
         None if hints.dims.is_some() => raw::open(input, hints),
         None => {
             let shown = &input.start[..input.start.len().min(SHOWN_BYTES)];
-            Err(FormatError::Unknown { path: path.into(), start: excerpt(&String::from_utf8_lossy(shown)) })
+            let start = excerpt(&String::from_utf8_lossy(shown));
+            Err(FormatError::Unknown { path: path.into(), start, supported: supported() })
         }
     }
 }

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use super::error::FormatError;
+use super::known::supported;
 use super::rescale::Rescale;
 use super::voxel_type::VoxelType;
 use crate::small_file::{self, FileKind, NotOpened};
@@ -113,7 +114,7 @@ pub trait VolumeSource: Send + std::fmt::Debug {
 pub(super) fn open_regular(path: &Path) -> Result<File, FormatError> {
     small_file::open_regular(path).map_err(|error| match error {
         NotOpened::Io(reason) => FormatError::io(path, "open", reason),
-        NotOpened::NotRegular(FileKind::Folder) => FormatError::Directory { path: path.into() },
+        NotOpened::NotRegular(FileKind::Folder) => FormatError::Directory { path: path.into(), supported: supported() },
         NotOpened::NotRegular(kind) => FormatError::NotRegular { path: path.into(), kind },
     })
 }

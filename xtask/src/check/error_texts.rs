@@ -37,7 +37,8 @@ fn run(tree: &Tree) -> Vec<String> {
 
 /// What may speak to users: the crates of programs, without their tests.
 fn is_program(file: &SourceFile) -> bool {
-    let in_crate = ["volume/src/", "remote/src/", "zarr/src/", "proto/src/", "node/src/", "compositor/src/"];
+    let in_crate =
+        ["volume/src/", "remote/src/", "zarr/src/", "formats/src/", "proto/src/", "node/src/", "compositor/src/"];
     let in_crate = in_crate.iter().any(|c| file.path.starts_with(c));
     in_crate && !file.path.contains("/tests/") && !matches!(file.name(), "tests.rs" | "property.rs" | "testing.rs")
 }

@@ -27,6 +27,7 @@ struct Law {
 const VOLUME: &str = "brickcast-volume";
 const REMOTE: &str = "brickcast-remote";
 const ZARR: &str = "brickcast-zarr";
+const FORMATS: &str = "brickcast-formats";
 const SHADERS: &str = "brickcast-shaders";
 const PROTO: &str = "brickcast-proto";
 const CPU: &str = "brickcast-cpu";
@@ -34,7 +35,7 @@ const NODE: &str = "brickcast-node";
 const HARNESS: &str = "brickcast-harness";
 const ATTRIBUTE: &str = "brickcast-harness-attribute";
 
-const LAWS: [Law; 12] = [
+const LAWS: [Law; 13] = [
     Law {
         package: VOLUME,
         ours: Some(&[]),
@@ -42,11 +43,12 @@ const LAWS: [Law; 12] = [
     },
     Law { package: REMOTE, ours: Some(&[VOLUME]), banned: &["wgpu", "naga", "tonic", "prost"] },
     Law { package: ZARR, ours: Some(&[VOLUME]), banned: &["wgpu", "naga", "tokio", "tonic", "prost"] },
+    Law { package: FORMATS, ours: Some(&[VOLUME, HARNESS]), banned: &["wgpu", "naga", "tokio", "tonic", "prost"] },
     Law { package: SHADERS, ours: Some(&[VOLUME]), banned: &["wgpu", "tokio", "tonic", "prost"] },
     Law { package: PROTO, ours: Some(&[VOLUME]), banned: &["wgpu", "naga"] },
     Law { package: CPU, ours: Some(&[VOLUME, SHADERS]), banned: &["wgpu", "naga", "tokio", "tonic", "prost"] },
     Law { package: NODE, ours: Some(&[VOLUME, REMOTE, ZARR, SHADERS, CPU, PROTO, HARNESS]), banned: &[] },
-    Law { package: "brickcast", ours: Some(&[VOLUME, REMOTE, ZARR, PROTO, NODE]), banned: &["wgpu", "naga"] },
+    Law { package: "brickcast", ours: Some(&[VOLUME, REMOTE, ZARR, FORMATS, PROTO, NODE]), banned: &["wgpu", "naga"] },
     Law { package: HARNESS, ours: Some(&[ATTRIBUTE]), banned: &["wgpu", "tokio"] },
     Law { package: ATTRIBUTE, ours: Some(&[]), banned: &["wgpu", "tokio"] },
     Law { package: "brickcast-tests", ours: None, banned: &[] },

@@ -172,7 +172,7 @@ pub struct PhantomArgs {
 
 #[derive(Debug, Args)]
 pub struct PrepareArgs {
-    /// NRRD, NHDR or raw file, or OME-Zarr; several in their order become the steps of a series
+    /// A file, a folder or quoted pattern of slices, or OME-Zarr; several in their order become the steps of a series
     #[arg(required = true, value_name = "INPUT")]
     pub inputs: Vec<PathBuf>,
     /// The store, or the series of stores (a folder) to write

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::anyhow;
-use brickcast_volume::format::RawHints;
+use brickcast_volume::format::{Opener, RawHints};
 use brickcast_volume::store::{RegionOptions, Segmentation};
 use clap::{Args, ValueEnum};
 
@@ -52,7 +52,8 @@ impl RegionArgs {
         let min_region = self.min_region;
         if let Some(path) = &self.labels {
             let hints = RawHints { dims, ..RawHints::default() };
-            let segmentation = Segmentation::Labels { path: path.clone(), hints };
+            let segmentation =
+                Segmentation::Labels { path: path.clone(), hints, opener: Opener(brickcast_formats::open) };
             return Ok(Some(RegionOptions { segmentation, min_region }));
         }
         let Some(range) = self.segmentation_range else {

@@ -43,7 +43,8 @@ impl RawHints {
     }
 
     /// What is said of the flags of images, in formats that have one channel and one point in time.
-    pub(super) fn of_one_volume(&self) -> Option<String> {
+    #[must_use]
+    pub fn of_one_volume(&self) -> Option<String> {
         (self.channel.is_some() || self.time.is_some())
             .then(|| "--channel and --time are for OME-Zarr; this format has one volume, which was taken".into())
     }

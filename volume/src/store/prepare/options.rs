@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::step_map::StepMap;
-use crate::format::{self, RawHints, VolumeSource};
+use crate::format::{Opener, RawHints, VolumeSource};
 use crate::ids::StoreHash;
 use crate::store::error::StoreError;
 use crate::store::manifest::Manifest;
@@ -73,7 +73,7 @@ pub enum Segmentation {
     /// The paper's seeded flood fill in raster order, in memory, for comparison.
     Flood { range: f64 },
     /// A label volume, taken as it is; 0 is no region.
-    Labels { path: PathBuf, hints: RawHints },
+    Labels { path: PathBuf, hints: RawHints, opener: Opener },
 }
 
 impl Default for PrepareOptions {
@@ -105,8 +105,8 @@ impl PrepareOptions {
     /// A label volume that cannot be opened.
     pub fn inputs(&self, source: &dyn VolumeSource) -> Result<Vec<PathBuf>, StoreError> {
         let mut files = source.files().to_vec();
-        if let Some(Segmentation::Labels { path, hints }) = self.regions.as_ref().map(|r| &r.segmentation) {
-            files.extend_from_slice(format::open(path, hints)?.files());
+        if let Some(Segmentation::Labels { path, hints, opener }) = self.regions.as_ref().map(|r| &r.segmentation) {
+            files.extend_from_slice(opener.open(path, hints)?.files());
         }
         Ok(files)
     }

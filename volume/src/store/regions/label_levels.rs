@@ -119,11 +119,11 @@ fn merged(a: &[(u32, u64)], b: &[(u32, u64)]) -> Vec<(u32, u64)> {
 impl Segmenter<'_> {
     /// The labels of each of `levels`, from level 1 on, where labels are given; else none. This must be the finest.
     pub(crate) fn labels_of_levels(&mut self, levels: &[Geometry]) -> Result<Vec<Spool>, StoreError> {
-        let Segmentation::Labels { path, hints } = &self.options.segmentation else { return Ok(Vec::new()) };
+        let Segmentation::Labels { path, hints, opener } = &self.options.segmentation else { return Ok(Vec::new()) };
         if levels.is_empty() {
             return Ok(Vec::new());
         }
-        let mut planes = LabelPlanes::open(path, hints, (&self.geometry, self.placement))?;
+        let mut planes = LabelPlanes::open((path, hints, *opener), (&self.geometry, self.placement))?;
         planes.rewind()?;
         let spool = |(level, geometry): (u32, &Geometry)| {
             let header = SourceHeader::new("labels", *geometry, VoxelType::U32);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::error::RegionsError;
 use super::label_place::{self, Placed};
-use crate::format::{self, FormatError, RawHints, VolumeSource, VoxelType};
+use crate::format::{FormatError, Opener, RawHints, VolumeSource, VoxelType};
 use crate::store::error::StoreError;
 use crate::store::prepare::spool::Spool;
 
@@ -17,8 +17,11 @@ pub(crate) enum LabelPlanes {
 
 impl LabelPlanes {
     /// `volume` is where they must lie.
-    pub(crate) fn open(path: &Path, hints: &RawHints, volume: Placed<'_>) -> Result<Self, StoreError> {
-        let source = format::open(path, hints)?;
+    pub(crate) fn open(
+        (path, hints, opener): (&Path, &RawHints, Opener),
+        volume: Placed<'_>,
+    ) -> Result<Self, StoreError> {
+        let source = opener.open(path, hints)?;
         let header = source.header();
         let (got, want) = (header.geometry.dims().to_array(), volume.0.dims().to_array());
         if got != want {

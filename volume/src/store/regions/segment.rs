@@ -147,9 +147,9 @@ impl Segmenter<'_> {
                 return Ok(Found { kept, tables, distances, finder });
             }
             Segmentation::Flood { range } => LabelPlanes::Memory(self.flood(*range, &density)?),
-            Segmentation::Labels { path, hints } => match self.labels.take() {
+            Segmentation::Labels { path, hints, opener } => match self.labels.take() {
                 Some(labels) => labels,
-                None => LabelPlanes::open(path, hints, (&self.geometry, self.placement))?,
+                None => LabelPlanes::open((path, hints, *opener), (&self.geometry, self.placement))?,
             },
         };
         let tables = CodeTables::new(Vec::new());

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use brickcast_volume::format::{RawHints, VoxelType};
+use brickcast_volume::format::{Opener, RawHints, VoxelType};
 use brickcast_volume::regions::{density_of_code, window_width};
 use brickcast_volume::store::{
     ChunkCache, PrepareOptions, RegionOptions, RegionsError, Segmentation, Store, StoreError,
@@ -18,7 +18,7 @@ fn with(segmentation: Segmentation, min_region: u64) -> PrepareOptions {
 }
 
 fn labels_of(path: &Path) -> PrepareOptions {
-    with(Segmentation::Labels { path: path.to_path_buf(), hints: RawHints::default() }, 0)
+    with(Segmentation::Labels { path: path.to_path_buf(), hints: RawHints::default(), opener: Opener::default() }, 0)
 }
 
 /// Blobs of few values on noise.

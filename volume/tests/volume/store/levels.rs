@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 
 use brickcast_volume::brick::RANGE_MARGIN;
-use brickcast_volume::format::{RawHints, VoxelType};
+use brickcast_volume::format::{Opener, RawHints, VoxelType};
 use brickcast_volume::store::{
     BrickRanges, ChunkCache, Levels, Manifest, NO_DATA_CODE, PrepareOptions, RegionOptions, Segmentation, Store,
     prepare, stored_bytes,
@@ -243,7 +243,7 @@ fn given_labels_are_the_most_frequent_of_the_finest() {
     let file = dir.path().join("l_37x20x29_uint16.raw");
     let bytes: Vec<u8> = labels.values.iter().flat_map(|v| (*v as u16).to_le_bytes()).collect();
     fs::write(&file, bytes).unwrap();
-    let segmentation = Segmentation::Labels { path: file, hints: RawHints::default() };
+    let segmentation = Segmentation::Labels { path: file, hints: RawHints::default(), opener: Opener::default() };
     let regions = Some(RegionOptions { segmentation, min_region: 0 });
     let store = prepared(&volume, dir.path(), &PrepareOptions { regions, ..bricks(8) }, &[0.0]);
     assert_eq!(store.level_count(), 4);

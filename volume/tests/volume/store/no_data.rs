@@ -1,7 +1,7 @@
 //! Voxels without data: NaN and declared fill values are code 0 and nothing else is, no statistic counts them, no
 //! region has them.
 
-use brickcast_volume::format::{RawHints, VoxelType};
+use brickcast_volume::format::{Opener, RawHints, VoxelType};
 use brickcast_volume::store::{
     BrickRanges, ChunkCache, NO_DATA_CODE, NoData, PrepareOptions, RegionOptions, Segmentation, Store,
 };
@@ -173,7 +173,7 @@ fn no_region_reaches_into_a_hole() {
     let ways = [
         Segmentation::Windows { range },
         Segmentation::Flood { range },
-        Segmentation::Labels { path: labels_file, hints: RawHints::default() },
+        Segmentation::Labels { path: labels_file, hints: RawHints::default(), opener: Opener::default() },
     ];
     for (i, segmentation) in ways.into_iter().enumerate() {
         for brick_size in [8, 64] {

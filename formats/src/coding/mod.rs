@@ -1,0 +1,8 @@
+//! How voxels are written down where they do not lie as bytes: numbers as text, blocks of VTK's XML, base64.
+
+mod base64;
+mod blocks;
+mod text;
+
+pub(crate) use blocks::{Blocks, Compressor};
+pub(crate) use text::Numbers;

@@ -1,0 +1,90 @@
+//! A header's geometry: from axes and origin, overruled by what the user says.
+
+use std::path::Path;
+
+use brickcast_volume::format::{Axes, FormatError, Placement, RawHints, SourceHeader};
+use brickcast_volume::space::Geometry;
+use glam::DVec3;
+
+use crate::wrong::Wrong;
+
+/// What the decimals of a header leave; not worth a word.
+const TOLD: f64 = 1e-6;
+
+/// What a file says of where it lies.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Place {
+    /// From a voxel to the next along each axis, world.
+    pub(crate) vectors: [DVec3; 3],
+    pub(crate) origin: DVec3,
+    pub(crate) said: Placement,
+}
+
+impl Place {
+    /// Axes x, y, z.
+    pub(crate) fn straight(spacing: [f64; 3], origin: [f64; 3], said: Placement) -> Self {
+        let [x, y, z] = spacing;
+        Self { vectors: [DVec3::X * x, DVec3::Y * y, DVec3::Z * z], origin: origin.into(), said }
+    }
+
+    pub(crate) fn unknown() -> Self {
+        Self::straight([1.0; 3], [0.0; 3], Placement::default())
+    }
+
+    /// Geometry, and notes of what was moved or assumed.
+    pub(crate) fn geometry(&self, dims: [u32; 3], notes: &mut Vec<String>) -> Result<Geometry, Wrong> {
+        let axes = Axes::of(self.vectors).map_err(|e| Wrong::new("axes", e.to_string(), "correct the header"))?;
+        if axes.moved > TOLD {
+            notes.push(format!(
+                "axes were not quite at right angles or on x, y, z: moved by up to {:.1e} of a voxel",
+                axes.moved
+            ));
+        }
+        // -0 is 0.
+        let geometry = Geometry::new(dims, axes.spacing, (self.origin + 0.0).to_array())
+            .and_then(|geometry| geometry.with_directions(axes.directions))
+            .map_err(|e| Wrong::new("size and place", e.to_string(), "correct the header"))?;
+        if geometry.is_mirrored() {
+            notes.push("stored mirrored: its axes are a left-handed system in space; drawn as it lies in space".into());
+        }
+        if !self.said.spacing {
+            notes.push("spacing not said: 1, 1, 1 assumed (--spacing X,Y,Z overrides)".into());
+        }
+        Ok(geometry)
+    }
+}
+
+/// What the user says overrules the file.
+///
+/// # Errors
+/// A spacing or an origin that cannot be.
+pub(crate) fn hinted(
+    path: &Path,
+    mut header: SourceHeader,
+    hints: &RawHints,
+    has_several: bool,
+) -> Result<SourceHeader, FormatError> {
+    let g = header.geometry;
+    if hints.spacing.is_some() || hints.origin.is_some() {
+        let spacing = hints.spacing.unwrap_or(g.spacing().to_array());
+        let origin = hints.origin.unwrap_or(g.origin().to_array());
+        header.geometry = Geometry::new(g.dims().to_array(), spacing, origin)
+            .and_then(|geometry| geometry.with_directions(g.directions()))
+            .map_err(|e| Wrong::new("--spacing", e.to_string(), "give another").of(path, header.format))?;
+        header.placement.spacing |= hints.spacing.is_some();
+        header.placement.origin |= hints.origin.is_some();
+        header.notes.retain(|note| hints.spacing.is_none() || !note.starts_with("spacing not said"));
+        if let Some([x, y, z]) = hints.spacing {
+            header.notes.push(format!("spacing {x}, {y}, {z} as --spacing says"));
+        }
+    }
+    let of_raw = RawHints { spacing: None, origin: None, ..hints.clone() };
+    if !of_raw.is_empty() {
+        header.notes.push("--dims, --type, --endian, --skip are for raw files; the file's own were used".into());
+    }
+    if !has_several {
+        header.notes.extend(hints.of_one_volume());
+    }
+    header.no_data.extend(hints.no_data);
+    Ok(header)
+}

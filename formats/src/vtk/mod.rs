@@ -1,0 +1,8 @@
+//! VTK: the legacy format of structured points, and XML image data (.vti).
+
+mod legacy;
+mod tags;
+mod xml;
+
+pub(crate) use legacy::{open as open_legacy, recognises as is_legacy};
+pub(crate) use xml::{open as open_xml, recognises as is_xml};

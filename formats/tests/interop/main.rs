@@ -1,0 +1,117 @@
+//! The same phantom as tifffile, imagecodecs, SimpleITK, nibabel, numpy, VTK and pynrrd write it, voxel by voxel and
+//! place by place.
+
+#![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
+
+// Its `#[test]` in place of the compiler's: a test may find out that it can try nothing here.
+#[macro_use]
+extern crate brickcast_harness;
+
+use std::path::Path;
+use std::process::Command;
+
+use brickcast_volume::format::{RawHints, VolumeSource};
+
+fn main() -> std::process::ExitCode {
+    brickcast_harness::main()
+}
+
+fn numbers<T: std::str::FromStr>(text: &str) -> Option<Vec<T>> {
+    (text != "-").then(|| text.split(' ').map(|n| n.parse().ok().unwrap()).collect())
+}
+
+/// All planes, a few at a time, then the last ones again after a rewind, then a piece that was sought.
+fn read(source: &mut dyn VolumeSource, want: &[u8]) -> Result<(), String> {
+    let d = source.header().geometry.dims();
+    let plane = (d.x * d.y) as usize * source.header().voxel_type.bytes();
+    let voxel = source.header().voxel_type.bytes();
+    for step in [2, d.z] {
+        source.rewind().map_err(|e| e.to_string())?;
+        let (mut all, mut planes) = (Vec::new(), Vec::new());
+        loop {
+            source.read_planes(step, &mut planes).map_err(|e| e.to_string())?;
+            if planes.is_empty() {
+                break;
+            }
+            assert!(planes.len() <= step as usize * plane);
+            all.extend_from_slice(&planes);
+        }
+        if all != want {
+            let first = all.iter().zip(want).position(|(a, b)| a != b);
+            return Err(format!("other voxels from byte {first:?} of {} on, {} are wanted", all.len(), want.len()));
+        }
+    }
+    let middle = want.len() / voxel / 2;
+    let mut piece = Vec::new();
+    if source.seek(middle as u64).map_err(|e| e.to_string())? {
+        source.read_piece(3 * voxel, &mut piece).map_err(|e| e.to_string())?;
+        if piece != want[middle * voxel..(middle + 3) * voxel] {
+            return Err("other voxels where it was sought".into());
+        }
+    }
+    Ok(())
+}
+
+fn near(got: &[f64], want: &[f64]) -> bool {
+    got.iter().zip(want).all(|(g, w)| (g - w).abs() <= 2e-6 * w.abs().max(1.0))
+}
+
+fn check(folder: &Path, line: &str) -> Result<(), String> {
+    let cells: Vec<&str> = line.split('\t').collect();
+    let &[name, raw, voxel_type, dims, vectors, origin, unit, rescale, chosen] = &cells[..] else { panic!("{line}") };
+    let chosen: Option<Vec<u64>> = numbers(chosen);
+    let hints = RawHints {
+        channel: chosen.as_ref().map(|c| c[0]).filter(|c| *c > 0),
+        time: chosen.as_ref().map(|c| c[1]).filter(|t| *t > 0),
+        ..RawHints::default()
+    };
+    let mut source = brickcast_formats::open(&folder.join(name), &hints).map_err(|e| e.to_string())?;
+    let header = source.header().clone();
+    let geometry = header.geometry;
+    let is = |what: bool, message: String| what.then_some(()).ok_or(message);
+    is(header.voxel_type.name() == voxel_type, format!("type {}", header.voxel_type))?;
+    is(geometry.dims().to_array()[..] == numbers::<u32>(dims).unwrap()[..], format!("dims {}", geometry.dims()))?;
+    let axes = geometry.directions() * glam::DMat3::from_diagonal(geometry.spacing());
+    let (axes, at) = (axes.to_cols_array(), geometry.origin().to_array());
+    let want: Option<Vec<f64>> = numbers(vectors);
+    is(want.as_ref().is_none_or(|want| near(&axes, want)), format!("axes {axes:?}, wanted {want:?}"))?;
+    // Mirrors and permutations are exact.
+    if want.as_ref().is_some_and(|want| want.iter().filter(|n| n.abs() > 1e-12).count() == 3) {
+        let exact = geometry.directions().to_cols_array().iter().all(|n| [0.0, 1.0, -1.0].contains(n));
+        is(exact, format!("directions {}", geometry.directions()))?;
+    }
+    let want: Option<Vec<f64>> = numbers(origin);
+    is(want.as_ref().is_none_or(|want| near(&at, want)), format!("origin {at:?}, wanted {want:?}"))?;
+    is(unit == "-" || header.space_unit.as_deref() == Some(unit), format!("unit {:?}", header.space_unit))?;
+    let want: Vec<f64> = numbers(rescale).unwrap();
+    let (slope, intercept) = header.rescale.after(1.0, 0.0);
+    is(near(&[slope, intercept], &want), format!("rescale {slope} {intercept}, wanted {want:?}"))?;
+    is(!source.files().is_empty() && source.files().iter().all(|f| f.is_file()), format!("{:?}", source.files()))?;
+    read(source.as_mut(), &std::fs::read(folder.join(raw)).unwrap())
+}
+
+#[test]
+fn what_other_programs_write_is_read_voxel_by_voxel_and_in_its_place() {
+    let modules = "imagecodecs, nibabel, nrrd, numpy, SimpleITK, tifffile, vtkmodules";
+    let probe = Command::new("python3").args(["-c", &format!("import {modules}")]).output();
+    if !probe.is_ok_and(|probe| probe.status.success()) {
+        brickcast_harness::ignore(format!("python3 with {modules} is missing: see install_formats in .ci/run"));
+    }
+    let kept = std::env::var_os("BRICKCAST_INTEROP_FILES");
+    let folder = tempfile::tempdir().unwrap();
+    let folder = kept.as_deref().map_or(folder.path(), Path::new);
+    if kept.is_none() {
+        let mut python = Command::new("python3");
+        let output = python.args(["-W", "ignore", "-c", include_str!("write.py")]).arg(folder).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    let table = std::fs::read_to_string(folder.join("table.tsv")).unwrap();
+    assert!(table.lines().count() > 680, "the writer left rows out");
+    let mut failures = Vec::new();
+    for line in table.lines() {
+        if let Err(why) = check(folder, line) {
+            failures.push(format!("{}: {why}", line.split('\t').next().unwrap_or_default()));
+        }
+    }
+    assert!(failures.is_empty(), "{} of {}:\n{}", failures.len(), table.lines().count(), failures.join("\n"));
+}
