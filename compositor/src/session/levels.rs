@@ -163,8 +163,8 @@ impl LevelSessions {
         (&self.levels, &self.seen.insert(seen).content)
     }
 
-    /// Finds how far full resolution can be from what is drawn of `selection`; takes a while, on any thread. An error of
-    /// looks of which ranges of values do not tell.
+    /// Finds how far full resolution can be from what is drawn of `selection`; takes a while, on any thread. An error
+    /// of looks of which ranges of values do not tell.
     pub fn changes(
         &self,
         scene: &Scene,

@@ -19,52 +19,29 @@
 
 use std::collections::BTreeSet;
 
-use glam::{DVec2, DVec3, IVec3, UVec2, UVec3};
+use glam::{DVec2, IVec3, UVec2, UVec3};
 use rayon::prelude::*;
-use serde::Serialize;
 
 use super::hidden::Untold;
 use crate::brick::OwnedBox;
-use crate::look_on::{BricksOf, LookOn, NewTables};
-use crate::regions::bound::ChangeRate;
+use crate::look_on::BricksOf;
 use crate::scene::{Leap, Scene};
 use crate::store::{BrickRanges, CellRanges, Cells};
 use crate::style::Mode;
-use crate::transfer_function::extremes::{Span, TableExtremes};
+use crate::transfer_function::extremes::Span;
 use crate::visibility::View;
 
-const LAST_CODE: f32 = 65_535.0;
+mod bounds;
+mod rates;
+
+use self::bounds::Counted;
+use self::rates::{CellChange, Rates};
+
+pub use self::bounds::ChangeBounds;
+
 /// Pixels are taken together in squares, so that a picture has no more of them on a side than this, or as long as rays
 /// are no further than half a voxel from the middle.
-const SQUARES: u32 = 160;
-/// Bounds are told apart by so many parts of 1.
-const PARTS: usize = 4096;
-
-/// What a cell can change of a ray, and what samples in it are in both pictures.
-#[derive(Debug, Clone, Copy)]
-struct CellChange {
-    /// The most that changes, where nothing is in front.
-    most: f32,
-    /// Binary logarithms of what of the light a sample leaves, the most and the least.
-    left: [f32; 2],
-    /// Of red, green and blue.
-    colors: [Span; 3],
-    /// May there be so many more samples in one of the pictures?
-    more: f32,
-}
-
-impl CellChange {
-    const NONE: Self = Self { most: 0.0, left: [0.0; 2], colors: [[0.0; 2]; 3], more: 0.0 };
-    /// Nothing is known of it.
-    const ANY: Self = Self { most: 1.0, left: [0.0, f32::NEG_INFINITY], colors: [[0.0, 1.0]; 3], more: 1.0 };
-
-    /// The least and the most opacity of `samples` of it, or one more.
-    fn opacity(&self, samples: f32) -> Span {
-        let [most, least] = [self.left[0] * samples, self.left[1] * (samples + 1.0 + self.more)];
-        [most, least].map(|left| if left == 0.0 { 0.0 } else { 1.0 - libm::exp2f(left) })
-    }
-}
-
+const SQUARES: u32 = 96;
 /// What is drawn along a ray from some place on, channel by channel: before black, before white, and opacity.
 #[derive(Debug, Clone, Copy)]
 struct Behind([Span; 7]);
@@ -86,7 +63,6 @@ impl Behind {
         self.0.iter().map(|[least, most]| most - least).fold(0.0, f32::max)
     }
 }
-
 /// The changes of all cells of one picture.
 #[derive(Debug)]
 pub struct Changes {
@@ -100,18 +76,6 @@ pub struct Changes {
     /// How many more cells around the volume can be met by a ray in the middle of which another meets it.
     around: i32,
 }
-
-/// The bounds of all rays of a picture, as shares of the range of a channel.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct ChangeBounds {
-    pub largest: f64,
-    /// 99 % of the rays have no larger one.
-    pub p99: f64,
-    pub mean: f64,
-    /// The share of rays that can change by no more than 1/255.
-    pub settled: f64,
-}
-
 impl Changes {
     /// `cells` are the finest level's; `level` says on which level voxels of the finest are drawn: the coarsest, where
     /// these are several.
@@ -260,62 +224,6 @@ fn square(view: &View, dims: UVec3) -> (u32, u32) {
 fn reach(level: u8, step: f64) -> u32 {
     (f64::from(1_u32 << level) * (2.0 * step + 1.5)).ceil() as u32
 }
-
-/// What samples can change in a look.
-struct Rates<'a> {
-    table: TableExtremes,
-    surfaces: Vec<u16>,
-    /// Light, and what clips cut, shows what values do not tell.
-    is_lit: bool,
-    /// Samples of which there may be none where the other picture has one.
-    may_lack: bool,
-    scene: &'a Scene,
-    voxels_per_unit: DVec3,
-}
-
-impl<'a> Rates<'a> {
-    fn new(scene: &'a Scene, bricks: BricksOf<'_>) -> Self {
-        let style = &scene.look.style;
-        let geometry = &bricks.manifest.geometry;
-        Self {
-            table: TableExtremes::new(LookOn::new(scene, bricks, &NewTables).main()),
-            surfaces: style.surface_codes(bricks.manifest.range),
-            is_lit: style.shading.is_some(),
-            may_lack: bricks.manifest.no_data.is_some() || !style.clip.index_planes(geometry).is_empty(),
-            scene,
-            voxels_per_unit: geometry.min_spacing() / geometry.spacing(),
-        }
-    }
-
-    /// In a cell of `edge` voxels where samples read `codes`.
-    fn of(&self, codes: [u16; 2], level: u8, is_at_end: bool, edge: u32) -> CellChange {
-        if codes == BrickRanges::NONE {
-            return CellChange::NONE;
-        }
-        let shown = self.table.over(codes.map(|code| f32::from(code) / LAST_CODE));
-        let [least, most] = shown.alpha;
-        let may_lack = self.may_lack || is_at_end;
-        let least = if may_lack { 0.0 } else { least };
-        let colors: [Span; 3] = if self.is_lit { [[0.0, 1.0]; 3] } else { shown.color };
-        let left = [1.0 - least, 1.0 - most].map(|left| if left > 0.0 { libm::log2f(left) } else { f32::NEG_INFINITY });
-        let between = |code: &u16| codes[0] <= code.saturating_add(1) && code.saturating_sub(1) <= codes[1];
-        if self.surfaces.iter().any(between) {
-            return CellChange { most: if level > 0 { 1.0 } else { 0.0 }, ..CellChange::ANY };
-        }
-        if most <= 0.0 {
-            return CellChange::NONE;
-        }
-        let more = if may_lack { (1 << level) as f32 } else { 0.0 };
-        if level == 0 {
-            return CellChange { most: 0.0, left, colors, more };
-        }
-        let rate = ChangeRate::between([least, most], colors);
-        let diagonal = (f64::from(edge) / self.voxels_per_unit).length();
-        let samples = (diagonal / self.scene.quality.step).floor() as u32 + 1;
-        CellChange { most: rate.over(samples + more as u32), left, colors, more }
-    }
-}
-
 /// Of each cell, what those within `reach` of it on every axis are together.
 fn spread<T: Copy + Send + Sync>(counts: UVec3, reach: u32, of: Vec<T>, join: impl Fn(T, T) -> T + Sync) -> Vec<T> {
     let n = counts.to_array().map(|n| n as usize);
@@ -339,65 +247,5 @@ fn hull(a: [u16; 2], b: [u16; 2]) -> [u16; 2] {
         (true, _) => b,
         (_, true) => a,
         _ => [a[0].min(b[0]), a[1].max(b[1])],
-    }
-}
-
-/// How many bounds there are of each size.
-#[derive(Debug)]
-struct Counted {
-    /// Of 0, then of each part.
-    rays: Vec<u64>,
-    sum: f64,
-    largest: f64,
-    settled: u64,
-}
-
-impl Default for Counted {
-    fn default() -> Self {
-        Self { rays: vec![0; PARTS + 1], sum: 0.0, largest: 0.0, settled: 0 }
-    }
-}
-
-impl Counted {
-    fn add(&mut self, bound: f32, rays: u32) {
-        let bound = f64::from(bound);
-        self.rays[(bound * PARTS as f64).ceil() as usize] += u64::from(rays);
-        self.sum += bound * f64::from(rays);
-        self.largest = self.largest.max(bound);
-        self.settled += if bound <= 1.0 / 255.0 { rays.into() } else { 0 };
-    }
-
-    fn join(mut self, other: Self) -> Self {
-        self.rays.iter_mut().zip(&other.rays).for_each(|(a, b)| *a += b);
-        let (sum, largest) = (self.sum + other.sum, self.largest.max(other.largest));
-        Self { sum, largest, settled: self.settled + other.settled, ..self }
-    }
-
-    fn bounds(&self) -> ChangeBounds {
-        let all: u64 = self.rays.iter().sum();
-        let mut below = 0;
-        let at = self.rays.iter().position(|rays| {
-            below += rays;
-            below * 100 >= all * 99
-        });
-        ChangeBounds {
-            largest: self.largest,
-            p99: (at.unwrap_or(PARTS) as f64 / PARTS as f64).min(self.largest),
-            mean: self.sum / all.max(1) as f64,
-            settled: self.settled as f64 / all.max(1) as f64,
-        }
-    }
-}
-
-impl ChangeBounds {
-    /// For people.
-    #[must_use]
-    pub fn in_words(&self) -> String {
-        let Self { largest, p99, mean, settled } = self;
-        format!(
-            "full resolution changes {:.0} % of the pixels by at most 1/255, any by at most {largest:.3} (99 %: {p99:.3}, \
-             mean {mean:.3})",
-            100.0 * settled
-        )
     }
 }

@@ -46,7 +46,6 @@ pub(super) async fn draw(
                 break;
             }
         };
-        tell_change(&mut changing, &mut all, quiet).await?;
         let mut files = Files::open(plan, frames)?;
         if all.load.fits {
             warn_of_tight_budgets(&load);
@@ -69,6 +68,8 @@ pub(super) async fn draw(
             is_empty.then_some(frames.outlook.as_ref()),
         )?;
         all.written = files.finish()?;
+        // The picture does not wait for what is told of the one before it.
+        tell_change(&mut changing, &mut all, quiet).await?;
         say(quiet, &in_words((i + 1, count), &frame, since))?;
         // Not twice in the same words.
         if all.frames.last().is_none_or(|last| last.hidden != frame.stats.hidden) {
