@@ -266,7 +266,7 @@ fn malformed_presets_and_cameras_name_path_and_position() {
 }
 
 #[test]
-fn a_flipped_bit_in_a_store_is_named_and_not_rendered() {
+fn what_is_broken_in_a_store_is_named_and_not_rendered() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     part(at);
@@ -286,11 +286,13 @@ fn a_flipped_bit_in_a_store_is_named_and_not_rendered() {
     let render = ["render", "part", "-o", "x.png", "--backend", "cpu", "--size", "32x32", "--window", "0,100"];
     let (code, error) = fails(at, &render);
     assert!(code == 4 && error.contains("0/c/") && error.contains("drawn coarser"), "{code} {error}");
-    std::fs::remove_file(at.join("x.png")).unwrap();
     std::fs::write(shard, &good[..good.len() - 9]).unwrap();
     let (code, error) = fails(at, &render);
-    assert!(code == 1 && error.contains("0/c/"), "{code} {error}");
-    assert!(!at.join("x.png").exists());
+    assert!(code == 4 && error.contains("0/c/") && error.contains("drawn coarser"), "{code} {error}");
+    std::fs::write(at.join("part/bricks.bin"), b"short").unwrap();
+    std::fs::remove_file(at.join("x.png")).unwrap();
+    let (code, error) = fails(at, &render);
+    assert!(code == 1 && error.contains("bricks.bin") && !at.join("x.png").exists(), "{code} {error}");
 }
 
 #[test]
