@@ -7,9 +7,9 @@ use brickcast::session::Session;
 use brickcast::session::levels::LevelSessions;
 use brickcast_volume::Geometry;
 use brickcast_volume::lod::{Rule, Untold};
-use brickcast_volume::scene::{Leap, Scene};
+use brickcast_volume::scene::{Leap, Scene, SceneParts};
 use brickcast_volume::store::{PrepareOptions, RegionOptions, Segmentation, Store};
-use brickcast_volume::style::{Mode, Style};
+use brickcast_volume::style::{Isosurface, Mode, Phong, Style};
 use brickcast_volume::transfer_function::{ColorPoint, OpacityPoint, TransferFunction};
 use glam::{DVec3, UVec2};
 
@@ -112,4 +112,47 @@ fn what_no_value_can_change_is_settled() {
         let most = scene.with(|s| s.look.style.mode = Mode::Maximum).unwrap();
         assert_eq!(levels.changes(&most, &selection)().unwrap_err(), Untold::Look);
     });
+}
+
+fn flat(opacities: &[(f64, f64)]) -> TransferFunction {
+    let colors = vec![ColorPoint { x: 0.0, rgb: [0.7, 0.6, 0.5] }];
+    let opacities = opacities.iter().map(|&(x, opacity)| OpacityPoint { x, opacity }).collect();
+    TransferFunction::new(colors, opacities).unwrap()
+}
+
+/// Looks of which each wants one part of the bound: without it a pixel is farther.
+#[test]
+fn each_part_of_the_bound_is_needed() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = ball(folder.path());
+    let options = PrepareOptions { brick_size: 8, range: Some((0.0, 255.0)), ..PrepareOptions::default() };
+    let geometry = Geometry::new([61, 50, 43], [1.0; 3], [0.0; 3]).unwrap();
+    let even = made(folder.path(), "even", (geometry, vec![100; 61 * 50 * 43]), &options);
+    let surface = Isosurface { value: 20_000.0, color: [0.9, 0.5, 0.2], opacity: 0.8 };
+    let lit = Style { shading: Some(Phong { light_from: Some(300.0), ..Phong::default() }), ..Style::default() };
+    let surfaces = Style { surfaces: vec![surface], ..Style::default() };
+    let low = flat(&[(0.0, 0.0), (2500.0, 0.0), (3000.0, 0.2), (65_535.0, 0.2)]);
+    let solid = flat(&[(0.0, 0.9), (65_535.0, 0.9)]);
+    for (what, store, function, style) in [
+        ("what is interpolated beside the ball", &ball, low, Style::default()),
+        ("what light shows of it", &ball, solid, lit),
+        ("its surface", &ball, flat(&[(0.0, 0.0), (65_535.0, 0.0)]), surfaces),
+        ("where runs end behind the volume", &even, flat(&[(0.0, 0.02), (255.0, 0.02)]), Style::default()),
+    ] {
+        let with = |s: &mut SceneParts| s.look.transfer_function = function.clone();
+        let scene = exact(scene(store, style).with(with).unwrap());
+        runtime().block_on(async {
+            let (mut session, _nodes) = nodes(store, 1).await;
+            let mut levels = LevelSessions::open(Session::on(session.cluster().clone())).await.unwrap();
+            let full = alone(&mut session, &scene).await.picture;
+            for pixels in [2.0, 4.0, 64.0] {
+                let rule = Rule::Error { pixels };
+                let selection = levels.select(&scene, rule).unwrap();
+                let changes = levels.changes(&scene, &selection)().unwrap();
+                let drawn = mixed(&mut levels, &scene, rule).await.picture;
+                let (worst, largest) = farther(|at| changes.of_ray(at), &full, &drawn);
+                assert!(worst <= ROUNDING, "{what}, pixel error {pixels}: {largest}, farther by {worst}");
+            }
+        });
+    }
 }
