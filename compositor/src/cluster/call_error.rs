@@ -15,9 +15,9 @@ pub enum CallError {
     Handshake { address: String, reason: String },
     #[error(
         "node {address}: no answer to {call} within {seconds} s; it is hanging, the network is cut, or it has more to \
-         load than --load-deadline gives it time for"
+         load than --load-deadline gives it time for{perhaps}"
     )]
-    NoAnswer { address: String, call: &'static str, seconds: f64 },
+    NoAnswer { address: String, call: &'static str, seconds: f64, perhaps: &'static str },
     #[error("node {address}: {call}: the connection was lost ({reason})")]
     Lost { address: String, call: &'static str, reason: String },
     #[error("node {address}: {call}: the connection was closed, because calls on it were cancelled ({reason})")]

@@ -10,7 +10,7 @@ use super::access::Access;
 use super::call_error::CallError;
 use super::cancels::Cancels;
 use super::pings::Pings;
-use super::tls_words::{PERHAPS_CERTIFICATE, PERHAPS_TLS, explained, is_handshake};
+use super::tls_words::{OR_CERTIFICATE, PERHAPS_CERTIFICATE, PERHAPS_TLS, explained, is_handshake};
 use brickcast_proto::credentials::Badge;
 use brickcast_proto::status::innermost;
 use brickcast_proto::transport::Line;
@@ -198,6 +198,10 @@ impl NodeClient {
             CallError::Lost { address, reason, .. } => {
                 CallError::Handshake { address, reason: format!("{reason}; {PERHAPS_CERTIFICATE}") }
             }
+            // And where it is lost before the question was sent, another connection is opened, and another.
+            CallError::NoAnswer { address, call, seconds, .. } if !self.is_plain => {
+                CallError::NoAnswer { address, call, seconds, perhaps: OR_CERTIFICATE }
+            }
             other => other,
         })?;
         let theirs = answer.protocol;
@@ -306,7 +310,10 @@ impl NodeClient {
         match tokio::time::timeout(limit, answer).await {
             Ok(Ok(response)) => Ok(response.into_inner()),
             Ok(Err(status)) => Err(self.refused(call, &status)),
-            Err(_) => Err(CallError::NoAnswer { address: self.address.clone(), call, seconds: limit.as_secs_f64() }),
+            Err(_) => {
+                let (address, seconds) = (self.address.clone(), limit.as_secs_f64());
+                Err(CallError::NoAnswer { address, call, seconds, perhaps: "" })
+            }
         }
     }
 

@@ -7,6 +7,10 @@ pub(crate) const PERHAPS_TLS: &str = "if the node was started with --tls, give -
 pub(crate) const PERHAPS_CERTIFICATE: &str =
     "perhaps the node refused this client's certificate: it must be of the node's authority, and not expired";
 
+/// The same behind other reasons why there is no answer.
+pub(crate) const OR_CERTIFICATE: &str =
+    "; or the node refused this client's certificate: it must be of the node's authority, and not expired";
+
 /// True where TLS itself failed, rather than the way to the node.
 pub(crate) fn is_handshake(reason: &str) -> bool {
     way_out(reason).is_some()
