@@ -5,7 +5,7 @@ use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context as _, anyhow};
 use brickcast_remote::{Place, Root, seen_from};
-use brickcast_volume::format::{RawHints, VolumeSource};
+use brickcast_volume::format::{RawHints, VolumeSource, hinted};
 use brickcast_volume::store::{
     Manifest, Phase, PrepareOptions, PrepareSummary, Progress, ScratchFolder, StoreError, ViewInput, check_disk,
     prepare, prepare_to,
@@ -30,7 +30,10 @@ pub fn open_input(place: &Place, hints: &RawHints) -> anyhow::Result<Box<dyn Vol
         return Err(anyhow!("{} is a brick store already; it is rendered as it is", shown(place).display()));
     }
     match (brickcast_zarr::is_zarr(objects.as_ref())?, place) {
-        (true, _) => Ok(brickcast_zarr::open(objects, hints)?),
+        (true, _) => {
+            let path = shown(place);
+            Ok(hinted(brickcast_zarr::open(objects, hints)?, &path, hints)?)
+        }
         (false, Place::Folder(path)) => Ok(brickcast_formats::open(path, hints)?),
         (false, Place::Far(root)) => {
             let why = "there is no zarr.json, .zattrs, .zarray or .zgroup; behind a network stores and OME-Zarr are \

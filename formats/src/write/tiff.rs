@@ -26,7 +26,8 @@ pub(super) fn write(
     voxels: &mut Voxels<'_>,
     (out, path): (BufWriter<File>, &Path),
 ) -> Result<&'static str, WriteError> {
-    note_place(header, "TIFF", (false, false, true));
+    // ImageJ has an origin on straight axes.
+    note_place(header, "TIFF", (header.of.geometry.is_straight(), false, true));
     let is_big = header.voxel_bytes() >= CLASSIC;
     let out = match is_big {
         true => in_kind::<TiffKindBig>(header, voxels, (out, path)),
@@ -64,7 +65,13 @@ fn description(header: &Header<'_>) -> String {
     };
     let (z, s) = (header.dims()[2], header.of.geometry.spacing());
     let unit: String = unit.chars().filter(|c| c.is_ascii() && !c.is_control()).collect();
-    format!("ImageJ=1.54f\nimages={z}\nslices={z}\nunit={unit}\nspacing={}\nloop=false\n", s.z)
+    let mut text = format!("ImageJ=1.54f\nimages={z}\nslices={z}\nunit={unit}\nspacing={}\nloop=false\n", s.z);
+    let origin = header.of.geometry.origin();
+    if header.of.geometry.is_straight() && origin != glam::DVec3::ZERO {
+        let [x, y, z] = (-origin / s).to_array();
+        text += &format!("xorigin={x}\nyorigin={y}\nzorigin={z}\n");
+    }
+    text
 }
 
 fn pages<C, K>(

@@ -13,6 +13,7 @@ mod cli;
 #[cfg(unix)]
 mod compose;
 mod config;
+mod convert;
 mod default_look;
 mod field;
 mod films;

@@ -3,11 +3,11 @@
 use std::time::Instant;
 
 use anyhow::anyhow;
-use brickcast_formats::write;
+use brickcast_formats::{WriteError, write};
 use brickcast_remote::Place;
 use brickcast_volume::format::{RawHints, VolumeSource, hinted};
 use brickcast_volume::shown::shown;
-use brickcast_volume::store::{StoreSource, StoredArray};
+use brickcast_volume::store::{StoreError, StoreSource, StoredArray};
 
 use crate::cli::args::ToFileArgs;
 use crate::cli::failure::Failure;
@@ -30,7 +30,11 @@ pub fn run(args: &ToFileArgs, quiet: bool) -> Result<(), Failure> {
     let header = source.header().clone();
     let bar = Bar::new(&format!("writing {}", out.display()));
     bar.weigh(Some(1));
-    let written = write(source.as_mut(), values, (&out, args.force), &mut |done, total| bar.at(done, total))?;
+    let written = write(source.as_mut(), values, (&out, args.force), &mut |done, total| bar.at(done, total));
+    let written = written.map_err(|error| match error {
+        error @ WriteError::Name { .. } => Failure::usage(error),
+        error => error.into(),
+    })?;
     bar.finish();
     let d = header.geometry.dims();
     let seconds = started.elapsed().as_secs_f64();
@@ -60,7 +64,10 @@ fn opened(args: &ToFileArgs) -> Result<Opened, Failure> {
     let store = if is_file { None } else { Some(stored::open(&at)) };
     match store {
         Some(Ok(store)) => {
-            let source = StoreSource::open(&store, args.level.unwrap_or(0), array)?;
+            let source = StoreSource::open(&store, args.level.unwrap_or(0), array).map_err(|error| match error {
+                error @ StoreError::NoLevel { .. } => Failure::usage(error),
+                error => error.into(),
+            })?;
             let m = store.manifest();
             // On coarser levels values are means of these.
             let values = (array == StoredArray::Voxels).then_some((m.min, m.max));
