@@ -45,6 +45,7 @@ mod time;
 mod transfer_function;
 mod unreadable;
 mod values;
+mod whole;
 
 fn main() -> std::process::ExitCode {
     brickcast_harness::main()
