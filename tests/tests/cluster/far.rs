@@ -101,11 +101,9 @@ fn a_slow_server_and_one_that_fails_at_every_tenth_request_give_the_same_bits() 
     }
 }
 
-/// What is told of a store on the disk that lacks a shard is what is told of a server that went away; and when it is
-/// back, the same node goes on.
-#[test]
-fn a_server_that_goes_away_midway_is_named_and_asked_again_when_it_is_back() {
-    let _turn = turn(module_path!());
+/// After so many quarters of the requests. What is told of a store on the disk that lacks a shard is what is told of a
+/// server that went away; and when it is back, the same node goes on.
+fn gone_midway(quarters: u64) {
     let stage = Stage::new();
     let want = stage.drawn_from_disk(&[]);
     let node = NodeProcess::start(Path::new(&stage.server.address), &["--backend", "cpu"]);
@@ -115,28 +113,41 @@ fn a_server_that_goes_away_midway_is_named_and_asked_again_when_it_is_back() {
     let (code, picture, said) = stage.drawn("part", &flags);
     assert_eq!(code, Some(0), "{said}");
     assert!(picture.unwrap() == want, "other bits from a node");
-    let all = stage.server.requests();
+    let after = stage.server.requests() * quarters / 4;
     drop(node);
-    for share in [1, 2, 3] {
-        stage.server.set(Manners::default());
-        let node = NodeProcess::start(Path::new(&stage.server.address), &["--backend", "cpu"]);
-        stage.server.set(Manners { gone_after: Some(all * share / 4), ..Manners::default() });
-        let started = Instant::now();
-        let (code, picture, said) = stage.drawn("part", &["--nodes", &node.address]);
-        eprintln!(
-            "gone after {} of {all} requests: exit code {code:?}, {:?}: {said}",
-            all * share / 4,
-            started.elapsed()
-        );
-        assert!(matches!(code, Some(1 | 3)), "{code:?} {said}");
-        assert!(said.contains(&stage.server.address) && said.contains("tries"), "{said}");
-        assert!(code == Some(3) || picture.is_none(), "a picture without a warning");
-        assert!(started.elapsed() < Duration::from_secs(60), "{:?}", started.elapsed());
-        stage.server.set(Manners::default());
-        let (code, picture, said) = stage.drawn("part", &["--nodes", &node.address]);
-        assert_eq!(code, Some(0), "{said}");
-        assert!(picture.unwrap() == want, "other bits after it came back");
-    }
+    stage.server.set(Manners::default());
+    let node = NodeProcess::start(Path::new(&stage.server.address), &["--backend", "cpu"]);
+    stage.server.set(Manners { gone_after: Some(after), ..Manners::default() });
+    let started = Instant::now();
+    let (code, picture, said) = stage.drawn("part", &["--nodes", &node.address]);
+    eprintln!("gone after {after} requests: exit code {code:?}, {:?}: {said}", started.elapsed());
+    assert!(matches!(code, Some(1 | 3)), "{code:?} {said}");
+    assert!(said.contains(&stage.server.address) && said.contains("tries"), "{said}");
+    assert!(code == Some(3) || picture.is_none(), "a picture without a warning");
+    assert!(started.elapsed() < Duration::from_secs(60), "{:?}", started.elapsed());
+    stage.server.set(Manners::default());
+    let (code, picture, said) = stage.drawn("part", &["--nodes", &node.address]);
+    assert_eq!(code, Some(0), "{said}");
+    assert!(picture.unwrap() == want, "other bits after it came back");
+}
+
+// Tests of their own, beside each other: most of their time goes by waiting.
+#[test]
+fn a_server_that_goes_away_after_a_quarter_is_named_and_asked_again_when_it_is_back() {
+    let _turn = turn(module_path!());
+    gone_midway(1);
+}
+
+#[test]
+fn a_server_that_goes_away_midway_is_named_and_asked_again_when_it_is_back() {
+    let _turn = turn(module_path!());
+    gone_midway(2);
+}
+
+#[test]
+fn a_server_that_goes_away_near_the_end_is_named_and_asked_again_when_it_is_back() {
+    let _turn = turn(module_path!());
+    gone_midway(3);
 }
 
 /// Of every kind of file: where it strikes, no picture is made, and the file is named.

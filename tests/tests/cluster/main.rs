@@ -32,5 +32,5 @@ mod starting;
 mod throttle;
 
 fn main() -> std::process::ExitCode {
-    brickcast_harness::main_of_threads(3)
+    brickcast_harness::main_of_threads(4)
 }

@@ -1,9 +1,9 @@
 //! A store is finished or absent: it is written in a working directory beside its target and renamed at the end.
 //!
 //! `.NAME.brickcast-tmp-PID-N/` holds `lock` (held while its writer lives), `store/` (being written), scratch files
-//! and, for the moment of replacing one, `old/`, which is `gone/` once it was replaced. A working directory whose lock is
-//! free was left by a writer that was killed: the next writer for the same target puts `old/`, which is whole, back where
-//! the target is gone, and whoever writes in that folder next removes the rest.
+//! and, for the moment of replacing one, `old/`, which is `gone/` once it was replaced. A working directory whose lock
+//! is free was left by a writer that was killed: the next writer for the same target puts `old/`, which is whole, back
+//! where the target is gone, and whoever writes in that folder next removes the rest.
 //!
 //! Nothing is ever removed that no store has: a folder that holds anything else is refused, before the work and again
 //! before the old store goes; of what dead writers left, it stays.

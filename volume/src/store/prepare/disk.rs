@@ -39,8 +39,8 @@ struct DiskNeed {
 }
 
 /// An error where what a store of `source` at `out` takes on the disk is clearly not free there; a doubt, for people,
-/// where nothing tells how well the voxels compress and they would not fit as they are. Nothing is said where the system
-/// does not say what is free. The source, which stands at its first voxel, stands there again.
+/// where nothing tells how well the voxels compress and they would not fit as they are. Nothing is said where the
+/// system does not say what is free. The source, which stands at its first voxel, stands there again.
 ///
 /// # Errors
 /// [`StoreError::TooLittleDisk`], a source that cannot be read, options that do not fit.
