@@ -8,6 +8,7 @@
 
 mod affine;
 mod coding;
+mod dicom;
 mod grey;
 mod input;
 mod meta_image;
@@ -52,7 +53,16 @@ struct Format {
 
 type OpenFormat = fn(Input, &RawHints) -> Result<Box<dyn VolumeSource>, FormatError>;
 
-static FORMATS: [Format; 9] = [
+static FORMATS: [Format; 10] = [
+    // Before TIFF: slides are both, and say so at their start.
+    Format {
+        name: "DICOM",
+        extensions: ".dcm, or none",
+        reads: "a series as a folder in any order, one file, frames",
+        recognises: dicom::has_magic,
+        is_in_order: false,
+        open: dicom::open_one,
+    },
     Format {
         name: "TIFF",
         extensions: ".tif, .tiff",

@@ -6,6 +6,7 @@ use brickcast_volume::format::{FormatError, RawHints, SourceHeader, VolumeSource
 use brickcast_volume::small_file;
 use rayon::prelude::*;
 
+use crate::dicom;
 use crate::input::Input;
 use crate::natural::{self, Gap};
 use crate::pattern;
@@ -43,10 +44,13 @@ fn has_extension(path: &Path) -> Option<&'static str> {
     (!name.starts_with('.')).then(|| EXTENSIONS.into_iter().find(|e| *e == extension)).flatten()
 }
 
-/// True where a folder holds slices by their names.
+/// True where a folder holds slices: pictures by their names, DICOM by what is in it.
 #[must_use]
 pub fn is_stack(folder: &Path) -> bool {
-    folder.read_dir().is_ok_and(|mut entries| entries.any(|e| e.is_ok_and(|e| has_extension(&e.path()).is_some())))
+    let any = |is: fn(&Path) -> bool| {
+        folder.read_dir().is_ok_and(|mut entries| entries.any(|e| e.is_ok_and(|e| is(&e.path()))))
+    };
+    any(|path| has_extension(path).is_some()) || any(dicom::is_dicom)
 }
 
 /// The files of a folder that `wanted` takes, in natural order, and how many others there are.
@@ -71,20 +75,27 @@ fn listed(folder: &Path, wanted: impl Fn(&Path) -> bool) -> Result<(Vec<PathBuf>
 }
 
 pub(crate) fn open_folder(folder: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, FormatError> {
-    let (files, others) = listed(folder, |path| has_extension(path).is_some())?;
+    let (all, folders) = listed(folder, |_| true)?;
+    let (files, unknown): (Vec<PathBuf>, Vec<PathBuf>) = all.into_iter().partition(|p| has_extension(p).is_some());
+    let (dicoms, unknown): (Vec<PathBuf>, Vec<PathBuf>) =
+        unknown.into_par_iter().partition(|path| dicom::is_dicom(path));
+    let others = folders + unknown.len();
     let kind = |path: &PathBuf| has_extension(path).map(|e| e.replace("tiff", "tif").replace("jpeg", "jpg"));
+    let mut notes = Vec::new();
+    if others > 0 {
+        notes.push(format!("{others} other files or folders in the folder were left aside"));
+    }
     let Some(first) = files.first() else {
-        return Err(FormatError::Directory { path: folder.into(), supported: String::new() });
+        return match dicoms.is_empty() {
+            true => Err(FormatError::Directory { path: folder.into(), supported: String::new() }),
+            false => dicom::open_files(folder, dicoms, &[], hints, notes),
+        };
     };
-    if let Some(other) = files.iter().find(|file| kind(file) != kind(first)) {
+    if let Some(other) = files.iter().chain(&dicoms).find(|file| kind(file) != kind(first)) {
         let why = format!("{} and {} are of different kinds", first.display(), other.display());
         return Err(
             Wrong::new("names", why, "name the slices by a pattern, e.g. 'FOLDER/*.tif' in quotes").of(folder, "stack")
         );
-    }
-    let mut notes = Vec::new();
-    if others > 0 {
-        notes.push(format!("{others} other files or folders in the folder were left aside"));
     }
     check_gaps(folder, &files)?;
     open_files(folder, files, &[], hints, notes)
@@ -100,11 +111,14 @@ pub(crate) fn open_pattern(path: &Path, hints: &RawHints) -> Result<Box<dyn Volu
             Wrong::new("names", "no file fits this pattern", "list the folder, and mind the quotes").of(path, "stack")
         );
     }
+    if dicom::is_dicom(&files[0]) {
+        return dicom::open_files(path, files, &[], hints, Vec::new());
+    }
     check_gaps(path, &files)?;
     open_files(path, files, &[], hints, Vec::new())
 }
 
-/// In the order of the list.
+/// In the order of the list, except DICOM, which says where its slices lie.
 pub(crate) fn open_list(
     path: &Path,
     files: Vec<PathBuf>,
@@ -116,7 +130,10 @@ pub(crate) fn open_list(
         let why = format!("{} is named twice", twice[0].display());
         return Err(Wrong::new("names", why, "name each slice once").of(path, "list of slices"));
     }
-    open_files(path, files, &[path.into()], hints, Vec::new())
+    match files.iter().any(|file| dicom::is_dicom(file)) {
+        true => dicom::open_files(path, files, &[path.into()], hints, Vec::new()),
+        false => open_files(path, files, &[path.into()], hints, Vec::new()),
+    }
 }
 
 fn check_gaps(of: &Path, files: &[PathBuf]) -> Result<(), FormatError> {

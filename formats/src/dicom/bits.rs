@@ -1,0 +1,80 @@
+//! Numbers that fill a part of their words, and what values they have.
+
+use brickcast_volume::format::VoxelType;
+
+/// How numbers lie in their words.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Bits {
+    /// 8, 16, 32 or 64.
+    pub(super) allocated: u32,
+    pub(super) stored: u32,
+    /// Below the lowest bit.
+    pub(super) shift: u32,
+    pub(super) is_signed: bool,
+}
+
+/// Leaves the bits that count, and gives their sign to those above.
+pub(super) fn keep_bits(data: &mut [u8], bits: Bits) {
+    if bits.stored == bits.allocated {
+        return;
+    }
+    let above = 64 - bits.stored - bits.shift;
+    let kept = |n: u64| match bits.is_signed {
+        true => ((n << above) as i64 >> (above + bits.shift)) as u64,
+        false => n << above >> (above + bits.shift),
+    };
+    match bits.allocated {
+        8 => data.iter_mut().for_each(|n| *n = kept((*n).into()) as u8),
+        16 => each::<2>(data, |n| kept(u16::from_le_bytes(n).into()).to_le_bytes()),
+        32 => each::<4>(data, |n| kept(u32::from_le_bytes(n).into()).to_le_bytes()),
+        _ => each::<8>(data, |n| kept(u64::from_le_bytes(n)).to_le_bytes()),
+    }
+}
+
+fn each<const N: usize>(data: &mut [u8], kept: impl Fn([u8; N]) -> [u8; 8]) {
+    data.as_chunks_mut::<N>().0.iter_mut().for_each(|n| {
+        let numbers = kept(*n);
+        n.copy_from_slice(&numbers[..N]);
+    });
+}
+
+/// Numbers as values of 64 bits, for slices whose slopes differ.
+pub(super) fn values(data: &[u8], voxel_type: VoxelType, slope: f64, intercept: f64) -> Vec<u8> {
+    fn all<const N: usize>(data: &[u8], value: impl Fn([u8; N]) -> f64) -> Vec<u8> {
+        data.as_chunks::<N>().0.iter().flat_map(|n| value(*n).to_le_bytes()).collect()
+    }
+    let value = |n: f64| slope * n + intercept;
+    match voxel_type {
+        VoxelType::U8 => all::<1>(data, |n| value(n[0].into())),
+        VoxelType::I8 => all::<1>(data, |n| value((n[0] as i8).into())),
+        VoxelType::U16 => all(data, |n| value(u16::from_le_bytes(n).into())),
+        VoxelType::I16 => all(data, |n| value(i16::from_le_bytes(n).into())),
+        VoxelType::U32 => all(data, |n| value(u32::from_le_bytes(n).into())),
+        VoxelType::I32 => all(data, |n| value(i32::from_le_bytes(n).into())),
+        VoxelType::F32 => all(data, |n| value(f32::from_le_bytes(n).into())),
+        VoxelType::U64 => all(data, |n| value(u64::from_le_bytes(n) as f64)),
+        VoxelType::I64 => all(data, |n| value(i64::from_le_bytes(n) as f64)),
+        VoxelType::F64 => all(data, |n| value(f64::from_le_bytes(n))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bits_that_do_not_count_are_taken_off() {
+        for (stored, shift, is_signed, number, want) in [
+            (12, 0, false, 0xf123, 0x0123),
+            (12, 0, true, 0x7fff, 0xffff),
+            (12, 0, true, 0xf7ff, 0x07ff),
+            (12, 4, false, 0xabcd, 0x0abc),
+            (12, 4, true, 0xabcd, 0xfabc),
+            (16, 0, true, 0xabcd, 0xabcd),
+        ] {
+            let mut data = u16::to_le_bytes(number).to_vec();
+            keep_bits(&mut data, Bits { allocated: 16, stored, shift, is_signed });
+            assert_eq!(data, u16::to_le_bytes(want), "{stored} {shift} {is_signed} {number:x}");
+        }
+    }
+}
