@@ -154,7 +154,7 @@ fn what_cannot_be_read_is_refused_with_what_to_do() {
     };
     one_refused(&rgb, &["colour", "`RGB`", "to grey"]);
     one_refused(&|s| s.text(0x0028_0004, b"CS", "PALETTE COLOR"), &["colour"]);
-    one_refused(&|s| s.short(0x0028_0100, 1), &["BitsAllocated", "1 bits a pixel"]);
+    one_refused(&|s| s.short(0x0028_0100, 12), &["BitsAllocated", "12 bits a pixel"]);
     one_refused(&|s| s.short(0x0028_0101, 17), &["BitsStored"]);
     one_refused(&|s| s.syntax = "1.2.3.4".into(), &["TransferSyntaxUID", "`1.2.3.4`", "gdcmconv"]);
     let jxl = |s: &mut Slice| s.fragments("1.2.840.10008.1.2.4.110", &[b"jxl"]);

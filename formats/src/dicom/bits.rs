@@ -5,12 +5,17 @@ use brickcast_volume::format::VoxelType;
 /// How numbers lie in their words.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Bits {
-    /// 8, 16, 32 or 64.
+    /// 1, 8, 16, 32 or 64; a voxel has a byte where it is one.
     pub(super) allocated: u32,
     pub(super) stored: u32,
     /// Below the lowest bit.
     pub(super) shift: u32,
     pub(super) is_signed: bool,
+}
+
+/// Single bits, the lowest of a byte first, from the bit `first` on.
+pub(super) fn single_bits(packed: &[u8], first: usize, count: usize) -> Vec<u8> {
+    (first..first + count).map(|i| packed[i / 8] >> (i % 8) & 1).collect()
 }
 
 /// Leaves the bits that count, and gives their sign to those above.

@@ -63,7 +63,8 @@ fn words(numbers: impl ExactSizeIterator<Item = u32>, bytes: usize) -> Vec<u8> {
 
 fn jpeg(coded: &[u8], shape: Shape) -> Result<Vec<u8>, Wrong> {
     let what = "JPEG";
-    let (found, data) = picture::decoded_jpeg(coded).map_err(|wrong| wrong.in_field("PixelData"))?;
+    let (found, data) =
+        picture::decoded_jpeg(coded).map_err(|wrong| wrong.in_field("PixelData").with_remedy(REWRITE))?;
     if found.size != shape.size {
         return Err(other_size(what, found.size, shape));
     }

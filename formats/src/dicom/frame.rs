@@ -1,8 +1,9 @@
 //! One frame's pixels: read from the file, decoded, and made numbers of whole bytes.
 
+use std::ops::Range;
 use std::path::Path;
 
-use super::bits::{Bits, keep_bits};
+use super::bits::{Bits, keep_bits, single_bits};
 use super::bytes::Bytes;
 use super::decode;
 use super::header::Header;
@@ -22,7 +23,7 @@ pub(super) struct Frames {
     is_big: bool,
     /// Bytes of a pair are swapped as if they were a number of 16 bits.
     is_swapped: bool,
-    count: u32,
+    is_single_bits: bool,
 }
 
 #[derive(Debug)]
@@ -53,7 +54,10 @@ impl Frames {
             }
             Some(length) => {
                 let frame = frame_bytes(shape);
-                let want = frame * u64::from(count);
+                let want = match bits.allocated {
+                    1 => (frame * u64::from(count)).div_ceil(8),
+                    _ => frame * u64::from(count),
+                };
                 if length < want {
                     let words = format!("{length} bytes for {count} frames of {frame}");
                     return Err(Wrong::broken("PixelData", words));
@@ -70,8 +74,13 @@ impl Frames {
             }
         };
         let is_big = header.syntax.is_big;
-        let is_swapped = is_big && pixels.is_words && pixels.tag == tags::PIXELS && bits.allocated == 8;
-        Ok(Self { codec, place, is_big, is_swapped, count })
+        let is_swapped = is_big && pixels.is_words && pixels.tag == tags::PIXELS && bits.allocated <= 8;
+        let is_single_bits = bits.allocated == 1;
+        if is_single_bits && (codec != Codec::Raw || matches!(place, Place::Fragments(..))) {
+            let why = format!("single bits as {}", header.syntax.name);
+            return Err(Wrong::new("PixelData", why, REWRITE));
+        }
+        Ok(Self { codec, place, is_big, is_swapped, is_single_bits })
     }
 
     /// Numbers little endian, of the bits that count.
@@ -105,19 +114,29 @@ impl Frames {
 
     fn raw(&self, from: &mut Bytes, start: u64, frame: u32, bytes: u64) -> std::io::Result<Vec<u8>> {
         let offset = bytes * u64::from(frame);
-        // Pairs do not care where frames begin; the last byte of an odd count has a pair, too.
-        let (first, last) = match self.is_swapped {
-            true => (offset & !1, (offset + bytes + 1) & !1),
-            false => (offset, offset + bytes),
-        };
-        from.skip(start + first)?;
-        let is_cut = self.is_swapped && frame + 1 == self.count && from.end() < start + last;
-        let mut data = from.take(last - first - u64::from(is_cut))?;
-        if self.is_swapped {
-            swap(&mut data, 2);
-            data.drain(..(offset - first) as usize);
-            data.truncate(bytes as usize);
+        match self.is_single_bits {
+            // Frames follow each other without a gap.
+            true => {
+                let packed = self.bytes(from, start, offset / 8..(offset + bytes).div_ceil(8))?;
+                Ok(single_bits(&packed, (offset % 8) as usize, bytes as usize))
+            }
+            false => self.bytes(from, start, offset..offset + bytes),
         }
+    }
+
+    fn bytes(&self, from: &mut Bytes, start: u64, range: Range<u64>) -> std::io::Result<Vec<u8>> {
+        if !self.is_swapped {
+            from.skip(start + range.start)?;
+            return from.take(range.end - range.start);
+        }
+        // Pairs do not care where frames begin; some writers leave out the byte that would make the last one whole.
+        let first = range.start & !1;
+        let end = range.end.next_multiple_of(2).min(from.end().saturating_sub(start).max(range.end));
+        from.skip(start + first)?;
+        let mut data = from.take(end - first)?;
+        swap(&mut data, 2);
+        data.drain(..(range.start - first) as usize);
+        data.truncate((range.end - range.start) as usize);
         Ok(data)
     }
 }

@@ -52,6 +52,8 @@ pub(super) struct Header {
     pub(super) own: Group,
     pub(super) shared: Group,
     pub(super) frames: Vec<Group>,
+    /// There are groups of frames that are not there.
+    pub(super) has_more_groups: bool,
     /// Values come from a table, not from slope and intercept.
     pub(super) has_table: bool,
     pub(super) pixels: Option<PixelData>,
@@ -97,6 +99,7 @@ pub(super) fn read(path: &Path) -> Result<Header, Wrong> {
         own: Group::default(),
         shared: Group::default(),
         frames: Vec::new(),
+        has_more_groups: false,
         has_table: false,
         pixels: None,
     };
@@ -261,12 +264,9 @@ impl Walk {
                 }
             }
             let of_item = match target {
-                Target::PerFrame => Target::Frame(item),
+                Target::PerFrame => self.frame(item)?,
                 target => target,
             };
-            if target == Target::PerFrame {
-                self.add_frame(item)?;
-            }
             item += 1;
             match (length, of_item) {
                 (UNDEFINED, _) => self.data_set(None, is_implicit, of_item, depth)?,
@@ -280,17 +280,21 @@ impl Walk {
         Ok(())
     }
 
-    fn add_frame(&mut self, item: usize) -> Result<(), Wrong> {
+    /// Where the group of a frame goes; more than there are frames have no place.
+    fn frame(&mut self, item: usize) -> Result<Target, Wrong> {
         if item == 0 {
             let frames = self.header.kept.get(&tags::FRAMES).and_then(|n| text(n).parse().ok()).unwrap_or(1);
             (self.most_frames, self.header.frames) = (frames, Vec::new());
         }
-        if item >= self.most_frames.min(MOST_FRAMES) {
-            let why = format!("more items than the {} frames", self.most_frames);
-            return Err(Wrong::broken("PerFrameFunctionalGroupsSequence", why));
+        if item >= self.most_frames {
+            self.header.has_more_groups = true;
+            return Ok(Target::Aside);
+        }
+        if item >= MOST_FRAMES {
+            return Err(Wrong::broken("PerFrameFunctionalGroupsSequence", format!("more than {MOST_FRAMES} items")));
         }
         self.header.frames.push(Group::default());
-        Ok(())
+        Ok(Target::Frame(item))
     }
 
     fn value(&mut self, tag: u32, length: u64, target: Target) -> Result<(), Wrong> {

@@ -81,8 +81,8 @@ fn bits(header: &Header, tag: u32) -> Result<Bits, Wrong> {
     let is_float = tag != tags::PIXELS;
     let floats = if tag == tags::DOUBLES { 64 } else { 32 };
     let allocated = if is_float { floats } else { number(tags::ALLOCATED).unwrap_or(16) };
-    if ![8, 16, 32, 64].contains(&allocated) {
-        let why = format!("{allocated} bits a pixel; 8, 16, 32 and 64 are read");
+    if ![1, 8, 16, 32, 64].contains(&allocated) {
+        let why = format!("{allocated} bits a pixel; 1, 8, 16, 32 and 64 are read");
         return Err(Wrong::new(tags::name(tags::ALLOCATED), why, "convert it to 8 or 16 bits"));
     }
     let stored = if is_float { allocated } else { number(tags::STORED).unwrap_or(allocated) };
@@ -99,8 +99,8 @@ fn voxel_type(bits: Bits, tag: u32) -> VoxelType {
     match (tag, bits.allocated, bits.is_signed) {
         (tags::FLOATS, ..) => VoxelType::F32,
         (tags::DOUBLES, ..) => VoxelType::F64,
-        (_, 8, false) => VoxelType::U8,
-        (_, 8, true) => VoxelType::I8,
+        (_, 1 | 8, false) => VoxelType::U8,
+        (_, 1 | 8, true) => VoxelType::I8,
         (_, 16, false) => VoxelType::U16,
         (_, 16, true) => VoxelType::I16,
         (_, 32, false) => VoxelType::U32,
@@ -179,6 +179,9 @@ fn add_notes(header: &Header, bits: Bits, notes: &mut Vec<String>) {
     }
     if header.text(tags::LOSSY).as_deref() == Some("01") || header.syntax.has_loss {
         notes.push("it was compressed with loss before it was read".into());
+    }
+    if header.has_more_groups {
+        notes.push("it has groups of more frames than there are: these were left aside".into());
     }
     if header.has_table {
         notes.push("its Modality LUT was left aside: values are the numbers stored".into());

@@ -32,10 +32,10 @@ def phantom(dtype, shape=(NZ, NY, NX), seed=0):
     return numpy.array(values.tolist(), dtype=dtype)
 
 
-def row(name, array, vectors=None, origin=None, unit=None, rescale=(1, 0), chosen=None):
-    """`array` has the axis that goes fastest last."""
+def row(name, array, vectors=None, origin=None, unit=None, rescale=(1, 0), chosen=None, near=0):
+    """`array` has the axis that goes fastest last; `near` is how far numbers of 16 bits may be away, decoded with loss."""
     dtype = array.dtype.str[1:]
-    raw = f"raw{len(table)}.bin"
+    raw = f"{'near' if near else 'raw'}{len(table)}.bin"
     array.astype("<" + dtype).tofile(raw)
     dims = ([1] * (3 - array.ndim) + list(array.shape))[::-1]
     text = lambda numbers: "-" if numbers is None else " ".join(repr(float(n)) for n in numpy.ravel(numbers))

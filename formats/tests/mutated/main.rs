@@ -3,7 +3,10 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
+mod dicom_seeds;
 mod seeds;
+#[path = "../common/dicom.rs"]
+mod written;
 
 use std::alloc::System;
 use std::cell::Cell;
@@ -180,6 +183,11 @@ fn damaged_legacy_files_of_vtk() {
 #[test]
 fn damaged_image_data_of_vtk() {
     damaged("x.vti", seeds::image_data());
+}
+
+#[test]
+fn damaged_dicom() {
+    damaged("x.dcm", dicom_seeds::dicoms());
 }
 
 /// Packed, no length gives them away: planes of terabytes out of a few bytes.
