@@ -1,6 +1,8 @@
-//! DICOM: <https://www.dicomstandard.org>. The invariant: *slices lie where ImagePositionPatient says, whatever files are
-//! called; what is no even stack of one size, type and orientation is refused by the name of the file that is out of
-//! place*. Its world is LPS in mm, as ours. A file's header is read up to its pixels, and these a frame at a time.
+//! DICOM: <https://www.dicomstandard.org>. Its world is LPS in mm, as ours.
+//!
+//! The invariant: *slices lie where ImagePositionPatient says, whatever their files are called; what is no even stack of
+//! one size, type and orientation is refused by the name of the file that is out of place*. Of a file the header is
+//! read, up to its pixels; these a frame at a time.
 
 mod bits;
 mod bytes;
@@ -9,6 +11,7 @@ mod frame;
 mod group;
 mod header;
 mod image;
+mod meta;
 mod planes;
 mod rle;
 mod syntax;
@@ -29,7 +32,7 @@ use crate::wrong::Wrong;
 use image::Image;
 use planes::Plane;
 
-pub(crate) use header::has_magic;
+pub(crate) use meta::has_magic;
 
 const FORMAT: &str = "DICOM";
 /// Series that an error names.
@@ -38,7 +41,7 @@ const MOST_NAMED: usize = 8;
 /// True for a file that says so at its start; what cannot be read is none.
 pub(crate) fn is_dicom(path: &Path) -> bool {
     let is_file = small_file::open_regular(path).is_ok();
-    is_file && head(path, header::MAGIC_AT as u64 + 4).is_ok_and(|(start, _)| has_magic(&start))
+    is_file && head(path, meta::MAGIC_AT as u64 + 4).is_ok_and(|(start, _)| has_magic(&start))
 }
 
 /// One file alone.
@@ -73,7 +76,7 @@ pub(crate) fn open_files(
 }
 
 fn image(path: &Path) -> Result<Option<Image>, FormatError> {
-    let (start, _) = head(path, header::MAGIC_AT as u64 + 4)?;
+    let (start, _) = head(path, meta::MAGIC_AT as u64 + 4)?;
     if !has_magic(&start) {
         let why = "it is no DICOM, but others are";
         return Err(Wrong::new("content", why, "name the files of one kind by a pattern or a list").of(path, FORMAT));

@@ -179,8 +179,8 @@ impl Stack<'_> {
         let sideways = (step - normal * along).length();
         if sideways > TILT * along {
             let why = format!(
-                "each slice lies {sideways:.4} mm aside of the one below it, {along:.4} mm away: the gantry was tilted by {:.2} \
-                 degrees",
+                "each slice lies {sideways:.4} mm aside of the one below it, {along:.4} mm away: the gantry was tilted \
+                 by {:.2} degrees",
                 (sideways / along).atan().to_degrees()
             );
             let remedy = "resample it to axes at right angles, e.g. with dcm2niix (which writes NIfTI) or Slicer";

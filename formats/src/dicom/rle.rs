@@ -1,4 +1,4 @@
-//! RLE of DICOM (PS3.5, annex G): the bytes of all numbers, the highest first, each packed by itself as PackBits has it.
+//! RLE of DICOM (PS3.5, annex G): the highest bytes of all numbers, then the next ones, each packed as PackBits does it.
 
 use crate::wrong::Wrong;
 
