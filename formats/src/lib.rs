@@ -25,6 +25,7 @@ mod slices;
 mod space;
 mod stack;
 mod tiff;
+mod txm;
 mod units;
 mod unpacked;
 mod vtk;
@@ -53,7 +54,7 @@ struct Format {
 
 type OpenFormat = fn(Input, &RawHints) -> Result<Box<dyn VolumeSource>, FormatError>;
 
-static FORMATS: [Format; 10] = [
+static FORMATS: [Format; 11] = [
     // Before TIFF: slides are both, and say so at their start.
     Format {
         name: "DICOM",
@@ -134,6 +135,14 @@ static FORMATS: [Format; 10] = [
         recognises: vtk::is_xml,
         is_in_order: true,
         open: vtk::open_xml,
+    },
+    Format {
+        name: "Zeiss",
+        extensions: ".txm",
+        reads: "volumes of X-ray microscopes",
+        recognises: txm::has_magic,
+        is_in_order: false,
+        open: txm::open,
     },
 ];
 

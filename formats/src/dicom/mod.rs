@@ -1,7 +1,7 @@
 //! DICOM: <https://www.dicomstandard.org>. Its world is LPS in mm, as ours.
 //!
-//! The invariant: *slices lie where ImagePositionPatient says, whatever their files are called; what is no even stack of
-//! one size, type and orientation is refused by the name of the file that is out of place*. Of a file the header is
+//! The invariant: *slices lie where ImagePositionPatient says, whatever their files are called; what is no even stack
+//! of one size, type and orientation is refused by the name of the file that is out of place*. Of a file the header is
 //! read, up to its pixels; these a frame at a time.
 
 mod bits;

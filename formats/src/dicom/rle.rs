@@ -1,4 +1,4 @@
-//! RLE of DICOM (PS3.5, annex G): the highest bytes of all numbers, then the next ones, each packed as PackBits does it.
+//! RLE of DICOM (PS3.5, annex G): the highest bytes of all numbers, then the next ones, each packed as in PackBits.
 
 use crate::wrong::Wrong;
 

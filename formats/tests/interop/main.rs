@@ -1,5 +1,5 @@
-//! The same phantom as tifffile, imagecodecs, SimpleITK, nibabel, numpy, VTK, pynrrd and pydicom write it, and files that
-//! these carry, voxel by voxel and place by place.
+//! The same phantom as tifffile, imagecodecs, SimpleITK, nibabel, numpy, VTK, pynrrd and pydicom write it, and files
+//! that these carry, voxel by voxel and place by place.
 
 #![allow(clippy::unwrap_used, clippy::disallowed_methods)] // helpers of tests are tests
 
