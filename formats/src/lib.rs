@@ -28,6 +28,7 @@ mod tiff;
 mod txm;
 mod units;
 mod unpacked;
+mod valued;
 mod vtk;
 mod wrong;
 
@@ -185,6 +186,9 @@ fn opened(path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, Format
             true => unpacked::open(&input, hints, Opener(open)),
             false => (format.open)(input, hints),
         };
+    }
+    if numpy::is_archive(&input.start) && hints.dims.is_none() {
+        return Err(numpy::no_archive(path));
     }
     if input.is_packed() {
         return unpacked::open(&input, hints, Opener(open));

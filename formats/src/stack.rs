@@ -38,6 +38,16 @@ struct SliceFile {
     slices: u32,
 }
 
+impl SliceFile {
+    /// Those that slices lie in, where they are several.
+    fn files(&self) -> &[PathBuf] {
+        match &self.opened {
+            Opened::Tiff(tiff) => tiff.files(),
+            Opened::Picture(..) => &[],
+        }
+    }
+}
+
 fn has_extension(path: &Path) -> Option<&'static str> {
     let name = path.file_name()?.to_str()?;
     let extension = Path::new(name).extension()?.to_str()?.to_ascii_lowercase();
@@ -166,6 +176,7 @@ fn open_files(
     hints: &RawHints,
     mut notes: Vec<String>,
 ) -> Result<Box<dyn VolumeSource>, FormatError> {
+    let files = one_of_set(files, hints)?;
     let opened: Result<Vec<(SliceFile, Said)>, FormatError> =
         files.par_iter().map(|path| open_slices(path, hints)).collect();
     let (slice_files, mut said): (Vec<SliceFile>, Vec<Said>) = opened?.into_iter().unzip();
@@ -195,8 +206,28 @@ fn open_files(
         ..SourceHeader::new(said.format, geometry, first.shape.voxel_type)
     };
     let header = hinted(of, header, hints, said.has_several)?;
-    let all = also.iter().chain(&files).cloned().collect();
+    let of_set = slice_files[0].files().iter().skip(1);
+    let all = also.iter().chain(&files).chain(of_set).cloned().collect();
     Ok(Box::new(SliceSource::new(header, all, Stack { files: slice_files, planes })))
+}
+
+/// Where the first file names all others as parts of it, that one alone.
+fn one_of_set(files: Vec<PathBuf>, hints: &RawHints) -> Result<Vec<PathBuf>, FormatError> {
+    if files.len() < 2 {
+        return Ok(files);
+    }
+    let (first, _) = open_slices(&files[0], hints)?;
+    let set = first.files();
+    if set.is_empty() {
+        return Ok(files);
+    }
+    match files.iter().find(|file| !set.contains(file)) {
+        None => Ok(vec![first.path]),
+        Some(other) => {
+            let why = format!("{} is none of the files that {} names", other.display(), files[0].display());
+            Err(Wrong::new("OME-XML", why, "name one file of a set alone").of(&files[0], "OME-TIFF"))
+        }
+    }
 }
 
 fn name(path: &Path) -> String {

@@ -166,7 +166,7 @@ fn what_cannot_be_read_is_refused_with_what_to_do() {
     one_refused(&|s| s.put(0x7fe0_0010, b"OW", &[0; 22]), &["PixelData", "22 bytes for 1 frames of 24"]);
     one_refused(&|s| s.without(0x7fe0_0010), &["PixelData", "there is none"]);
     one_refused(&|s| s.without(0x0028_0010), &["no image", "DICOMDIR"]);
-    one_refused(&|s| s.text(0x0028_1053, b"DS", "-1"), &["RescaleSlope", "must rise"]);
+    one_refused(&|s| s.text(0x0028_1053, b"DS", "0"), &["RescaleSlope", "0, RescaleIntercept 0"]);
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("cut");
     let whole = Slice::at(0).bytes();
@@ -208,4 +208,9 @@ fn what_numbers_mean_is_kept() {
     source.read_planes(5, &mut planes).unwrap();
     let numbers: Vec<f64> = planes.chunks(96).map(|p| f64::from_le_bytes(p[..8].try_into().unwrap())).collect();
     assert_eq!(numbers, [0.0, 1.0, 2.0, 0.1 * 3.0, 4.0]);
+    // Nor can a volume have values that fall with the numbers.
+    let falling = |s: &mut Slice| s.text(0x0028_1053, b"DS", "-0.5");
+    let all: Vec<(u16, Change<'_>)> = (0..5).map(|z| (z, &falling as Change<'_>)).collect();
+    opened(series(&all).path()).unwrap().read_planes(5, &mut planes).unwrap();
+    assert_eq!(f64::from_le_bytes(planes[4 * 96..4 * 96 + 8].try_into().unwrap()), -2.0);
 }

@@ -28,6 +28,7 @@ use crate::input::Input;
 use crate::packed::head;
 use crate::slices::{SliceSource, Slices};
 use crate::space::hinted;
+use crate::valued::{is_line, values};
 use crate::wrong::Wrong;
 use image::Image;
 use planes::Plane;
@@ -112,7 +113,7 @@ fn check_series(of: &Path, images: &[Image]) -> Result<(), FormatError> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Values {
     Same(Rescale),
-    /// Each slice has its own slope and intercept: applied to the voxels.
+    /// Applied to the voxels, since each slice has its own slope and intercept, or they are such as a volume has not.
     OfEach,
 }
 
@@ -162,11 +163,17 @@ impl Series {
         if (slope, intercept) != (1.0, 0.0) {
             notes.push(format!("values are {slope} times the voxels' numbers, plus {intercept} (RescaleSlope)"));
         }
-        Rescale::new(slope, intercept).map(Values::Same).ok_or_else(|| {
-            let why = format!("{slope}, RescaleIntercept {intercept}: values must rise with numbers");
-            Wrong::new("RescaleSlope", why, "apply slope and intercept to the voxels, and save it as another format")
-                .of(of, FORMAT)
-        })
+        match Rescale::new(slope, intercept) {
+            Some(rescale) => Ok(Values::Same(rescale)),
+            None if is_line(slope, intercept) => {
+                notes.push("values fall with the numbers: voxels are values, as float64".into());
+                Ok(Values::OfEach)
+            }
+            None => {
+                let why = format!("{slope}, RescaleIntercept {intercept}");
+                Err(Wrong::broken("RescaleSlope", why).of(of, FORMAT))
+            }
+        }
     }
 
     fn header(&self, of: &Path, mut notes: Vec<String>) -> Result<SourceHeader, FormatError> {
@@ -185,7 +192,9 @@ impl Series {
             (0, _) => {}
             (1, Values::Same(_)) => notes.push(format!("{} stands for no data (PixelPaddingValue)", no_data[0])),
             _ => {
-                notes.push("PixelPaddingValue was left aside: it differs from slice to slice".into());
+                notes.push(
+                    "PixelPaddingValue was left aside: voxels are values, or it differs from slice to slice".into(),
+                );
                 no_data.clear();
             }
         }
@@ -247,7 +256,7 @@ impl Slices for Series {
             Values::Same(_) => data,
             Values::OfEach => {
                 let (slope, intercept) = self.line(plane);
-                bits::values(&data, image.shape.voxel_type, slope, intercept)
+                values(&data, image.shape.voxel_type, slope, intercept)
             }
         })
     }

@@ -54,6 +54,44 @@ mixed = {**size, "PhysicalSizeX": 1000.0, "PhysicalSizeXUnit": "nm"}
 tifffile.imwrite("mixed.ome.tif", phantom("u1"), ome=True, metadata={"axes": "ZYX", **mixed})
 row("mixed.ome.tif", phantom("u1"), straight, unit="um")
 
+# OME in several files, each with the whole description, as tifffile reads them, too.
+def ome_set(folder, names):
+    os.mkdir(folder)
+    planes, runs = {name: [] for name in names}, []
+    for t in range(3):
+        for c in range(2):
+            for z in range(NZ):
+                name = names[(z + 2 * t) % len(names)]
+                runs.append(f'<TiffData FirstZ="{z}" FirstC="{c}" FirstT="{t}" IFD="{len(planes[name])}" PlaneCount="1">'
+                            f'<UUID FileName="{name}">urn:uuid:{name}</UUID></TiffData>')
+                planes[name].append(hyper[t, z, c])
+    sizes = " ".join(f'PhysicalSize{a}="{s}" PhysicalSize{a}Unit="mm"' for a, s in zip("XYZ", SPACING))
+    for name in names:
+        xml = (f'<OME xmlns="http://www.openmicroscopy.org/Schemas/OME/2016-06" UUID="urn:uuid:{name}"><Image ID="Image:0">'
+               f'<Pixels ID="Pixels:0" DimensionOrder="XYZCT" Type="uint16" SizeX="{NX}" SizeY="{NY}" SizeZ="{NZ}" SizeC="2" '
+               f'SizeT="3" {sizes}><Channel ID="Channel:0:0"/><Channel ID="Channel:0:1"/>' + "".join(runs) + '</Pixels></Image></OME>')
+        tifffile.imwrite(f"{folder}/{name}", numpy.array(planes[name]), description=xml, metadata=None,
+                         photometric="minisblack")
+
+
+ome_set("ome_set", ["b.ome.tif", "a.ome.tif", "c.ome.tif"])
+for name in ["ome_set", "ome_set/a.ome.tif", "ome_set/c.ome.tif", "ome_set/*.tif"]:
+    for c, t in [(0, 0), (1, 2)]:
+        back = tifffile.TiffFile("ome_set/a.ome.tif").series[0].asarray()
+        assert (back[t, c] == phantom("u2", seed=3 * t + c)).all()
+        row(name, back[t, c], straight, unit="mm", chosen=(c, t))
+ome_set("ome_renamed", ["own.ome.tif"])
+os.rename("ome_renamed/own.ome.tif", "ome_renamed/other.ome.tif")
+row("ome_renamed/other.ome.tif", phantom("u2", seed=7), straight, unit="mm", chosen=(1, 2))
+ome_set("ome_cut", ["a.ome.tif", "b.ome.tif"])
+os.remove("ome_cut/b.ome.tif")
+table.append("ome_cut/a.ome.tif\tslices lie in `b.ome.tif`, which is not beside it")
+os.mkdir("ome_more")
+for name in ["a", "b", "c"]:
+    shutil.copy(f"ome_set/{name}.ome.tif", "ome_more")
+tifffile.imwrite("ome_more/d.tif", hyper[0, 0], metadata=None)
+table.append("ome_more\td.tif is none of the files that")
+
 # Stacks.
 volume = phantom("u2", (12, NY, NX))
 for folder, write in {
@@ -185,6 +223,12 @@ for number, kind in [(1, nibabel.Nifti1Image), (2, nibabel.Nifti2Image)]:
     stored = nibabel.load(f"nifti{number}_slope.nii").dataobj
     row(f"nifti{number}_slope.nii", numpy.asarray(stored.get_unscaled()).T, **lps(affine), unit="mm",
         rescale=(stored.slope, stored.inter))
+    # Values that fall with the numbers cannot go along with a volume: its voxels are the values.
+    image = kind(phantom("i2").T, affine)
+    image.header.set_slope_inter(-0.25, 3)
+    nibabel.save(image, f"nifti{number}_falling.nii.gz")
+    row(f"nifti{number}_falling.nii.gz", numpy.asarray(nibabel.load(f"nifti{number}_falling.nii.gz").dataobj, "f8").T,
+        **lps(affine))
 for number, kind in [(1, nibabel.Nifti1Pair), (2, nibabel.Nifti2Pair)]:
     for packed in ["", ".gz"]:
         image = kind(phantom("f4").T, affine)
@@ -218,6 +262,9 @@ numpy.save("flat.npy", phantom("i2")[0])
 row("flat.npy", phantom("i2")[0])
 numpy.save("squeezed.npy", phantom("i2")[None])
 row("squeezed.npy", phantom("i2"))
+
+numpy.savez("arrays.npz", a=phantom("i2"))
+table.append("arrays.npz\tnumpy.save('volume.npy', numpy.load(")
 
 # VTK, by VTK: the legacy format and XML, every way to write data down; arrays on points and in cells.
 def vtk_image(dtype, direction=None, cells=False, first=(0, 0, 0), name="density"):
