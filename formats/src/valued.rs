@@ -1,5 +1,5 @@
-//! Voxels that are made values, where slope and intercept cannot go along with the whole volume: a slope below 0, or one
-//! for each slice.
+//! Voxels that are made values, where slope and intercept cannot go along with the whole volume: a slope below 0, or
+//! one for each slice.
 
 use std::path::PathBuf;
 

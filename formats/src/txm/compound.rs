@@ -144,7 +144,7 @@ impl Compound {
             return Err(broken(format!("a stream of {want} bytes in a file of {}", self.length)));
         }
         if stream.bytes >= LEAST.into() {
-            return self.from_sectors(&mut file, stream.start, 0, want);
+            return self.chained(&mut file, stream.start, 0, want);
         }
         // Each small sector lies somewhere in the root's stream.
         let (mut out, mut at) = (Vec::new(), stream.start);
@@ -153,7 +153,7 @@ impl Compound {
             if offset + SMALL_SECTOR > self.small.bytes.next_multiple_of(SMALL_SECTOR) {
                 return Err(broken(format!("small sector {at} lies outside")));
             }
-            out.extend(self.from_sectors(&mut file, self.small.start, offset, SMALL_SECTOR.min(want))?);
+            out.extend(self.chained(&mut file, self.small.start, offset, SMALL_SECTOR.min(want))?);
             at =
                 *self.next_small.get(at as usize).ok_or_else(|| broken(format!("small sector {at} is in no table")))?;
         }
@@ -162,7 +162,7 @@ impl Compound {
     }
 
     /// `want` bytes from `offset` on of the chain that begins at `start`; sectors side by side are read at once.
-    fn from_sectors(&self, file: &mut File, start: u32, offset: u64, want: u64) -> Result<Vec<u8>, Wrong> {
+    fn chained(&self, file: &mut File, start: u32, offset: u64, want: u64) -> Result<Vec<u8>, Wrong> {
         let (mut out, mut at) = (Vec::new(), start);
         let follow = |at: u32| {
             let next = self.next.get(at as usize).copied();

@@ -226,8 +226,8 @@ for number, kind in [(1, nibabel.Nifti1Image), (2, nibabel.Nifti2Image)]:
     # Values that fall with the numbers cannot go along with a volume: its voxels are the values.
     image = kind(phantom("i2").T, affine)
     image.header.set_slope_inter(-0.25, 3)
-    nibabel.save(image, f"nifti{number}_falling.nii.gz")
-    row(f"nifti{number}_falling.nii.gz", numpy.asarray(nibabel.load(f"nifti{number}_falling.nii.gz").dataobj, "f8").T,
+    nibabel.save(image, f"nifti{number}_falling.nii")
+    row(f"nifti{number}_falling.nii", numpy.asarray(nibabel.load(f"nifti{number}_falling.nii").dataobj, "f8").T,
         **lps(affine))
 for number, kind in [(1, nibabel.Nifti1Pair), (2, nibabel.Nifti2Pair)]:
     for packed in ["", ".gz"]:
