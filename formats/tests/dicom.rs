@@ -177,6 +177,34 @@ fn what_cannot_be_read_is_refused_with_what_to_do() {
 }
 
 #[test]
+fn what_is_assumed_is_said() {
+    let mosaic = |s: &mut Slice| {
+        s.text(0x0008_0008, b"CS", "ORIGINAL\\PRIMARY\\MOSAIC");
+        s.without(0x0028_0030);
+        s.text(0x0028_2110, b"CS", "01");
+    };
+    let all: Vec<(u16, Change<'_>)> = (0..5).map(|z| (z, &mosaic as Change<'_>)).collect();
+    let folder = series(&all);
+    let source = opened(folder.path()).unwrap();
+    assert_eq!(source.header().geometry.spacing().to_array(), [1.0, 1.0, 2.5]);
+    let notes = source.header().notes.join("\n");
+    for want in
+        ["PixelSpacing is not said: 1, 1 assumed", "a mosaic: its slices lie side by side", "compressed with loss"]
+    {
+        assert!(notes.contains(want), "no {want} in {notes}");
+    }
+    let detector = |s: &mut Slice| {
+        s.without(0x0028_0030);
+        s.text(0x0018_1164, b"DS", "0.5\\0.25");
+    };
+    let folder = series(&[(0, &detector)]);
+    let source = opened(&folder.path().join("im4")).unwrap();
+    assert_eq!(source.header().geometry.spacing().to_array(), [0.25, 0.5, 1.0]);
+    let notes = source.header().notes.join("\n");
+    assert!(notes.contains("the detector's") && notes.contains("a single slice"), "{notes}");
+}
+
+#[test]
 fn what_numbers_mean_is_kept() {
     let hounsfield = |s: &mut Slice| {
         let texts: [(u32, &[u8; 2], &str); 4] = [

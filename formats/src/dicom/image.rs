@@ -180,6 +180,9 @@ fn add_notes(header: &Header, bits: Bits, notes: &mut Vec<String>) {
     if header.text(tags::LOSSY).as_deref() == Some("01") || header.syntax.has_loss {
         notes.push("it was compressed with loss before it was read".into());
     }
+    if header.text(tags::IMAGE_TYPE).is_some_and(|kind| kind.split('\\').any(|word| word == "MOSAIC")) {
+        notes.push("a mosaic: its slices lie side by side in one plane; dcm2niix takes them apart (as NIfTI)".into());
+    }
     if header.has_more_groups {
         notes.push("it has groups of more frames than there are: these were left aside".into());
     }

@@ -88,8 +88,11 @@ impl Stack<'_> {
     }
 
     /// Vectors from what the first plane says, the step along the normal among them.
-    fn place(&self, first: Plane, step: DVec3, is_step_said: bool) -> Place {
+    fn place(&self, first: Plane, step: DVec3, is_step_said: bool, notes: &mut Vec<String>) -> Place {
         let group = self.group(first);
+        if group.spacing.is_none() && is_step_said {
+            notes.push("PixelSpacing is not said: 1, 1 assumed in the plane (--spacing X,Y,Z overrides)".into());
+        }
         let [x, y] = group.axes.unwrap_or([DVec3::X, DVec3::Y]);
         let [rows, columns] = group.spacing.unwrap_or([1.0; 2]);
         let said = Placement {
@@ -139,7 +142,7 @@ impl Stack<'_> {
         }
         let (step, is_said) = self.assumed_step(planes[0], &mut notes);
         let step = self.group(planes[0]).normal() * step;
-        Ok(Ordered { place: self.place(planes[0], step, is_said), planes, notes })
+        Ok(Ordered { place: self.place(planes[0], step, is_said, &mut notes), planes, notes })
     }
 
     fn check_numbers(&self, planes: &[Plane]) -> Result<(), Misplaced> {
@@ -167,7 +170,7 @@ impl Stack<'_> {
         let (first, last) = (planes[0], planes[planes.len() - 1]);
         if planes.len() == 1 {
             let (step, is_said) = self.assumed_step(first, &mut notes);
-            return Ok(Ordered { place: self.place(first, normal * step, is_said), planes, notes });
+            return Ok(Ordered { place: self.place(first, normal * step, is_said, &mut notes), planes, notes });
         }
         let heights: Vec<f64> = planes.iter().map(|plane| self.position(*plane).dot(normal)).collect();
         self.check_doubled(&planes, &heights)?;
@@ -213,7 +216,7 @@ impl Stack<'_> {
                 .push(format!("slices lie up to {farthest:.4} mm beside an even step of {along:.4} mm: taken as even"));
         }
         notes.push(format!("sorted by position: {} slices, a step of {along} mm", planes.len()));
-        Ok(Ordered { place: self.place(first, step, true), planes, notes })
+        Ok(Ordered { place: self.place(first, step, true, &mut notes), planes, notes })
     }
 
     fn check_doubled(&self, planes: &[Plane], heights: &[f64]) -> Result<(), Misplaced> {

@@ -2,7 +2,7 @@
 
 pub(super) const SYNTAX: u32 = 0x0002_0010;
 pub(super) const META_LENGTH: u32 = 0x0002_0000;
-pub(super) const CLASS: u32 = 0x0008_0016;
+pub(super) const IMAGE_TYPE: u32 = 0x0008_0008;
 pub(super) const MODALITY: u32 = 0x0008_0060;
 pub(super) const DESCRIPTION: u32 = 0x0008_103e;
 pub(super) const THICKNESS: u32 = 0x0018_0050;
@@ -49,7 +49,7 @@ pub(super) const SEQUENCE_END: u32 = 0xfffe_e0dd;
 
 /// What is kept of a data set itself.
 pub(super) const KEPT: [u32; 28] = [
-    CLASS,
+    IMAGE_TYPE,
     MODALITY,
     DESCRIPTION,
     THICKNESS,

@@ -188,6 +188,29 @@ for what, level in [("near", 2), ("exact", 0)]:
         ds["PixelData"].is_undefined_length = True
 
     series(f"jpeg_ls_{what}", array, change=put, read=numpy.stack([imagecodecs.jpegls_decode(c) for c in coded]))
+# Noise, flat planes, edges, single points: what codecs have their own ways for.
+rng = numpy.random.default_rng(7)
+for rows, columns in [(9, 1), (17, 31), (64, 65)]:
+    y, x = numpy.indices((rows, columns))
+    for deep in [8, 12, 16]:
+        top = (1 << deep) - 1
+        wave = (numpy.sin(x / 5) + numpy.cos(y / 7) + 2) / 4 * top
+        planes = {
+            "noise": rng.integers(0, top + 1, x.shape), "flat": numpy.full(x.shape, top // 3),
+            "wave": numpy.clip(wave.astype(int) + rng.integers(-3, 4, x.shape), 0, top),
+            "points": numpy.where(rng.random(x.shape) < 0.03, rng.integers(0, top + 1, x.shape), 0),
+            "edges": numpy.where((x // 5 + y // 3) % 2, top, 0),
+        }
+        for what, plane in planes.items():
+            plane = numpy.ascontiguousarray(plane.astype("u1" if deep == 8 else "u2"))
+            for key in ["jpeg_ls", "jpeg_2000"] + (["jpeg_lossless"] if rows > 9 and what != "flat" else []):
+                ds, name = image(plane), f"{key}_{what}_{rows}_{deep}"
+                coded = bytes(lossless[key][1](plane))
+                ds.file_meta.TransferSyntaxUID = UID(lossless[key][0])
+                ds.PixelData = encapsulate([coded + bytes(len(coded) % 2)])
+                ds["PixelData"].is_undefined_length = True
+                save(ds, name)
+                row(name, plane)
 flat = numpy.kron(phantom("u1", (3, 2, 3)), numpy.ones((1, 8, 8), "u1"))
 coded = [imagecodecs.jpeg8_encode(plane, level=100) for plane in flat]
 
@@ -275,7 +298,7 @@ open("bare", "wb").write(open("frames_explicit_i2", "rb").read()[132:])
 row("bare", phantom("i2"))
 
 # By SimpleITK, which has GDCM: slices as its own reader of series reads them back.
-for key, compressed in {"itk": None, "itk_j2k": "JPEG2000", "itk_rle": "RLE", "itk_jpeg": "JPEG"}.items():
+for key, compressed in {"itk": None, "itk_j2k": "JPEG2000", "itk_jpeg": "JPEG"}.items():
     for dtype in ["u1", "u2", "i2"]:
         for name, direction in {"straight": numpy.eye(3), "turned": turn}.items():
             folder = f"{key}_{dtype}_{name}"
