@@ -242,3 +242,27 @@ fn what_numbers_mean_is_kept() {
     opened(series(&all).path()).unwrap().read_planes(5, &mut planes).unwrap();
     assert_eq!(f64::from_le_bytes(planes[4 * 96..4 * 96 + 8].try_into().unwrap()), -2.0);
 }
+
+#[test]
+fn a_damaged_slice_among_sound_ones_is_read_or_named() {
+    let folder = series(&[]);
+    let path = folder.path().join("im2");
+    let whole = std::fs::read(&path).unwrap();
+    let (mut read, mut refused) = (0, 0);
+    for at in 132..whole.len() {
+        for bit in [1, 1 << 3, 1 << 6] {
+            let mut damaged = whole.clone();
+            damaged[at] ^= bit;
+            std::fs::write(&path, &damaged).unwrap();
+            let all = opened(folder.path()).and_then(|mut source| source.read_planes(9, &mut Vec::new()));
+            match all {
+                Ok(()) => read += 1,
+                Err(error) => {
+                    assert!(error.to_string().contains(folder.path().to_str().unwrap()), "{error}");
+                    refused += 1;
+                }
+            }
+        }
+    }
+    assert!(read > 100 && refused > 100, "{read} read, {refused} refused");
+}
