@@ -98,6 +98,37 @@ fn what_is_out_of_place_is_named() {
 }
 
 #[test]
+fn of_several_slices_at_each_place_one_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: String, z: u16, time: u16| {
+        let mut slice = Slice::at(z).pixels(&[10 * time + z; 12].map(u16::to_le_bytes).concat());
+        // Counted from the top, time by time; the times themselves say which comes first.
+        slice.text(0x0020_0013, b"IS", &(100 - 5 * time - z).to_string());
+        slice.text(0x0020_0100, b"IS", &time.to_string());
+        std::fs::write(folder.path().join(name), slice.bytes()).unwrap();
+    };
+    (0..15).for_each(|i| write(format!("im{i}"), i % 5, i / 5));
+    let values_at = |time: u64| {
+        let hints = RawHints { time: Some(time), ..RawHints::default() };
+        let mut planes = Vec::new();
+        open(folder.path(), &hints).and_then(|mut source| {
+            assert!(!source.header().notes.join(" ").contains("are for OME-Zarr"), "{:?}", source.header().notes);
+            source.read_planes(9, &mut planes)
+        })?;
+        Ok::<_, FormatError>(
+            planes.chunks(24).map(|plane| u16::from_le_bytes([plane[0], plane[1]])).collect::<Vec<_>>(),
+        )
+    };
+    assert_eq!(values_at(0).unwrap(), [0, 1, 2, 3, 4]);
+    assert_eq!(values_at(2).unwrap(), [20, 21, 22, 23, 24]);
+    let want = ["3 slices lie at each of 5 places", "--time 0 to 2 takes one of each"];
+    refused(folder.path(), &want);
+    assert!(values_at(3).unwrap_err().to_string().contains(want[1]));
+    std::fs::remove_file(folder.path().join("im7")).unwrap();
+    refused(folder.path(), &["lie at the same place, 3 slices there in all"]);
+}
+
+#[test]
 fn what_is_unlike_the_others_is_named() {
     let cases: [(Change<'_>, &str); 6] = [
         (&|s| s.short(0x0028_0010, 2), "it is 4 x 2 pixels"),

@@ -29,6 +29,8 @@ pub(super) struct Image {
     /// One a frame.
     pub(super) groups: Vec<Group>,
     pub(super) instance: Option<i64>,
+    /// Which of several slices at one place it says that it is.
+    pub(super) time: [Option<i64>; 2],
     pub(super) padding: Option<f64>,
     pub(super) notes: Vec<String>,
 }
@@ -61,6 +63,7 @@ pub(super) fn open(path: &Path) -> Result<Option<Image>, Wrong> {
         frames,
         groups,
         instance: header.whole(tags::INSTANCE),
+        time: [tags::TEMPORAL, tags::ACQUISITION].map(|tag| header.whole(tag)),
         padding: padding(&header, bits),
         notes,
     }))

@@ -70,9 +70,9 @@ pub(crate) fn open_files(
         n => notes.push(format!("{n} DICOM files without an image were left aside")),
     }
     check_series(of, &images)?;
-    let series = Series::new(of, images, &mut notes)?;
+    let series = Series::new(of, images, hints.time, &mut notes)?;
     let files: Vec<PathBuf> = also.iter().chain(series.images.iter().map(|image| &image.path)).cloned().collect();
-    let header = hinted(of, series.header(of, notes)?, hints, false)?;
+    let header = hinted(of, series.header(of, notes)?, hints, series.has_several)?;
     Ok(Box::new(SliceSource::new(header, files, series)))
 }
 
@@ -122,17 +122,18 @@ struct Series {
     images: Vec<Image>,
     planes: Vec<Plane>,
     place: crate::space::Place,
+    has_several: bool,
     values: Values,
 }
 
 impl Series {
-    fn new(of: &Path, images: Vec<Image>, notes: &mut Vec<String>) -> Result<Self, FormatError> {
+    fn new(of: &Path, images: Vec<Image>, time: Option<u64>, notes: &mut Vec<String>) -> Result<Self, FormatError> {
         for image in &images {
             check_same(&images[0], image)?;
         }
         let ordered =
-            planes::ordered(&images).map_err(|(image, wrong)| wrong.of(&images[image as usize].path, FORMAT))?;
-        let planes::Ordered { planes, place, notes: of_order } = ordered;
+            planes::ordered(&images, time).map_err(|(image, wrong)| wrong.of(&images[image as usize].path, FORMAT))?;
+        let planes::Ordered { planes, place, notes: of_order, has_several } = ordered;
         match (images.len(), planes.len()) {
             (1, 1) => notes.push("a single slice; for a series give its folder".into()),
             (1, n) => notes.push(format!("{n} frames")),
@@ -140,7 +141,7 @@ impl Series {
         }
         notes.extend(of_order);
         notes.extend(images[0].notes.iter().cloned());
-        let mut series = Self { images, planes, place, values: Values::OfEach };
+        let mut series = Self { images, planes, place, has_several, values: Values::OfEach };
         series.values = series.values(of, notes)?;
         Ok(series)
     }

@@ -32,6 +32,8 @@ pub(super) struct Ordered {
     pub(super) planes: Vec<Plane>,
     pub(super) place: Place,
     pub(super) notes: Vec<String>,
+    /// At each place lay several slices, of which one was asked for.
+    pub(super) has_several: bool,
 }
 
 /// What is wrong with a plane, and in which image.
@@ -39,8 +41,8 @@ pub(super) type Misplaced = (u32, Wrong);
 
 const APART: &str = "put the slices of one volume into a folder of their own, or name them by a pattern or a list";
 
-/// Of one size, type and orientation each.
-pub(super) fn ordered(images: &[Image]) -> Result<Ordered, Misplaced> {
+/// Of one size, type and orientation each; of several slices at each place the one of this `time`.
+pub(super) fn ordered(images: &[Image], time: Option<u64>) -> Result<Ordered, Misplaced> {
     let mut planes: Vec<Plane> = (0..)
         .zip(images)
         .flat_map(|(image, i)| (0..i.groups.len() as u32).map(move |frame| Plane { image, frame }))
@@ -53,7 +55,16 @@ pub(super) fn ordered(images: &[Image]) -> Result<Ordered, Misplaced> {
             let normal = all.group(planes[0]).normal();
             let height = |plane: &Plane| all.position(*plane).dot(normal);
             planes.sort_by(|a, b| height(a).total_cmp(&height(b)));
-            all.by_position(planes, normal)
+            let several = all.several(&planes, normal);
+            match several {
+                1 => all.by_position(planes, normal),
+                n => all.by_position(all.one_of(planes, n, time)?, normal).map(|found| Ordered {
+                    notes: [vec![format!("of {n} slices at each place the one of --time was taken")], found.notes]
+                        .concat(),
+                    has_several: true,
+                    ..found
+                }),
+            }
         }
         _ => {
             let without = planes.iter().find(|plane| all.group(**plane).position.is_none());
@@ -142,7 +153,7 @@ impl Stack<'_> {
         }
         let (step, is_said) = self.assumed_step(planes[0], &mut notes);
         let step = self.group(planes[0]).normal() * step;
-        Ok(Ordered { place: self.place(planes[0], step, is_said, &mut notes), planes, notes })
+        Ok(Ordered { place: self.place(planes[0], step, is_said, &mut notes), planes, notes, has_several: false })
     }
 
     fn check_numbers(&self, planes: &[Plane]) -> Result<(), Misplaced> {
@@ -170,7 +181,12 @@ impl Stack<'_> {
         let (first, last) = (planes[0], planes[planes.len() - 1]);
         if planes.len() == 1 {
             let (step, is_said) = self.assumed_step(first, &mut notes);
-            return Ok(Ordered { place: self.place(first, normal * step, is_said, &mut notes), planes, notes });
+            return Ok(Ordered {
+                place: self.place(first, normal * step, is_said, &mut notes),
+                planes,
+                notes,
+                has_several: false,
+            });
         }
         let heights: Vec<f64> = planes.iter().map(|plane| self.position(*plane).dot(normal)).collect();
         self.check_doubled(&planes, &heights)?;
@@ -216,12 +232,46 @@ impl Stack<'_> {
                 .push(format!("slices lie up to {farthest:.4} mm beside an even step of {along:.4} mm: taken as even"));
         }
         notes.push(format!("sorted by position: {} slices, a step of {along} mm", planes.len()));
-        Ok(Ordered { place: self.place(first, step, true, &mut notes), planes, notes })
+        Ok(Ordered { place: self.place(first, step, true, &mut notes), planes, notes, has_several: false })
+    }
+
+    /// How many slices lie at each place, where these are as many everywhere; else 1.
+    fn several(&self, planes: &[Plane], normal: DVec3) -> usize {
+        let heights: Vec<f64> = planes.iter().map(|plane| self.position(*plane).dot(normal)).collect();
+        let least = least_step(&heights);
+        let mut counts = heights.chunk_by(|a, b| b - a <= least).map(<[f64]>::len);
+        let first = counts.next().unwrap_or(1);
+        if counts.all(|count| count == first) { first } else { 1 }
+    }
+
+    /// Of `several` slices at each place one.
+    fn one_of(&self, planes: Vec<Plane>, several: usize, time: Option<u64>) -> Result<Vec<Plane>, Misplaced> {
+        let places = planes.len() / several;
+        let Some(time) = time.and_then(|t| usize::try_from(t).ok()).filter(|t| *t < several) else {
+            let why = format!(
+                "{several} slices lie at each of {places} places, {} and {} at one: several times, echoes or parts in \
+                 one series; --time 0 to {} takes one of each",
+                self.name(planes[0]),
+                self.name(planes[1]),
+                several - 1
+            );
+            return Err((planes[0].image, Wrong::new("ImagePositionPatient", why, APART)));
+        };
+        let key = |plane: &Plane| {
+            let image = &self.images[plane.image as usize];
+            (image.time, image.instance, plane.image, plane.frame)
+        };
+        let one = |place: &[Plane]| {
+            let mut place = place.to_vec();
+            place.sort_by_key(key);
+            place[time]
+        };
+        Ok(planes.chunks(several).map(one).collect())
     }
 
     fn check_doubled(&self, planes: &[Plane], heights: &[f64]) -> Result<(), Misplaced> {
         let gap = |i: usize| heights[i + 1] - heights[i];
-        let least = 1e-6_f64.max(1e-3 * (heights[heights.len() - 1] - heights[0]) / (heights.len() - 1) as f64);
+        let least = least_step(heights);
         let Some(i) = (0..planes.len() - 1).find(|i| gap(*i) <= least) else { return Ok(()) };
         let same = (i..planes.len() - 1).take_while(|i| gap(*i) <= least).count() + 1;
         let why = format!(
@@ -248,4 +298,10 @@ impl Stack<'_> {
         );
         Err((planes[i + 1].image, Wrong::new("ImagePositionPatient", why, "put the missing slices there")))
     }
+}
+
+/// Slices that are nearer to each other lie at one place.
+fn least_step(heights: &[f64]) -> f64 {
+    let span = heights.last().zip(heights.first()).map_or(0.0, |(last, first)| last - first);
+    1e-6_f64.max(1e-3 * span / heights.len() as f64)
 }

@@ -10,6 +10,8 @@ pub(super) const BETWEEN: u32 = 0x0018_0088;
 pub(super) const IMAGER_SPACING: u32 = 0x0018_1164;
 pub(super) const SERIES: u32 = 0x0020_000e;
 pub(super) const SERIES_NUMBER: u32 = 0x0020_0011;
+pub(super) const ACQUISITION: u32 = 0x0020_0012;
+pub(super) const TEMPORAL: u32 = 0x0020_0100;
 pub(super) const INSTANCE: u32 = 0x0020_0013;
 pub(super) const POSITION: u32 = 0x0020_0032;
 pub(super) const ORIENTATION: u32 = 0x0020_0037;
@@ -48,7 +50,7 @@ pub(super) const ITEM_END: u32 = 0xfffe_e00d;
 pub(super) const SEQUENCE_END: u32 = 0xfffe_e0dd;
 
 /// What is kept of a data set itself.
-pub(super) const KEPT: [u32; 28] = [
+pub(super) const KEPT: [u32; 30] = [
     IMAGE_TYPE,
     MODALITY,
     DESCRIPTION,
@@ -57,6 +59,8 @@ pub(super) const KEPT: [u32; 28] = [
     IMAGER_SPACING,
     SERIES,
     SERIES_NUMBER,
+    ACQUISITION,
+    TEMPORAL,
     INSTANCE,
     POSITION,
     ORIENTATION,
