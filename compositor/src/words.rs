@@ -14,6 +14,15 @@ pub(crate) fn bytes(n: u64) -> String {
     if unit == 0 { format!("{n} B") } else { format!("{value:.1} {}", UNITS[unit]) }
 }
 
+/// Bytes in so many seconds for people: `120 MB/s`; empty where it cannot be told.
+pub(crate) fn rate(bytes: u64, seconds: f64) -> String {
+    match bytes as f64 * 1e-6 / seconds {
+        r if !r.is_finite() => String::new(),
+        r if r < 9.95 => format!("{r:.1} MB/s"),
+        r => format!("{r:.0} MB/s"),
+    }
+}
+
 /// Seconds for people: `85 ms`, `0.4 s`, `90 s`, `12 min`.
 pub(crate) fn time(seconds: f64) -> String {
     match seconds {
@@ -34,6 +43,12 @@ pub(crate) fn short(hash: StoreHash) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn speeds_are_told_where_there_are_any() {
+        assert_eq!((rate(9_940_000, 1.0), rate(240_000_000, 2.0)), ("9.9 MB/s".to_owned(), "120 MB/s".to_owned()));
+        assert_eq!(rate(5, 0.0), "");
+    }
 
     #[test]
     fn times_are_as_exact_as_people_want_them() {

@@ -11,9 +11,12 @@ mod coding;
 mod dicom;
 mod grey;
 mod input;
+mod listing;
+mod mended;
 mod meta_image;
 mod natural;
 mod nifti;
+mod number;
 mod numpy;
 mod ordered;
 mod packed;
@@ -30,15 +33,17 @@ mod units;
 mod unpacked;
 mod valued;
 mod vtk;
+mod write;
 mod wrong;
 
 use std::path::Path;
 
-use brickcast_volume::format::{self, FormatError, Opener, RawHints, VolumeSource};
+use brickcast_volume::format::{self, FormatError, Opener, RawHints, VolumeSource, hinted};
 
 use input::Input;
 
-pub use stack::is_stack;
+pub use listing::is_stack;
+pub use write::{WriteError, Written, writable, write};
 
 /// One line of the table of formats.
 struct Format {
@@ -164,7 +169,7 @@ pub fn supported() -> String {
 /// # Errors
 /// Nothing there, an unknown format, or what the format's own reader finds wrong.
 pub fn open(path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, FormatError> {
-    opened(path, hints).map_err(|error| match error {
+    opened(path, hints).and_then(|source| hinted(source, path, hints)).map_err(|error| match error {
         FormatError::Unknown { path, start, .. } => FormatError::Unknown { path, start, supported: supported() },
         FormatError::Directory { path, .. } => FormatError::Directory { path, supported: supported() },
         error => error,
@@ -183,7 +188,7 @@ fn opened(path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, Format
     let Some(input) = Input::open(path)? else { return format::open(path, hints) };
     if let Some(format) = FORMATS.iter().find(|f| (f.recognises)(&input.start)) {
         return match input.is_packed() && !format.is_in_order {
-            true => unpacked::open(&input, hints, Opener(open)),
+            true => unpacked::open(&input, hints, Opener(opened)),
             false => (format.open)(input, hints),
         };
     }
@@ -191,7 +196,7 @@ fn opened(path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, Format
         return Err(numpy::no_archive(path));
     }
     if input.is_packed() {
-        return unpacked::open(&input, hints, Opener(open));
+        return unpacked::open(&input, hints, Opener(opened));
     }
     // Whose dims are given is raw, whatever it is called.
     let list = if hints.dims.is_some() { None } else { pattern::list(&input)? };

@@ -39,7 +39,7 @@ pub(crate) fn parts(text: &str) -> Vec<&str> {
     found
 }
 
-/// What is wrong with the numbers of sorted names that differ in one number alone.
+/// What is wrong with the numbers of sorted names that differ in one number alone, in words.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Gap {
     Missing(Vec<String>),
@@ -50,6 +50,24 @@ pub(crate) enum Gap {
 const TOLD: usize = 5;
 
 pub(crate) fn gap(names: &[String]) -> Option<Gap> {
+    match holes(names, TOLD)? {
+        Holes::Missing(missing) if missing.is_empty() => None,
+        Holes::Missing(missing) => Some(Gap::Missing(missing.into_iter().map(|(_, name)| name).collect())),
+        Holes::Doubled(i) => Some(Gap::Doubled(names[i].clone(), names[i + 1].clone())),
+    }
+}
+
+/// What is wrong, by the places of names.
+#[derive(Debug, PartialEq, Eq)]
+pub(crate) enum Holes {
+    /// Names that are missing, each behind a place.
+    Missing(Vec<(usize, String)>),
+    /// A place whose number the next one has, too.
+    Doubled(usize),
+}
+
+/// At most `most` of the missing ones; nothing where names have no numbers of their own.
+pub(crate) fn holes(names: &[String], most: usize) -> Option<Holes> {
     let split: Vec<Vec<&str>> = names.iter().map(|name| parts(name)).collect();
     let first = split.first()?;
     if split.iter().any(|s| s.len() != first.len()) {
@@ -61,21 +79,21 @@ pub(crate) fn gap(names: &[String]) -> Option<Gap> {
     let numbers = numbers?;
     let steps: Vec<u64> = numbers.windows(2).map(|w| w[1].saturating_sub(w[0])).collect();
     if let Some(i) = steps.iter().position(|&step| step == 0) {
-        return Some(Gap::Doubled(names[i].clone(), names[i + 1].clone()));
+        return Some(Holes::Doubled(i));
     }
     let step = *steps.iter().min()?;
     let width = if split.iter().all(|s| s[at].len() == first[at].len()) { first[at].len() } else { 0 };
     let mut missing = Vec::new();
     for (i, _) in steps.iter().enumerate().filter(|(_, s)| **s > step) {
         let mut number = numbers[i] + step;
-        while number < numbers[i + 1] && missing.len() < TOLD {
+        while number < numbers[i + 1] && missing.len() < most {
             let mut name = split[i].iter().map(|s| (*s).to_owned()).collect::<Vec<_>>();
             name[at] = format!("{number:0width$}");
-            missing.push(name.concat());
+            missing.push((i, name.concat()));
             number += step;
         }
     }
-    (!missing.is_empty()).then_some(Gap::Missing(missing))
+    Some(Holes::Missing(missing))
 }
 
 #[cfg(test)]

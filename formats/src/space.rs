@@ -59,27 +59,12 @@ impl Place {
 /// # Errors
 /// A spacing or an origin that cannot be.
 pub(crate) fn hinted(
-    path: &Path,
+    _path: &Path,
     mut header: SourceHeader,
     hints: &RawHints,
     has_several: bool,
 ) -> Result<SourceHeader, FormatError> {
-    let g = header.geometry;
-    if hints.spacing.is_some() || hints.origin.is_some() {
-        let spacing = hints.spacing.unwrap_or(g.spacing().to_array());
-        let origin = hints.origin.unwrap_or(g.origin().to_array());
-        header.geometry = Geometry::new(g.dims().to_array(), spacing, origin)
-            .and_then(|geometry| geometry.with_directions(g.directions()))
-            .map_err(|e| Wrong::new("--spacing", e.to_string(), "give another").of(path, header.format))?;
-        header.placement.spacing |= hints.spacing.is_some();
-        header.placement.origin |= hints.origin.is_some();
-        header.notes.retain(|note| hints.spacing.is_none() || !note.starts_with("spacing not said"));
-        if let Some([x, y, z]) = hints.spacing {
-            header.notes.push(format!("spacing {x}, {y}, {z} as --spacing says"));
-        }
-    }
-    let of_raw = RawHints { spacing: None, origin: None, ..hints.clone() };
-    if !of_raw.is_empty() {
+    if !hints.is_empty() {
         header.notes.push("--dims, --type, --endian, --skip are for raw files; the file's own were used".into());
     }
     if !has_several {

@@ -2,13 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use brickcast_volume::format::{FormatError, RawHints, SourceHeader, VolumeSource};
+use brickcast_volume::format::{FactsBy, FormatError, RawHints, SaidBy, SourceHeader, VolumeSource};
 use brickcast_volume::small_file;
 use rayon::prelude::*;
 
 use crate::dicom;
 use crate::input::Input;
-use crate::natural::{self, Gap};
+use crate::listing::{MOST_FILES, has_extension, listed};
+use crate::mended::{self, Filled};
+use crate::natural::{self, Gap, Holes};
 use crate::pattern;
 use crate::picture::{self, Kind};
 use crate::slice::{Said, Shape};
@@ -16,11 +18,6 @@ use crate::slices::{SliceSource, Slices};
 use crate::space::hinted;
 use crate::tiff::{self, Tiff};
 use crate::wrong::Wrong;
-
-/// Files that slices are looked for under, in folders.
-const EXTENSIONS: [&str; 6] = ["tif", "tiff", "png", "jpg", "jpeg", "bmp"];
-/// More files than a volume has planes.
-const MOST_FILES: usize = 1 << 20;
 
 /// What one file of a stack holds.
 #[derive(Debug)]
@@ -36,52 +33,6 @@ struct SliceFile {
     opened: Opened,
     shape: Shape,
     slices: u32,
-}
-
-impl SliceFile {
-    /// Those that slices lie in, where they are several.
-    fn files(&self) -> &[PathBuf] {
-        match &self.opened {
-            Opened::Tiff(tiff) => tiff.files(),
-            Opened::Picture(..) => &[],
-        }
-    }
-}
-
-fn has_extension(path: &Path) -> Option<&'static str> {
-    let name = path.file_name()?.to_str()?;
-    let extension = Path::new(name).extension()?.to_str()?.to_ascii_lowercase();
-    (!name.starts_with('.')).then(|| EXTENSIONS.into_iter().find(|e| *e == extension)).flatten()
-}
-
-/// True where a folder holds slices: pictures by their names, DICOM by what is in it.
-#[must_use]
-pub fn is_stack(folder: &Path) -> bool {
-    let any = |is: fn(&Path) -> bool| {
-        folder.read_dir().is_ok_and(|mut entries| entries.any(|e| e.is_ok_and(|e| is(&e.path()))))
-    };
-    any(|path| has_extension(path).is_some()) || any(dicom::is_dicom)
-}
-
-/// The files of a folder that `wanted` takes, in natural order, and how many others there are.
-fn listed(folder: &Path, wanted: impl Fn(&Path) -> bool) -> Result<(Vec<PathBuf>, usize), FormatError> {
-    let at = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    let failed = |reason| FormatError::Io { path: at.into(), action: "list", reason };
-    let (mut files, mut others) = (Vec::new(), 0);
-    for entry in at.read_dir().map_err(failed)? {
-        let path = folder.join(entry.map_err(failed)?.file_name());
-        match wanted(&path) && !path.is_dir() {
-            true => files.push(path),
-            false => others += 1,
-        }
-        if files.len() > MOST_FILES {
-            let why = format!("more than {MOST_FILES} slices");
-            return Err(Wrong::new("names", why, "name fewer by a pattern").of(at, "stack"));
-        }
-    }
-    let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    files.sort_by(|a, b| natural::compare(&name(a), &name(b)));
-    Ok((files, others))
 }
 
 pub(crate) fn open_folder(folder: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, FormatError> {
@@ -107,8 +58,7 @@ pub(crate) fn open_folder(folder: &Path, hints: &RawHints) -> Result<Box<dyn Vol
             Wrong::new("names", why, "name the slices by a pattern, e.g. 'FOLDER/*.tif' in quotes").of(folder, "stack")
         );
     }
-    check_gaps(folder, &files)?;
-    open_files(folder, files, &[], hints, notes)
+    open_numbered(folder, files, hints, notes)
 }
 
 pub(crate) fn open_pattern(path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, FormatError> {
@@ -121,11 +71,42 @@ pub(crate) fn open_pattern(path: &Path, hints: &RawHints) -> Result<Box<dyn Volu
             Wrong::new("names", "no file fits this pattern", "list the folder, and mind the quotes").of(path, "stack")
         );
     }
-    if dicom::is_dicom(&files[0]) {
-        return dicom::open_files(path, files, &[], hints, Vec::new());
+    match dicom::is_dicom(&files[0]) {
+        true => dicom::open_files(path, files, &[], hints, Vec::new()),
+        false => open_numbered(path, files, hints, Vec::new()),
     }
-    check_gaps(path, &files)?;
-    open_files(path, files, &[], hints, Vec::new())
+}
+
+/// Files whose names have numbers. Where holes are filled, of two with the same number the first is taken.
+fn open_numbered(
+    of: &Path,
+    mut files: Vec<PathBuf>,
+    hints: &RawHints,
+    mut notes: Vec<String>,
+) -> Result<Box<dyn VolumeSource>, FormatError> {
+    if !hints.skip_broken {
+        check_gaps(of, &files)?;
+        return open_files(of, files.into_iter().map(Slot::File).collect(), &[], hints, notes);
+    }
+    let names = |files: &[PathBuf]| files.iter().map(|file| name_of(file)).collect::<Vec<_>>();
+    let missing = loop {
+        match natural::holes(&names(&files), MOST_FILES.saturating_sub(files.len())) {
+            None => break Vec::new(),
+            Some(Holes::Missing(missing)) => break missing,
+            Some(Holes::Doubled(i)) => {
+                let left = files.remove(i + 1);
+                notes.push(format!("left out: {}, which has the number of {}", name(&left), name(&files[i])));
+            }
+        }
+    };
+    let (mut slots, mut missing) = (Vec::new(), missing.into_iter().peekable());
+    for (i, file) in files.into_iter().enumerate() {
+        slots.push(Slot::File(file));
+        while let Some((_, name)) = missing.next_if(|(behind, _)| *behind == i) {
+            slots.push(Slot::Missing(name));
+        }
+    }
+    open_files(of, slots, &[], hints, notes)
 }
 
 /// In the order of the list, except DICOM, which says where its slices lie.
@@ -142,13 +123,12 @@ pub(crate) fn open_list(
     }
     match files.iter().any(|file| dicom::is_dicom(file)) {
         true => dicom::open_files(path, files, &[path.into()], hints, Vec::new()),
-        false => open_files(path, files, &[path.into()], hints, Vec::new()),
+        false => open_files(path, files.into_iter().map(Slot::File).collect(), &[path.into()], hints, Vec::new()),
     }
 }
 
 fn check_gaps(of: &Path, files: &[PathBuf]) -> Result<(), FormatError> {
-    let names: Vec<String> =
-        files.iter().map(|f| f.file_name().unwrap_or_default().to_string_lossy().into_owned()).collect();
+    let names: Vec<String> = files.iter().map(|file| name_of(file)).collect();
     let (what, remedy) = match natural::gap(&names) {
         None => return Ok(()),
         Some(Gap::Missing(missing)) => (
@@ -165,33 +145,115 @@ fn check_gaps(of: &Path, files: &[PathBuf]) -> Result<(), FormatError> {
 
 /// A file of slices alone.
 pub(crate) fn open_one(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSource>, FormatError> {
-    open_files(&input.path.clone(), vec![input.path], &[], hints, Vec::new())
+    open_files(&input.path.clone(), vec![Slot::File(input.path)], &[], hints, Vec::new())
 }
 
-/// The slices of `files` in this order; `also` are others that say which these are.
+/// A place in a stack.
+#[derive(Debug)]
+enum Slot {
+    File(PathBuf),
+    /// By the name that its file would have.
+    Missing(String),
+}
+
+/// What lies in the places of a stack: its files, what the first says, and of each plane the file, and which of its
+/// slices; nothing for those that are filled.
+type Laid = (Vec<SliceFile>, Said, Vec<Option<(u32, u32)>>);
+
+/// All of them, or an error.
+fn laid_whole(opened: Vec<Result<(SliceFile, Said), FormatError>>) -> Result<Laid, FormatError> {
+    let opened: Result<Vec<(SliceFile, Said)>, FormatError> = opened.into_iter().collect();
+    let (files, mut said): (Vec<SliceFile>, Vec<Said>) = opened?.into_iter().unzip();
+    let (first, others) = (&files[0], &files[1..]);
+    for other in others {
+        check_same(first, other)?;
+    }
+    let planes = (0..).zip(&files).flat_map(|(i, file)| (0..file.slices).map(move |page| Some((i, page)))).collect();
+    Ok((files, said.swap_remove(0), planes))
+}
+
+/// Those like most of them that can be read, each of which is decoded; the places of others are to be filled, one plane
+/// each, or as many as the others have.
+fn laid_mended(
+    slots: &[Slot],
+    opened: Vec<Result<(SliceFile, Said), FormatError>>,
+    filled: &mut Filled,
+) -> Result<Laid, FormatError> {
+    let mut kinds: Vec<((Shape, &'static str, u32), usize)> = Vec::new();
+    for (file, _) in opened.iter().flatten() {
+        let kind = (file.shape, file.kind(), file.slices);
+        match kinds.iter_mut().find(|(known, _)| *known == kind) {
+            Some((_, count)) => *count += 1,
+            None => kinds.push((kind, 1)),
+        }
+    }
+    // The first of those that are as many.
+    let Some(&(most, _)) = kinds.iter().rev().max_by_key(|(_, count)| *count) else {
+        return laid_whole(opened);
+    };
+    let (mut files, mut said, mut planes) = (Vec::<SliceFile>::new(), None, Vec::new());
+    let mut opened = opened.into_iter();
+    for slot in slots {
+        let (slot, why) = match slot {
+            Slot::Missing(name) => (name.clone(), "which is missing".to_owned()),
+            Slot::File(path) => match opened.next() {
+                Some(Ok((file, its))) if (file.shape, file.kind(), file.slices) == most => {
+                    said.get_or_insert(its);
+                    planes.extend((0..file.slices).map(|page| Some((files.len() as u32, page))));
+                    files.push(file);
+                    continue;
+                }
+                Some(Ok((file, _))) => (name(path), format!("which is {} in {} slices", file.words(), file.slices)),
+                Some(Err(error)) => (name(path), error.to_string()),
+                None => (name(path), "which was not opened".to_owned()),
+            },
+        };
+        planes.extend((0..most.2).map(|_| None));
+        (0..most.2).for_each(|_| filled.add(slot.clone(), why.clone()));
+    }
+    let stack = Stack { files, planes, filling: Vec::new() };
+    // What a header does not tell, only its decoding does.
+    let broken: Vec<Option<String>> = (0..stack.planes.len() as u32)
+        .into_par_iter()
+        .map(|z| stack.planes[z as usize].and_then(|_| stack.plane(z).err()).map(|error| error.to_string()))
+        .collect();
+    let Stack { files, mut planes, .. } = stack;
+    for (plane, error) in planes.iter_mut().zip(broken) {
+        if let (Some((file, page)), Some(error)) = (*plane, error) {
+            filled.add(format!("{}, slice {page}", name(&files[file as usize].path)), error);
+            *plane = None;
+        }
+    }
+    let said = said.unwrap_or_else(|| Said::nothing(most.1));
+    Ok((files, said, planes))
+}
+
+/// The slices of files in this order; `also` are others that say which these are.
 fn open_files(
     of: &Path,
-    files: Vec<PathBuf>,
+    slots: Vec<Slot>,
     also: &[PathBuf],
     hints: &RawHints,
     mut notes: Vec<String>,
 ) -> Result<Box<dyn VolumeSource>, FormatError> {
-    let files = one_of_set(files, hints)?;
-    let opened: Result<Vec<(SliceFile, Said)>, FormatError> =
-        files.par_iter().map(|path| open_slices(path, hints)).collect();
-    let (slice_files, mut said): (Vec<SliceFile>, Vec<Said>) = opened?.into_iter().unzip();
-    let (first, others) = (&slice_files[0], &slice_files[1..]);
-    for other in others {
-        check_same(first, other)?;
-    }
-    let said = said.swap_remove(0);
-    let slices: u64 = slice_files.iter().map(|file| u64::from(file.slices)).sum();
-    let planes: Vec<(u32, u32)> =
-        (0..).zip(&slice_files).flat_map(|(i, file)| (0..file.slices).map(move |page| (i, page))).collect();
+    let slots = one_of_set(slots, hints)?;
+    let file = |slot: &Slot| if let Slot::File(path) = slot { Some(path.clone()) } else { None };
+    let files: Vec<PathBuf> = slots.iter().filter_map(file).collect();
+    let opened: Vec<_> = files.par_iter().map(|path| open_slices(path, hints)).collect();
+    let mut filled = Filled::default();
+    let (slice_files, said, planes) = match hints.skip_broken {
+        true => laid_mended(&slots, opened, &mut filled)?,
+        false => laid_whole(opened)?,
+    };
+    let (first, slices) = (&slice_files[0], planes.len());
     let wrong = |wrong: Wrong| wrong.of(of, said.format);
     let [x, y] = first.shape.size;
     let z = u32::try_from(slices).map_err(|_| wrong(Wrong::new("slices", slices.to_string(), "name fewer")))?;
+    if filled.count() == slices {
+        return Err(wrong(Wrong::broken("slices", "none of them can be read")));
+    }
     notes.extend(said.notes);
+    notes.extend(filled.notes(slices, first.shape.voxel_type, hints));
     match files.len() {
         1 if slices == 1 => notes.push("a single slice; for a stack give its folder, or a pattern in quotes".into()),
         1 => {}
@@ -203,35 +265,71 @@ fn open_files(
         rescale: said.rescale,
         space_unit: said.unit,
         notes,
+        facts_by: FactsBy::all(if first.kind() == "TIFF" { SaidBy::Tags } else { SaidBy::Header }),
         ..SourceHeader::new(said.format, geometry, first.shape.voxel_type)
     };
     let header = hinted(of, header, hints, said.has_several)?;
     let of_set = slice_files[0].files().iter().skip(1);
     let all = also.iter().chain(&files).chain(of_set).cloned().collect();
-    Ok(Box::new(SliceSource::new(header, all, Stack { files: slice_files, planes })))
+    let filling = match filled.count() {
+        0 => Vec::new(),
+        _ => mended::plane(first.shape.voxel_type, hints, x as usize * y as usize),
+    };
+    Ok(Box::new(SliceSource::new(header, all, Stack { files: slice_files, planes, filling })))
 }
 
 /// Where the first file names all others as parts of it, that one alone.
-fn one_of_set(files: Vec<PathBuf>, hints: &RawHints) -> Result<Vec<PathBuf>, FormatError> {
-    if files.len() < 2 {
-        return Ok(files);
+fn one_of_set(slots: Vec<Slot>, hints: &RawHints) -> Result<Vec<Slot>, FormatError> {
+    let [Slot::File(first), others @ ..] = slots.as_slice() else { return Ok(slots) };
+    if others.is_empty() {
+        return Ok(slots);
     }
-    let (first, _) = open_slices(&files[0], hints)?;
-    let set = first.files();
+    // What cannot be opened is told of, or filled, by whoever opens all of them.
+    let Ok((opened, _)) = open_slices(first, hints) else { return Ok(slots) };
+    let set = opened.files();
     if set.is_empty() {
-        return Ok(files);
+        return Ok(slots);
     }
-    match files.iter().find(|file| !set.contains(file)) {
-        None => Ok(vec![first.path]),
-        Some(other) => {
-            let why = format!("{} is none of the files that {} names", other.display(), files[0].display());
-            Err(Wrong::new("OME-XML", why, "name one file of a set alone").of(&files[0], "OME-TIFF"))
+    let is_strange = |slot: &&Slot| !matches!(slot, Slot::File(path) if set.contains(path));
+    match others.iter().find(is_strange) {
+        None => Ok(vec![Slot::File(opened.path)]),
+        Some(Slot::File(other)) => {
+            let why = format!("{} is none of the files that {} names", other.display(), first.display());
+            Err(Wrong::new("OME-XML", why, "name one file of a set alone").of(first, "OME-TIFF"))
         }
+        Some(Slot::Missing(_)) => Ok(slots),
     }
 }
 
+fn name_of(path: &Path) -> String {
+    path.file_name().unwrap_or_default().to_string_lossy().into_owned()
+}
+
+/// For people.
 fn name(path: &Path) -> String {
-    brickcast_volume::format::excerpt(&path.file_name().unwrap_or_default().to_string_lossy())
+    brickcast_volume::format::excerpt(&name_of(path))
+}
+
+impl SliceFile {
+    fn kind(&self) -> &'static str {
+        match &self.opened {
+            Opened::Tiff(_) => "TIFF",
+            Opened::Picture(kind, _) => kind.name(),
+        }
+    }
+
+    /// Those that slices lie in, where they are several.
+    fn files(&self) -> &[PathBuf] {
+        match &self.opened {
+            Opened::Tiff(tiff) => tiff.files(),
+            Opened::Picture(..) => &[],
+        }
+    }
+
+    fn words(&self) -> String {
+        let [x, y] = self.shape.size;
+        format!("{} of {x} x {y} pixels of {}", self.kind(), self.shape.voxel_type)
+    }
 }
 
 fn open_slices(path: &Path, hints: &RawHints) -> Result<(SliceFile, Said), FormatError> {
@@ -263,18 +361,10 @@ fn open_slices(path: &Path, hints: &RawHints) -> Result<(SliceFile, Said), Forma
 }
 
 fn check_same(first: &SliceFile, other: &SliceFile) -> Result<(), FormatError> {
-    let kind = |file: &SliceFile| match &file.opened {
-        Opened::Tiff(_) => "TIFF",
-        Opened::Picture(kind, _) => kind.name(),
-    };
-    let words = |file: &SliceFile| {
-        let [x, y] = file.shape.size;
-        format!("{} of {x} x {y} pixels of {}", kind(file), file.shape.voxel_type)
-    };
-    if (first.shape, kind(first)) == (other.shape, kind(other)) {
+    if (first.shape, first.kind()) == (other.shape, other.kind()) {
         return Ok(());
     }
-    let why = format!("it is {}, but {} is {}", words(other), first.path.display(), words(first));
+    let why = format!("it is {}, but {} is {}", other.words(), first.path.display(), first.words());
     let remedy = "export it like the others, or name the slices to take by a pattern or a list";
     Err(Wrong::new("size and type", why, remedy).of(&other.path, "stack"))
 }
@@ -282,13 +372,15 @@ fn check_same(first: &SliceFile, other: &SliceFile) -> Result<(), FormatError> {
 #[derive(Debug)]
 struct Stack {
     files: Vec<SliceFile>,
-    /// Of each plane: the file, and which of its slices.
-    planes: Vec<(u32, u32)>,
+    /// Of each plane: the file, and which of its slices; nothing for those that are filled.
+    planes: Vec<Option<(u32, u32)>>,
+    /// A plane that is filled.
+    filling: Vec<u8>,
 }
 
 impl Slices for Stack {
     fn plane(&self, z: u32) -> Result<Vec<u8>, FormatError> {
-        let (file, page) = self.planes[z as usize];
+        let Some((file, page)) = self.planes[z as usize] else { return Ok(self.filling.clone()) };
         let file = &self.files[file as usize];
         match &file.opened {
             Opened::Tiff(tiff) => tiff.plane(&file.path, page),

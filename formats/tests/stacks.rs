@@ -171,3 +171,41 @@ fn a_file_of_image_j_above_4_gib() {
     file.set_len(u64::from(start) + (PLANES - 1) * plane).unwrap();
     refused(&path, &["large.tif", "images", "150 planes"]);
 }
+
+#[test]
+fn holes_are_filled_where_that_is_asked_for_and_named() {
+    let folder = stack(&["a1.png", "a2.png", "a02.png", "a3.png", "a6.png", "a7.png"]);
+    let at = |name: &str| folder.path().join(name);
+    png(&at("a3.png"), [3, 3], png::BitDepth::Eight, png::ColorType::Grayscale, 9);
+    // Its header is whole.
+    let whole = std::fs::read(at("a6.png")).unwrap();
+    std::fs::write(at("a6.png"), &whole[..whole.len() - 20]).unwrap();
+    let hints = RawHints { skip_broken: true, no_data: Some(200.0), ..RawHints::default() };
+    let mut source = open(folder.path(), &hints).unwrap();
+    let mut planes = Vec::new();
+    source.read_planes(1000, &mut planes).unwrap();
+    // a1, a02 (a2 has its number), a3 of another size, a4 and a5 missing, a6 cut, a7.
+    let got: Vec<u8> = planes.chunks(6).map(|plane| plane[0]).collect();
+    assert_eq!(got, [0, 2, 200, 200, 200, 200, 5]);
+    let notes = source.header().notes.join("\n");
+    for want in [
+        "left out: a2.png, which has the number of a02.png",
+        "--skip-broken: 4 of 7 slices were filled with 200",
+        "filled: a3.png, which is PNG of 3 x 3 pixels",
+        "filled: a4.png, which is missing",
+        "filled: a5.png, which is missing",
+        "filled: a6.png, slice 0, ",
+    ] {
+        assert!(notes.contains(want), "no `{want}` in {notes}");
+    }
+    let plain = RawHints { skip_broken: true, ..RawHints::default() };
+    let notes = open(folder.path(), &plain).unwrap().header().notes.join("\n");
+    assert!(notes.contains("filled with 0, which counts as data"), "{notes}");
+    // Nothing to fill it by.
+    for name in ["a1.png", "a2.png", "a02.png", "a3.png", "a6.png", "a7.png"] {
+        std::fs::write(at(name), b"no picture").unwrap();
+    }
+    let error = open(folder.path(), &plain).unwrap_err().to_string();
+    assert!(error.contains("a1.png") && error.contains("neither TIFF nor PNG"), "{error}");
+    refused(stack(&["b1.png", "b3.png", "b4.png"]).path(), &["b2.png is missing"]);
+}

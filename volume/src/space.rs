@@ -97,6 +97,18 @@ impl Geometry {
         Ok(Self { directions: self.directions, ..level })
     }
 
+    /// The box `[lo, hi)` of its voxels as a volume of its own, where it lies.
+    ///
+    /// # Errors
+    /// A box without voxels, an origin too far out.
+    pub fn cropped(&self, lo: [u32; 3], hi: [u32; 3]) -> Result<Self, GeometryError> {
+        let dims = std::array::from_fn(|a| hi[a].saturating_sub(lo[a]));
+        let along = self.spacing * UVec3::from(lo).as_dvec3();
+        let moved = if self.is_straight() { along } else { self.directions * along };
+        let cropped = Self::new(dims, self.spacing.to_array(), (self.origin + moved).to_array())?;
+        Ok(Self { directions: self.directions, ..cropped })
+    }
+
     /// The first `planes` planes of it, one at least.
     pub(crate) fn cut_to(self, planes: u32) -> Self {
         Self { dims: UVec3 { z: planes.clamp(1, self.dims.z), ..self.dims }, ..self }

@@ -56,7 +56,7 @@ pub(crate) fn found(objects: Arc<dyn Objects>, hints: &RawHints) -> Result<(Cut,
     let space = Space::of(&image, &array, &axes)?;
     let mut notes = [&image.notes[..], &axes.notes, &space.notes].concat();
     if !hints.is_empty() {
-        notes.push("--dims, --type, --endian, --skip, --spacing are for raw files; the image's own were used".into());
+        notes.push("--dims, --type, --endian, --skip are for raw files; the image's own were used".into());
     }
     let header = SourceHeader {
         placement: space.placement,

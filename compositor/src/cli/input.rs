@@ -5,10 +5,10 @@ use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Context as _, anyhow};
 use brickcast_remote::{Place, Root, seen_from};
-use brickcast_volume::format::{RawHints, VolumeSource};
+use brickcast_volume::format::{RawHints, VolumeSource, hinted};
 use brickcast_volume::store::{
-    Manifest, Phase, PrepareOptions, PrepareSummary, Progress, ScratchFolder, StoreError, ViewInput, prepare,
-    prepare_to,
+    Manifest, Phase, PrepareOptions, PrepareSummary, Progress, ScratchFolder, StoreError, ViewInput, check_disk,
+    prepare, prepare_to,
 };
 
 use super::failure::Failure;
@@ -30,7 +30,10 @@ pub fn open_input(place: &Place, hints: &RawHints) -> anyhow::Result<Box<dyn Vol
         return Err(anyhow!("{} is a brick store already; it is rendered as it is", shown(place).display()));
     }
     match (brickcast_zarr::is_zarr(objects.as_ref())?, place) {
-        (true, _) => Ok(brickcast_zarr::open(objects, hints)?),
+        (true, _) => {
+            let path = shown(place);
+            Ok(hinted(brickcast_zarr::open(objects, hints)?, &path, hints)?)
+        }
         (false, Place::Folder(path)) => Ok(brickcast_formats::open(path, hints)?),
         (false, Place::Far(root)) => {
             let why = "there is no zarr.json, .zattrs, .zarray or .zgroup; behind a network stores and OME-Zarr are \
@@ -62,7 +65,11 @@ pub fn prepare_input(
 ) -> anyhow::Result<PrepareSummary> {
     let (mut source, options) = opened_input(place, hints, options)?;
     let input = shown(place);
-    let summary = with_bar(&input, |progress| prepare(source.as_mut(), target, &options, progress))?;
+    if options.view.is_none() {
+        note_disk(source.as_mut(), target, &options)?;
+    }
+    let of = (input.as_path(), source.header().voxel_type.bytes());
+    let summary = with_bar(of, |progress| prepare(source.as_mut(), target, &options, progress))?;
     tell(&input, &summary.manifest);
     Ok(summary)
 }
@@ -88,10 +95,19 @@ pub fn prepare_input_to(
     }
     let (mut source, options) = opened_input(place, hints, options)?;
     let scratch = ScratchFolder::beside(&std::env::temp_dir().join("brickcast-prepare"))?;
-    let summary =
-        with_bar(&input, |progress| prepare_to(source.as_mut(), &destination, &scratch.path(), &options, progress))?;
+    let summary = with_bar((&input, source.header().voxel_type.bytes()), |progress| {
+        prepare_to(source.as_mut(), &destination, &scratch.path(), &options, progress)
+    })?;
     tell(&input, &summary.manifest);
     Ok(summary)
+}
+
+/// Refuses what clearly does not fit on the disk, and tells of what may not.
+fn note_disk(source: &mut dyn VolumeSource, target: &Path, options: &PrepareOptions) -> Result<(), StoreError> {
+    if let Some(doubt) = check_disk(source, target, options)? {
+        tracing::warn!("{doubt}");
+    }
+    Ok(())
 }
 
 /// Where the voxels of the OME-Zarr at `place` lie, in words of a view of them that will lie at `view`, or
@@ -149,12 +165,12 @@ pub fn opened_input(
     Ok((source, options))
 }
 
-/// Shows the progress of `work` on an input.
+/// Shows the progress of `work` on an input, whose voxels have so many bytes.
 ///
 /// # Errors
 /// That of `work`.
 pub fn with_bar<T>(
-    input: &Path,
+    (input, voxel_bytes): (&Path, usize),
     work: impl FnOnce(&mut dyn FnMut(Progress)) -> Result<T, StoreError>,
 ) -> anyhow::Result<T> {
     let bar = Bar::new(&format!("preparing {}", input.display()));
@@ -162,6 +178,8 @@ pub fn with_bar<T>(
     let done = work(&mut |p| {
         if phase.replace(p.phase) != Some(p.phase) {
             bar.say(&format!("{} {}", words(p.phase), input.display()));
+            let is_of_input = matches!(p.phase, Phase::Unpack | Phase::Scan | Phase::Write);
+            bar.weigh(is_of_input.then_some(voxel_bytes as u64));
         }
         bar.at(p.done, p.total);
     })?;

@@ -2,7 +2,7 @@
 //! `--quiet`.
 
 use std::io::{IsTerminal as _, Write};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -52,6 +52,9 @@ pub struct Bar {
     bar: ProgressBar,
     /// What is counted; else only the share is of interest.
     things: Option<&'static str>,
+    /// Bytes of one of what is counted, where it is told how fast they come; 0 where not.
+    weight: AtomicU64,
+    since: Mutex<Instant>,
     /// Where there is no terminal.
     lines: Option<Mutex<Lines>>,
 }
@@ -85,7 +88,7 @@ impl Bar {
         let bar = ProgressBar::with_draw_target(Some(0), target);
         let template = match things {
             Some(things) => format!("{{msg}} [{{wide_bar}}] {{pos}} of {{len}} {things}, {{eta}} left"),
-            None => "{msg} [{wide_bar}] {percent}% {eta}".to_owned(),
+            None => "{msg} [{wide_bar}] {percent}% {prefix}{eta}".to_owned(),
         };
         if let Ok(style) = ProgressStyle::with_template(&template) {
             bar.set_style(style.progress_chars("=> "));
@@ -97,7 +100,7 @@ impl Bar {
         if !hidden && terminal {
             *locked(&DRAWN) = Some(bar.clone());
         }
-        Self { bar, things, lines }
+        Self { bar, things, weight: AtomicU64::new(0), since: Mutex::new(now), lines }
     }
 
     /// What is done now, from the start.
@@ -107,17 +110,35 @@ impl Bar {
             let mut lines = locked(lines);
             (lines.what, lines.since) = (what.clone(), Instant::now());
         }
+        *locked(&self.since) = Instant::now();
         self.bar.set_message(what);
     }
 
+    /// From now on it is told how fast bytes come: one of what is counted is so many.
+    pub fn weigh(&self, bytes: Option<u64>) {
+        self.weight.store(bytes.unwrap_or(0), Ordering::Relaxed);
+        self.bar.set_prefix("");
+    }
+
+    /// Empty where it is not told.
+    fn speed(&self, done: u64) -> String {
+        match self.weight.load(Ordering::Relaxed) {
+            0 => String::new(),
+            weight => words::rate(done.saturating_mul(weight), locked(&self.since).elapsed().as_secs_f64()),
+        }
+    }
+
     pub fn at(&self, done: u64, total: u64) {
+        if self.weight.load(Ordering::Relaxed) > 0 && self.lines.is_none() {
+            self.bar.set_prefix(self.speed(done) + " ");
+        }
         self.bar.set_length(total);
         self.bar.set_position(done);
         let Some(lines) = &self.lines else { return };
         let mut lines = locked(lines);
         if lines.told.elapsed() >= BETWEEN_LINES {
             lines.told = Instant::now();
-            let line = lines.line(done, total, self.things);
+            let line = lines.line((done, total), self.things, &self.speed(done));
             // A closed stderr is no reason to stop.
             let _ = writeln!(std::io::stderr(), "{line}");
         }
@@ -140,7 +161,7 @@ impl Drop for Bar {
 }
 
 impl Lines {
-    fn line(&self, done: u64, total: u64, things: Option<&str>) -> String {
+    fn line(&self, (done, total): (u64, u64), things: Option<&str>, speed: &str) -> String {
         let share = done as f64 / total.max(1) as f64;
         let far = match things {
             Some(things) => format!("{done} of {total} {things}"),
@@ -148,7 +169,8 @@ impl Lines {
         };
         let left = self.since.elapsed().as_secs_f64() * (1.0 / share - 1.0);
         let left = if left.is_finite() { format!(", {} left", words::time(left.max(0.0))) } else { String::new() };
-        format!("{}: {far}{left}", self.what)
+        let speed = if speed.is_empty() { String::new() } else { format!(", {speed}") };
+        format!("{}: {far}{speed}{left}", self.what)
     }
 }
 
@@ -164,9 +186,9 @@ mod tests {
     fn a_line_tells_how_far_it_is_and_how_long_it_takes() {
         let ago = Instant::now().checked_sub(Duration::from_secs(30)).unwrap();
         let lines = Lines { what: "rendering turn.apng".to_owned(), since: ago, told: ago };
-        assert_eq!(lines.line(30, 120, Some("frames")), "rendering turn.apng: 30 of 120 frames, 90 s left");
-        assert_eq!(lines.line(1, 4, None), "rendering turn.apng: 25 %, 90 s left");
-        assert_eq!(lines.line(0, 120, Some("frames")), "rendering turn.apng: 0 of 120 frames");
-        assert_eq!(lines.line(0, 0, None), "rendering turn.apng: 0 %");
+        assert_eq!(lines.line((30, 120), Some("frames"), ""), "rendering turn.apng: 30 of 120 frames, 90 s left");
+        assert_eq!(lines.line((1, 4), None, "9.0 MB/s"), "rendering turn.apng: 25 %, 9.0 MB/s, 90 s left");
+        assert_eq!(lines.line((0, 120), Some("frames"), ""), "rendering turn.apng: 0 of 120 frames");
+        assert_eq!(lines.line((0, 0), None, ""), "rendering turn.apng: 0 %");
     }
 }

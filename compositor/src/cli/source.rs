@@ -7,6 +7,7 @@ use anyhow::anyhow;
 use brickcast_remote::{Address, Place, PlaceError};
 use brickcast_volume::StoreHash;
 use brickcast_volume::brick::BrickGrid;
+use brickcast_volume::format::Facts;
 use brickcast_volume::store::{
     MANIFEST_FILE, Manifest, PrepareOptions, SERIES_FILE, STORE_VERSION, Series, Store, StoreError, ViewFile, survey,
 };
@@ -35,6 +36,8 @@ pub enum Source {
 #[derive(Debug)]
 pub struct Surveyed {
     pub manifest: Manifest,
+    /// Who says what is known of an input.
+    pub source_of: Option<Facts>,
     /// Where the path is a store.
     pub store: Option<Store>,
     /// Where the voxels of a view lie, in its words.
@@ -54,14 +57,20 @@ pub fn surveyed(path: &Path, raw: &RawArgs) -> Result<Surveyed, Failure> {
         match stored::open(&place) {
             Ok(store) => {
                 let view = ViewFile::read(place.objects().as_ref())?.map(|file| file.input.place);
-                return Ok(Surveyed { manifest: store.manifest().clone(), store: Some(store), view, series: None });
+                return Ok(Surveyed {
+                    manifest: store.manifest().clone(),
+                    source_of: None,
+                    store: Some(store),
+                    view,
+                    series: None,
+                });
             }
             Err(StoreError::NotAStore { .. }) if let Some(series) = Series::find(place.objects())? => {
                 let store = step_of(&series, raw.time.unwrap_or(TimeChoice::One(0)))?;
                 let of_all = raw.time.is_none().then(|| series.manifest().statistics.in_place_of(store.manifest()));
                 let series = of_all.is_some().then_some(series);
                 let manifest = of_all.unwrap_or_else(|| store.manifest().clone());
-                return Ok(Surveyed { manifest, store: Some(store), view: None, series });
+                return Ok(Surveyed { manifest, source_of: None, store: Some(store), view: None, series });
             }
             Err(error) if is_input(&place, &error)? => {}
             Err(error) => return Err(error.into()),
@@ -71,7 +80,8 @@ pub fn surveyed(path: &Path, raw: &RawArgs) -> Result<Surveyed, Failure> {
     let bar = Bar::new(&format!("reading {}", path.display()));
     let manifest = survey(source.as_mut(), &mut |p| bar.at(p.done, p.total))?;
     bar.finish();
-    Ok(Surveyed { manifest, store: None, view: None, series: None })
+    let source_of = Some(source.header().source_of());
+    Ok(Surveyed { manifest, source_of, store: None, view: None, series: None })
 }
 
 /// The series at `path`; nothing where there is none.
@@ -214,7 +224,7 @@ impl OnTheWayArgs {
     fn prepared(&self, place: &Place, input: &Path) -> Result<Store, Failure> {
         let hints = self.raw.hints()?;
         let range = self.range.map(|[lo, hi]| (lo, hi));
-        let regions = self.regions.options(self.raw.dims)?;
+        let regions = self.regions.options(&hints)?;
         let source = open_input(place, &hints)?;
         let header = source.header();
         // What lies in chunks already is shown where it is; a stack of slices does not.

@@ -13,6 +13,7 @@ mod cli;
 #[cfg(unix)]
 mod compose;
 mod config;
+mod convert;
 mod default_look;
 mod field;
 mod films;
@@ -44,6 +45,7 @@ mod time;
 mod transfer_function;
 mod unreadable;
 mod values;
+mod whole;
 
 fn main() -> std::process::ExitCode {
     brickcast_harness::main()

@@ -4,9 +4,11 @@
 //! to [`open`], so that a change of a reader compiles little anew.
 
 mod coded;
+mod crop;
 mod directions;
 mod error;
 mod excerpt;
+mod hinted;
 mod input;
 mod known;
 pub mod nrrd;
@@ -14,6 +16,7 @@ mod opener;
 mod planes;
 pub mod raw;
 mod rescale;
+mod said_by;
 mod series;
 mod source;
 mod text_voxels;
@@ -25,13 +28,16 @@ use std::path::Path;
 use input::Input;
 use known::Known;
 
+pub use crop::Crop;
 pub use directions::{Axes, AxesError};
 pub use error::FormatError;
 pub use excerpt::excerpt;
+pub use hinted::hinted;
 pub use known::supported;
 pub use opener::Opener;
 pub use raw::RawHints;
 pub use rescale::Rescale;
+pub use said_by::{Facts, FactsBy, SaidBy};
 pub use source::{Placement, SourceHeader, VolumeSource};
 pub use voxel_type::{Endian, ParseNameError, VoxelType};
 

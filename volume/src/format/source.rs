@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use super::error::FormatError;
 use super::known::supported;
 use super::rescale::Rescale;
+use super::said_by::{Facts, FactsBy, SaidBy};
 use super::voxel_type::VoxelType;
 use crate::small_file::{self, FileKind, NotOpened};
 use crate::space::Geometry;
@@ -24,6 +25,7 @@ pub struct SourceHeader {
     pub geometry: Geometry,
     /// What of the geometry the file says.
     pub placement: Placement,
+    pub facts_by: FactsBy,
     pub voxel_type: VoxelType,
     /// What the voxels' numbers mean.
     pub rescale: Rescale,
@@ -45,6 +47,7 @@ impl SourceHeader {
         Self {
             geometry,
             placement: Placement::default(),
+            facts_by: FactsBy::default(),
             voxel_type,
             rescale: Rescale::IDENTITY,
             format,
@@ -52,6 +55,23 @@ impl SourceHeader {
             no_data: Vec::new(),
             notes: Vec::new(),
         }
+    }
+
+    /// Who says what is known of the volume, by the names that it has in `brickcast info --json`.
+    #[must_use]
+    pub fn source_of(&self) -> Facts {
+        let FactsBy { dims, voxel_type, place, overruled } = self.facts_by;
+        let by =
+            |is_overruled, is_said: bool| SaidBy::flag_or(is_overruled, if is_said { place } else { SaidBy::Default });
+        [
+            ("dims", dims),
+            ("type", voxel_type),
+            ("spacing", by(overruled.spacing, self.placement.spacing)),
+            ("origin", by(overruled.origin, self.placement.origin)),
+            ("directions", by(overruled.directions, self.placement.directions)),
+            ("unit", by(false, self.space_unit.is_some())),
+            ("values", by(false, !self.rescale.is_identity())),
+        ]
     }
 }
 

@@ -40,6 +40,8 @@ pub enum StoreError {
         file: String,
         error: ManifestError,
     },
+    #[error("there is no level {level}: the store has the levels 0 to {}, 0 the finest", levels - 1)]
+    NoLevel { level: u8, levels: u8 },
     /// Something in a coarser level of a store.
     #[error("level {level}: {error}")]
     Level { level: u8, error: Box<StoreError> },

@@ -1,6 +1,7 @@
 //! How a brick store is made, whatever it is made of.
 
 use brickcast_volume::brick::BrickGrid;
+use brickcast_volume::format::RawHints;
 use brickcast_volume::store::{Levels, PrepareOptions};
 use clap::Args;
 
@@ -32,18 +33,13 @@ impl MakingArgs {
 
     /// # Errors
     /// Usage: a brick size that cannot be, regions that cannot be asked for.
-    pub fn options(
-        &self,
-        regions: &RegionArgs,
-        dims: Option<[u32; 3]>,
-        force: bool,
-    ) -> Result<PrepareOptions, Failure> {
+    pub fn options(&self, regions: &RegionArgs, input: &RawHints, force: bool) -> Result<PrepareOptions, Failure> {
         BrickGrid::new(glam::UVec3::ONE, self.brick).map_err(Failure::usage)?;
         Ok(PrepareOptions {
             brick_size: self.brick,
             range: self.range.map(|[lo, hi]| (lo, hi)),
             force,
-            regions: regions.options(dims)?,
+            regions: regions.options(input)?,
             levels: self.levels,
             ..PrepareOptions::default()
         })

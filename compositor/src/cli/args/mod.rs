@@ -4,6 +4,7 @@
 mod accel;
 mod access;
 mod awaited;
+mod axes;
 mod balance;
 mod balance_choice;
 mod bench;
@@ -29,11 +30,13 @@ mod style;
 mod surface;
 mod time;
 mod tls;
+mod to_file;
 mod transfer_function;
 pub(crate) mod values;
 
 use std::path::PathBuf;
 
+use brickcast_volume::format::Crop;
 use clap::{ArgAction, Args, Parser, Subcommand};
 
 use self::values::{picture_size, triple};
@@ -42,6 +45,7 @@ use super::failure::EXIT_CODES;
 pub use self::accel::{AccelArg, AccelArgs};
 pub use self::access::AccessArgs;
 pub(crate) use self::awaited::Awaited;
+pub use self::axes::AxesWord;
 pub use self::balance::BalanceArgs;
 pub use self::balance_choice::{BalanceArg, BalanceChoice, LoadByArg};
 pub use self::bench::{BenchArgs, TableArg};
@@ -67,6 +71,7 @@ pub use self::scene::SceneArgs;
 pub use self::style::{IntegrationArg, StyleArgs};
 pub use self::time::TimeChoice;
 pub use self::tls::{TlsArgs, TlsCommand, TlsInitArgs};
+pub use self::to_file::ToFileArgs;
 pub use self::transfer_function::{ConvertArgs, ShowArgs, SuggestArgs, TransferFunctionArgs, TransferFunctionCommand};
 
 /// Sort-last volume raycasting on one machine or many: the same picture from any number of nodes.
@@ -101,6 +106,8 @@ pub enum Command {
     Prepare(PrepareArgs),
     /// Show what an input or a store holds
     Info(InfoArgs),
+    /// Write a store or an input as a file that other programs read
+    Convert(ToFileArgs),
     /// Read all of a store and name every part that is broken, missing or not its own
     Verify(VerifyArgs),
     /// Render a store or an input to a picture or a sequence
@@ -186,6 +193,9 @@ pub struct PrepareArgs {
     /// Of OME-Zarr: leave the finest voxels where they lie, and make a view, which has all else that a store has
     #[arg(long, conflicts_with_all = ["shard", "merge", "resume"])]
     pub in_place: bool,
+    /// Only these voxels, from 0 and half-open: X0:X1,Y0:Y1,Z0:Z1, ends left out, as in 100:300,:,20:
+    #[arg(long, value_name = "BOX", allow_hyphen_values = true, conflicts_with = "in_place")]
+    pub crop: Option<Crop>,
     /// When each step of a series was, ascending
     #[arg(long, value_name = "T0,T1,...", value_delimiter = ',', allow_hyphen_values = true)]
     pub times: Vec<f64>,

@@ -4,13 +4,15 @@ use anyhow::anyhow;
 use brickcast_volume::format::RawHints;
 use clap::Args;
 
+use super::axes::{AxesWord, axes};
 use super::time::TimeChoice;
 use super::values::triple;
 use crate::cli::failure::Failure;
 
-/// How to read a raw file; other formats say it themselves. Which volume of an image that holds several.
+/// How to read a raw file; other formats say it themselves. Where a volume lies, which overrules any file. Which volume
+/// of an image that holds several.
 #[derive(Debug, Clone, Default, Args)]
-#[command(next_help_heading = "Raw input")]
+#[command(next_help_heading = "Input")]
 pub struct RawArgs {
     /// Voxels per axis of a raw file, x fastest
     #[arg(long, value_name = "X,Y,Z", value_parser = triple::<u32>)]
@@ -24,9 +26,18 @@ pub struct RawArgs {
     /// Bytes to skip at the start of a raw file
     #[arg(long, value_name = "BYTES", default_value_t = 0)]
     pub skip: u64,
-    /// World units per voxel of a raw file
+    /// World units per voxel; overrules the file
     #[arg(long, value_name = "X,Y,Z", value_parser = triple::<f64>, allow_hyphen_values = true)]
     pub spacing: Option<[f64; 3]>,
+    /// Where the centre of the first voxel lies in the world; overrules the file
+    #[arg(long, value_name = "X,Y,Z", value_parser = triple::<f64>, allow_hyphen_values = true)]
+    pub origin: Option<[f64; 3]>,
+    /// Where the voxels' axes point in the world, such as x,-y,z or RAS, or nine numbers; overrules the file
+    #[arg(long, value_name = "AXES", value_parser = axes, allow_hyphen_values = true)]
+    pub axes: Option<AxesWord>,
+    /// Fill slices of a stack that are missing or broken, and say which; else they are refused
+    #[arg(long)]
+    pub skip_broken: bool,
     /// A voxel of this value holds no data and shows nothing, in files of any format; NaN never does
     #[arg(long, value_name = "VALUE", allow_hyphen_values = true)]
     pub no_data: Option<f64>,
@@ -57,6 +68,19 @@ impl RawArgs {
                 return Err(Failure::usage(anyhow!("--time {several}: {why}")));
             }
         };
-        Ok(RawHints { dims: self.dims, voxel_type, endian, skip, spacing, origin: None, no_data, channel, time })
+        Ok(RawHints {
+            dims: self.dims,
+            voxel_type,
+            endian,
+            skip,
+            spacing,
+            origin: self.origin,
+            no_data,
+            channel,
+            time,
+            axes: self.axes.map(|axes| axes.0),
+            crop: None,
+            skip_broken: self.skip_broken,
+        })
     }
 }

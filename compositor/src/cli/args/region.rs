@@ -44,14 +44,16 @@ impl RegionArgs {
         self.segmentation_range.is_none() && self.labels.is_none()
     }
 
-    /// Nothing where no regions are asked for. A raw label volume has the input's `dims`, its name says the type.
+    /// Nothing where no regions are asked for. A label volume lies where the input is said to, cut to the same box; a
+    /// raw one has the input's dims, its name says the type.
     ///
     /// # Errors
     /// Usage: a range that cannot be, a least size of regions that nobody asked for.
-    pub fn options(&self, dims: Option<[u32; 3]>) -> Result<Option<RegionOptions>, Failure> {
+    pub fn options(&self, input: &RawHints) -> Result<Option<RegionOptions>, Failure> {
         let min_region = self.min_region;
         if let Some(path) = &self.labels {
-            let hints = RawHints { dims, ..RawHints::default() };
+            let RawHints { dims, spacing, origin, axes, crop, .. } = *input;
+            let hints = RawHints { dims, spacing, origin, axes, crop, ..RawHints::default() };
             let segmentation =
                 Segmentation::Labels { path: path.clone(), hints, opener: Opener(brickcast_formats::open) };
             return Ok(Some(RegionOptions { segmentation, min_region }));

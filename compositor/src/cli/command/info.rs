@@ -15,11 +15,13 @@ use crate::cli::source::{Surveyed, surveyed};
 /// # Errors
 /// Neither an input nor a store; what the reader finds wrong.
 pub fn run(args: &InfoArgs) -> Result<(), Failure> {
-    let Surveyed { manifest, store, view, series } = surveyed(&args.path, &args.raw)?;
+    let Surveyed { manifest, source_of, store, view, series } = surveyed(&args.path, &args.raw)?;
     if let Some((_, error)) = store.as_ref().and_then(Store::lacking) {
         tracing::warn!("{error}; `brickcast verify` names all that is broken");
     }
     let mut value = describe(&manifest, store.as_ref());
+    value["source_of"] = source_of
+        .map_or_else(of_store, |facts| facts.iter().map(|(fact, by)| ((*fact).to_owned(), json!(by.name()))).collect());
     if let Some(view) = view {
         value["store"]["view_of"] = json!(view);
     }
@@ -32,6 +34,26 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     } else {
         tell(&text(&shown(&args.path.display().to_string()), &manifest, &value))
     }
+}
+
+/// A store says all of it itself.
+fn of_store() -> Value {
+    let facts = ["dims", "type", "spacing", "origin", "directions", "unit", "values"];
+    facts.iter().map(|fact| ((*fact).to_owned(), json!("store"))).collect()
+}
+
+/// Facts by who says them: `tags: dims, type; default: spacing, origin`.
+fn said_by(source_of: &Value) -> Option<String> {
+    let mut by: Vec<(&str, Vec<&str>)> = Vec::new();
+    for (fact, source) in source_of.as_object()? {
+        let source = source.as_str()?;
+        match by.iter_mut().find(|(known, _)| *known == source) {
+            Some((_, facts)) => facts.push(fact),
+            None => by.push((source, vec![fact])),
+        }
+    }
+    let by: Vec<String> = by.iter().map(|(source, facts)| format!("{source}: {}", facts.join(", "))).collect();
+    Some(by.join("; "))
 }
 
 fn describe(m: &Manifest, store: Option<&Store>) -> Value {
@@ -177,6 +199,9 @@ fn text(path: &str, m: &Manifest, value: &Value) -> String {
     }
     let ([x0, x1, y0, y1, z0, z1], c) = (bounds(g), g.center_world());
     lines.push(format!("  box        {x0},{y0},{z0} to {x1},{y1},{z1} {unit}, centre {},{},{}", c.x, c.y, c.z));
+    if value["store"].is_null() {
+        lines.extend(said_by(&value["source_of"]).map(|by| format!("  from       {by}")));
+    }
     lines.extend([
         format!("  values     {} to {}, mean {:.6}", m.min, m.max, m.mean),
         format!(

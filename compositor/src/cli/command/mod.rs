@@ -4,6 +4,7 @@ pub mod balance;
 pub mod bench;
 pub mod cache;
 pub mod config;
+pub mod convert;
 pub mod demo;
 pub mod info;
 mod next;
@@ -35,6 +36,7 @@ pub fn run(invocation: Invocation) -> Result<(), Failure> {
         Command::Phantom(args) => phantom::run(&args, quiet),
         Command::Prepare(args) => prepare::run(&args, quiet),
         Command::Info(args) => info::run(&args),
+        Command::Convert(args) => convert::run(&args, quiet),
         Command::Verify(args) => verify::run(&args, quiet),
         Command::Render(args) => blocking(render::run(*args, quiet)),
         Command::Nodes(args) => blocking(nodes::run(args)),

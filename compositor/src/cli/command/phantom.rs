@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::anyhow;
+use brickcast_volume::format::RawHints;
 use brickcast_volume::phantom::{Phantom, PhantomError, PhantomOptions, write_phantom};
 use brickcast_volume::shown::shown;
 use brickcast_volume::store::{PrepareOptions, check_disk, prepare};
@@ -54,7 +55,8 @@ fn write_file(out: &Path, options: &PhantomOptions, args: &PhantomArgs, quiet: b
 
 /// Makes the store of the file that is never written. The table of pores is begun before it and finished after it.
 fn make_store(store: &Path, options: &PhantomOptions, args: &PhantomArgs, quiet: bool) -> Result<(), Failure> {
-    let making = args.making.options(&args.regions, Some(options.dims), args.force)?;
+    let of_phantom = RawHints { dims: Some(options.dims), ..RawHints::default() };
+    let making = args.making.options(&args.regions, &of_phantom, args.force)?;
     let started = Instant::now();
     let phantom = Phantom::new(options)?;
     let making = PrepareOptions { source_name: Some(phantom.name()), ..making };
@@ -62,7 +64,8 @@ fn make_store(store: &Path, options: &PhantomOptions, args: &PhantomArgs, quiet:
     let truth_path = truth_beside(store)?;
     let truth = phantom.begin_truth(&truth_path, store)?;
     check_disk(&mut source, store, &making)?;
-    let summary = with_bar(store, |progress| prepare(&mut source, store, &making, progress))?;
+    let of = (store, size_of::<u16>());
+    let summary = with_bar(of, |progress| prepare(&mut source, store, &making, progress))?;
     truth.finish().map_err(|reason| PhantomError::Write { path: truth_path.clone(), reason })?;
     tell(store, &summary.manifest);
     say_made(&store.display().to_string(), &summary, started.elapsed(), quiet)?;

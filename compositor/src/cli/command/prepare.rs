@@ -12,7 +12,7 @@ use brickcast_volume::store::{
 };
 
 use super::series;
-use crate::cli::args::{PartArgs, PrepareArgs};
+use crate::cli::args::{PartArgs, PrepareArgs, RawArgs};
 use crate::cli::failure::Failure;
 use crate::cli::input::{opened_input, prepare_input, prepare_input_to, shown as shown_place, tell, view_of, with_bar};
 use crate::cli::say::{region_words, say};
@@ -22,7 +22,8 @@ use crate::words::{bytes, short};
 /// # Errors
 /// Usage for a brick size that cannot be; as the reader and the writer.
 pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
-    let options = args.making.options(&args.regions, args.raw.dims, args.force)?;
+    let one = RawArgs { time: None, ..args.raw.clone() };
+    let options = args.making.options(&args.regions, &RawHints { crop: args.crop, ..one.hints()? }, args.force)?;
     if series::is_asked(args) {
         if args.in_place {
             return Err(Failure::usage(anyhow!(
@@ -34,7 +35,7 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
     if !args.times.is_empty() {
         return Err(Failure::usage(anyhow!("--times are of the steps of a series: name an input for each step")));
     }
-    let hints = args.raw.hints()?;
+    let hints = RawHints { crop: args.crop, ..args.raw.hints()? };
     let input = args.inputs.iter().map(|input| place(input)).next();
     let input = input.unwrap_or_else(|| Err(Failure::usage(anyhow!("INPUT is missing"))))?;
     let target = place(&args.store)?;
@@ -60,7 +61,7 @@ pub fn run(args: &PrepareArgs, quiet: bool) -> Result<(), Failure> {
         PartArgs { merge: true, .. } => {
             let (source, options) = opened_input(&input, &hints, &options)?;
             let input = shown_place(&input);
-            let summary = with_bar(&input, |progress| merge_parts(source.as_ref(), &store, &options, progress))?;
+            let summary = with_bar((&input, 0), |progress| merge_parts(source.as_ref(), &store, &options, progress))?;
             tell(&input, &summary.manifest);
             summary
         }
@@ -111,7 +112,7 @@ fn make_part(
     quiet: bool,
 ) -> Result<(), Failure> {
     let started = Instant::now();
-    let made = with_bar(input, |progress| match is_scan {
+    let made = with_bar((input, source.header().voxel_type.bytes()), |progress| match is_scan {
         true => scan_part(source, store, options, part, progress),
         false => prepare_part(source, store, options, part, progress).map(Some),
     })?;
@@ -151,7 +152,9 @@ fn resumed(
         said = say(quiet, &format!("{name}: {found}"));
     };
     let input = shown_place(input);
-    let summary = with_bar(&input, |p| resume(source.as_mut(), store, &options, &mut say_found, p))?;
+    let summary = with_bar((&input, source.header().voxel_type.bytes()), |p| {
+        resume(source.as_mut(), store, &options, &mut say_found, p)
+    })?;
     said?;
     tell(&input, &summary.manifest);
     Ok(summary)

@@ -54,14 +54,17 @@ pub(super) fn run(args: &PrepareArgs, target: &Path, options: &PrepareOptions, q
     for (i, step) in steps.iter().enumerate() {
         let mut source = open_input(&step.place, &step.hints)?;
         let name = in_words(&step.place, i, steps.len());
-        with_bar(Path::new(&name), |progress| writer.look_at(source.as_mut(), progress))?;
+        with_bar((Path::new(&name), source.header().voxel_type.bytes()), |progress| {
+            writer.look_at(source.as_mut(), progress)
+        })?;
     }
     for (i, step) in steps.iter().enumerate() {
         let (mut source, named) = opened_input(&step.place, &step.hints, options)?;
         let name = in_words(&step.place, i, steps.len());
         let from = (named.source_name, named.source_bytes);
+        let of = (Path::new(&name), source.header().voxel_type.bytes());
         let add = |progress: &mut dyn FnMut(Progress)| writer.add(source.as_mut(), from, progress).cloned();
-        tell(&shown_place(&step.place), &with_bar(Path::new(&name), add)?);
+        tell(&shown_place(&step.place), &with_bar(of, add)?);
     }
     let unit = args.time_unit.clone().or(if args.times.is_empty() { told.unit } else { None });
     let made = writer.finish(&times, unit)?;
@@ -78,7 +81,7 @@ struct Told {
 fn steps(args: &PrepareArgs) -> Result<(Vec<Step>, Told), Failure> {
     let several = args.raw.time.filter(|time| !matches!(time, TimeChoice::One(_)));
     let Some(time) = several else {
-        let hints = args.raw.hints()?;
+        let hints = RawHints { crop: args.crop, ..args.raw.hints()? };
         let mut steps = Vec::new();
         for path in &args.inputs {
             steps.push(Step { place: place(path)?, hints: hints.clone() });
@@ -91,7 +94,7 @@ fn steps(args: &PrepareArgs) -> Result<(Vec<Step>, Told), Failure> {
     };
     let (at, mut raw) = (place(input)?, args.raw.clone());
     raw.time = None;
-    let hints = raw.hints()?;
+    let hints = RawHints { crop: args.crop, ..raw.hints()? };
     let axis = match &at {
         Place::Folder(path) if !path.is_dir() => None,
         at => brickcast_zarr::times(at.objects().as_ref())?,

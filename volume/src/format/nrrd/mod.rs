@@ -21,7 +21,7 @@ use super::source::{SourceHeader, VolumeSource};
 pub use error::{MAX_HEADER_BYTES, NrrdError};
 pub use files::DataFiles;
 pub use header::{ByteSkip, Encoding, NrrdHeader};
-pub use write::write_header;
+pub use write::{write_header, write_no_data};
 
 pub(super) fn has_magic(start: &[u8]) -> bool {
     start.starts_with(b"NRRD")
@@ -37,9 +37,7 @@ pub(super) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
     let mut notes = parsed.notes.clone();
     notes.extend(hints.of_one_volume());
     if !hints.is_empty() {
-        notes.push(
-            "--dims, --type, --endian, --skip, --spacing are for raw files; the NRRD header's own were used".into(),
-        );
+        notes.push("--dims, --type, --endian, --skip are for raw files; the NRRD header's own were used".into());
     }
     let format = if parsed.data_files == DataFiles::Attached { "NRRD" } else { "NRRD, detached" };
     let header = SourceHeader {

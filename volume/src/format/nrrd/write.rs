@@ -44,3 +44,11 @@ pub fn write_header(
     }
     writeln!(out, "endian: little\nencoding: raw\n")
 }
+
+/// The key that declares a fill value, which stands before the header's last, empty line.
+///
+/// # Errors
+/// What `out` reports.
+pub fn write_no_data(out: &mut dyn Write, value: f64) -> io::Result<()> {
+    writeln!(out, "no_data:={value}")
+}

@@ -3,18 +3,21 @@
 pub(super) mod error;
 mod name;
 
+use super::crop::Crop;
 use super::error::FormatError;
 use super::input::Input;
 use super::planes::{Coding, DataLocation, PlaneSource};
+use super::said_by::{FactsBy, SaidBy};
 use super::source::{Placement, SourceHeader, VolumeSource};
 use super::voxel_type::{Endian, VoxelType};
 use crate::space::Geometry;
+use glam::DMat3;
 use name::RawName;
 
 pub use error::RawError;
 
-/// What the user says of a raw file, whose name fills in what is missing, and of what an image of several volumes
-/// holds.
+/// What the user says of a raw file, whose name fills in what is missing; and of files of any format, what they hold,
+/// where it lies, and which part of it is meant.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct RawHints {
     /// Voxels per axis, x fastest.
@@ -33,13 +36,19 @@ pub struct RawHints {
     pub channel: Option<u64>,
     /// Which point in time of an image that has several, counted from 0.
     pub time: Option<u64>,
+    /// The index axes in the world, one a column: orthonormal.
+    pub axes: Option<DMat3>,
+    /// Which box of the voxels.
+    pub crop: Option<Crop>,
+    /// Slices of a stack that are missing or broken are filled.
+    pub skip_broken: bool,
 }
 
 impl RawHints {
     /// True where the user said nothing that is for raw files alone.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        Self { no_data: None, channel: None, time: None, ..self.clone() } == Self::default()
+        self.dims.is_none() && self.voxel_type.is_none() && self.endian.is_none() && self.skip == 0
     }
 
     /// What is said of the flags of images, in formats that have one channel and one point in time.
@@ -90,8 +99,14 @@ pub(super) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
     let geometry = Geometry::new(dims, hints.spacing.unwrap_or([1.0; 3]), hints.origin.unwrap_or([0.0; 3]))
         .map_err(|reason| FormatError::Geometry { path: path.clone(), reason })?;
     let placement = Placement { spacing: hints.spacing.is_some(), origin: hints.origin.is_some(), directions: false };
+    let facts_by = FactsBy {
+        dims: SaidBy::flag_or(hints.dims.is_some(), SaidBy::FileName),
+        voxel_type: SaidBy::flag_or(hints.voxel_type.is_some(), SaidBy::FileName),
+        place: SaidBy::Flag,
+        overruled: placement,
+    };
     let no_data = hints.no_data.into_iter().collect();
-    let header = SourceHeader { placement, no_data, notes, ..SourceHeader::new("raw", geometry, voxel_type) };
+    let header = SourceHeader { placement, facts_by, no_data, notes, ..SourceHeader::new("raw", geometry, voxel_type) };
     let location = DataLocation { path, start: hints.skip, coding: Coding::Raw, endian };
     Ok(Box::new(PlaneSource::new(header, location, files)?))
 }

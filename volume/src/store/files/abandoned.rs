@@ -15,9 +15,13 @@ use crate::unfinished::is_settled;
 /// Between a target's name and a writer's number in the name of a working directory.
 pub(super) const MARK: &str = ".brickcast-tmp-";
 
+/// An old store that was replaced, while it is removed.
+pub(super) const GONE: &str = "gone";
+
 /// Removes a working directory: what a store has, scratch files, and nothing else.
 pub(super) fn clear(dir: &Path) {
-    for (name, shape) in [("store", Some(StoreShape::any())), ("old", StoreShape::in_folder(&dir.join("old")))] {
+    let of = |name| (name, StoreShape::in_folder(&dir.join(name)));
+    for (name, shape) in [("store", Some(StoreShape::any())), of("old"), of(GONE)] {
         let part = dir.join(name);
         // A store that is removed in part has lost its manifest, perhaps.
         let shape = shape.unwrap_or_else(StoreShape::any);

@@ -1,9 +1,9 @@
 //! A store is finished or absent: it is written in a working directory beside its target and renamed at the end.
 //!
 //! `.NAME.brickcast-tmp-PID-N/` holds `lock` (held while its writer lives), `store/` (being written), scratch files
-//! and, for the moment of replacing one, `old/`. A working directory whose lock is free was left by a writer that was
-//! killed: the next writer for the same target puts `old/` back where the target is gone, and whoever writes in that
-//! folder next removes the rest.
+//! and, for the moment of replacing one, `old/`, which is `gone/` once it was replaced. A working directory whose lock is
+//! free was left by a writer that was killed: the next writer for the same target puts `old/`, which is whole, back where
+//! the target is gone, and whoever writes in that folder next removes the rest.
 //!
 //! Nothing is ever removed that no store has: a folder that holds anything else is refused, before the work and again
 //! before the old store goes; of what dead writers left, it stays.
@@ -14,7 +14,7 @@ use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use super::abandoned::{MARK, clear, clear_scratch, recover, remove_leftovers};
+use super::abandoned::{GONE, MARK, clear, clear_scratch, recover, remove_leftovers};
 use super::lock::locked;
 use super::shape::StoreShape;
 use super::walk::Found;
@@ -135,6 +135,8 @@ impl WorkDir {
                 }
                 return Err(error);
             }
+            // Never put back from now on: where its removal ends half way, it is a store no more.
+            self.keep = fs::rename(&old, self.dir.join(GONE)).is_err();
         } else {
             fs::rename(&staged, &self.target).map_err(StoreError::io("put the finished store at", &self.target))?;
         }

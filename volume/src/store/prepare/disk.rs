@@ -1,8 +1,10 @@
 //! What preparing needs on the disk, before hours are spent on one that fills.
 //!
-//! How well voxels compress is told by a sample of them, so only of sources that can be asked for any box.
+//! How well voxels compress is told by a sample of them: boxes, of sources that have any; else what follows from places
+//! all over the volume, of sources that can go there.
 
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
@@ -14,11 +16,15 @@ use crate::store::codec;
 use crate::store::error::StoreError;
 use crate::store::halo::reach::{VOXEL_HALO, has_halos};
 use crate::store::level::coarser;
-use crate::store::profile::CHUNK_EDGE;
+use crate::store::profile::{CHUNK_EDGE, CHUNK_VOXELS};
 use crate::store::tiles::Tiles;
 
 /// Inner chunks that are looked at.
 const SAMPLES: u32 = 1024;
+/// Fewer runs say nothing.
+const FEWEST: usize = 16;
+/// No longer is spent on runs.
+const LONGEST: Duration = Duration::from_secs(2);
 /// A sample errs, and what is nearly enough may be: it is refused where what is needed less so many standard errors of
 /// the sample is not free.
 const CLEARLY: f64 = 2.0;
@@ -32,18 +38,34 @@ struct DiskNeed {
     stays: u64,
 }
 
-/// An error where what a store of `source` at `out` takes on the disk is clearly not free there. Nothing is said of
-/// sources that have no boxes, of voxels that are not stored as they are, and where the system does not say what is
-/// free. The source's next piece stays the same.
+/// An error where what a store of `source` at `out` takes on the disk is clearly not free there; a doubt, for people,
+/// where nothing tells how well the voxels compress and they would not fit as they are. Nothing is said where the system
+/// does not say what is free. The source, which stands at its first voxel, stands there again.
 ///
 /// # Errors
 /// [`StoreError::TooLittleDisk`], a source that cannot be read, options that do not fit.
-pub fn check_disk(source: &mut dyn VolumeSource, out: &Path, options: &PrepareOptions) -> Result<(), StoreError> {
-    let grid = BrickGrid::new(source.header().geometry.dims(), options.brick_size)?;
-    let (Some(free), Some(share)) = (free_bytes(out), encoded_share(source)?) else { return Ok(()) };
+pub fn check_disk(
+    source: &mut dyn VolumeSource,
+    out: &Path,
+    options: &PrepareOptions,
+) -> Result<Option<String>, StoreError> {
+    let dims = source.header().geometry.dims();
+    let grid = BrickGrid::new(dims, options.brick_size)?;
+    let Some(free) = free_bytes(out) else { return Ok(None) };
+    let as_it_is = need(source, &grid, options, 1.0).most;
+    if as_it_is <= free {
+        return Ok(None);
+    }
+    let Some(share) = encoded_share(source)? else {
+        let out = out.display();
+        return Ok(Some(format!(
+            "{out}: the store needs {as_it_is} bytes while it is made where its voxels do not compress, and {free} are \
+             free there"
+        )));
+    };
     let need = |share| need(source, &grid, options, share);
-    let dims = source.header().geometry.dims().to_array();
-    check(need(share.mean), need(share.mean - CLEARLY * share.error).most, free, out, dims)
+    check(need(share.mean), need(share.mean - CLEARLY * share.error).most, free, out, dims.to_array())?;
+    Ok(None)
 }
 
 fn check(need: DiskNeed, clearly: u64, free: u64, out: &Path, dims: [u32; 3]) -> Result<(), StoreError> {
@@ -57,9 +79,11 @@ fn check(need: DiskNeed, clearly: u64, free: u64, out: &Path, dims: [u32; 3]) ->
 /// Where encoded voxels take `share` of what they take as they are.
 fn need(source: &dyn VolumeSource, grid: &BrickGrid, options: &PrepareOptions, share: f64) -> DiskNeed {
     let header = source.header();
-    let bytes = header.geometry.voxel_count() as f64 * header.voxel_type.bytes() as f64;
+    // Wider types are stored in 16 bits.
+    let voxel_bytes = header.voxel_type.bytes().min(2) as f64;
+    let bytes = header.geometry.voxel_count() as f64 * voxel_bytes;
     let levels = coarser(&header.geometry, options.brick_size, options.levels.most());
-    let of_levels = levels.iter().map(|g| g.voxel_count() as f64 * header.voxel_type.bytes() as f64).sum::<f64>();
+    let of_levels = levels.iter().map(|g| g.voxel_count() as f64 * voxel_bytes).sum::<f64>();
     let of_halos = match has_halos(options.brick_size) {
         true => shell_planes(grid, VOXEL_HALO) as f64 / f64::from(options.brick_size),
         false => 0.0,
@@ -89,6 +113,49 @@ fn encoded_share(source: &mut dyn VolumeSource) -> Result<Option<Share>, StoreEr
     if !source.header().voxel_type.is_lossless() {
         return Ok(None);
     }
+    let chunks = match boxes(source)? {
+        Some(chunks) => chunks,
+        None => match runs(source)? {
+            Some(runs) => runs,
+            None => return Ok(None),
+        },
+    };
+    let encoded = chunks.par_iter().map(|voxels| match voxels.iter().any(|byte| *byte != 0) {
+        true => Ok([codec::encode(voxels)?.len() as f64, voxels.len() as f64]),
+        false => Ok([0.0, voxels.len() as f64]),
+    });
+    let samples = encoded.collect::<Result<Vec<_>, StoreError>>()?;
+    // Of a ratio: samples at the volume's end have fewer voxels.
+    let [encoded, raw] = [0, 1].map(|i| samples.iter().map(|s| s[i]).sum::<f64>());
+    let mean = encoded / raw;
+    let squares = samples.iter().map(|[encoded, raw]| (encoded - mean * raw).powi(2)).sum::<f64>();
+    Ok(Some(Share { mean, error: squares.sqrt() / raw }))
+}
+
+/// As many voxels as an inner chunk has, one after the other, from places all over the volume, for no longer than a
+/// while; nothing where the source only goes in order, or takes too long to say anything.
+fn runs(source: &mut dyn VolumeSource) -> Result<Option<Vec<Vec<u8>>>, StoreError> {
+    let (voxels, voxel_bytes) = (source.header().geometry.voxel_count(), source.header().voxel_type.bytes());
+    let (started, mut runs) = (Instant::now(), Vec::new());
+    for sample in 0..SAMPLES {
+        if started.elapsed() > LONGEST {
+            break;
+        }
+        // By the golden ratio: evenly spread, however many there are.
+        let at = ((f64::from(sample) * 0.618_033_988_749_894_9).fract() * voxels as f64) as u64;
+        if !source.seek(at.min(voxels - 1))? {
+            break;
+        }
+        let mut run = Vec::new();
+        source.read_piece(CHUNK_VOXELS * voxel_bytes, &mut run)?;
+        runs.push(run);
+    }
+    source.rewind()?;
+    Ok((runs.len() >= FEWEST).then_some(runs))
+}
+
+/// Inner chunks from all over the volume; nothing where the source has no boxes.
+fn boxes(source: &mut dyn VolumeSource) -> Result<Option<Vec<Vec<u8>>>, StoreError> {
     let dims = source.header().geometry.dims().to_array();
     let mut chunks = Vec::new();
     for sample in 0..SAMPLES {
@@ -105,28 +172,21 @@ fn encoded_share(source: &mut dyn VolumeSource) -> Result<Option<Share>, StoreEr
         }
         chunks.push(voxels);
     }
-    let encoded = chunks.par_iter().map(|voxels| match voxels.iter().any(|byte| *byte != 0) {
-        true => Ok([codec::encode(voxels)?.len() as f64, voxels.len() as f64]),
-        false => Ok([0.0, voxels.len() as f64]),
-    });
-    let samples = encoded.collect::<Result<Vec<_>, StoreError>>()?;
-    // Of a ratio: samples at the volume's end have fewer voxels.
-    let [encoded, raw] = [0, 1].map(|i| samples.iter().map(|s| s[i]).sum::<f64>());
-    let mean = encoded / raw;
-    let squares = samples.iter().map(|[encoded, raw]| (encoded - mean * raw).powi(2)).sum::<f64>();
-    Ok(Some(Share { mean, error: squares.sqrt() / raw }))
+    Ok(Some(chunks))
 }
 
 /// What is free on the file system that `out` will be on; nothing where the system does not say.
 #[cfg(unix)]
-fn free_bytes(out: &Path) -> Option<u64> {
+#[must_use]
+pub fn free_bytes(out: &Path) -> Option<u64> {
     let parent = out.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let told = rustix::fs::statvfs(parent).ok()?;
     Some(told.f_bavail.saturating_mul(told.f_frsize))
 }
 
 #[cfg(not(unix))]
-fn free_bytes(_: &Path) -> Option<u64> {
+#[must_use]
+pub fn free_bytes(_: &Path) -> Option<u64> {
     None
 }
 

@@ -7,5 +7,6 @@ mod regions;
 pub(super) mod source;
 pub(super) mod store;
 mod verify;
+pub(super) mod voxels;
 pub(super) mod window;
 mod with_halo;

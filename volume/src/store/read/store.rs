@@ -257,6 +257,11 @@ impl Store {
         (min <= max).then(|| (manifest.value_of_code(min), manifest.value_of_code(max)))
     }
 
+    /// Its voxels.
+    pub(crate) fn shards(&self) -> &Shards {
+        &self.inner.shards
+    }
+
     /// The store's arrays.
     pub(crate) fn arrays(&self) -> Vec<&Shards> {
         let regions = self.regions().into_iter().flat_map(|r| [&r.labels, &r.distances]);

@@ -1,0 +1,58 @@
+//! Where the facts of a volume come from.
+
+use super::source::Placement;
+
+/// Who says a fact of a volume.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum SaidBy {
+    #[default]
+    Header,
+    /// Of TIFF, of DICOM.
+    Tags,
+    /// Of a raw file.
+    FileName,
+    /// The user.
+    Flag,
+    /// Nobody: it was assumed.
+    Default,
+}
+
+impl SaidBy {
+    /// For people.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Header => "header",
+            Self::Tags => "tags",
+            Self::FileName => "file name",
+            Self::Flag => "flag",
+            Self::Default => "default",
+        }
+    }
+
+    pub(super) fn flag_or(is_said: bool, else_by: Self) -> Self {
+        if is_said { Self::Flag } else { else_by }
+    }
+}
+
+/// What a reader knows of where its facts come from; what lies in space is said of by its [`Placement`].
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct FactsBy {
+    pub dims: SaidBy,
+    pub voxel_type: SaidBy,
+    /// What of the placement the file says.
+    pub place: SaidBy,
+    /// What of the placement the user said.
+    pub overruled: Placement,
+}
+
+impl FactsBy {
+    /// All of it is the file's.
+    #[must_use]
+    pub fn all(by: SaidBy) -> Self {
+        Self { dims: by, voxel_type: by, place: by, overruled: Placement::default() }
+    }
+}
+
+/// Each fact, and who says it.
+pub type Facts = [(&'static str, SaidBy); 7];
