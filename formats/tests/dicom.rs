@@ -98,6 +98,50 @@ fn what_is_out_of_place_is_named() {
 }
 
 #[test]
+fn holes_are_filled_where_the_user_says_so() {
+    let at = |text: &'static str| move |slice: &mut Slice| slice.text(POSITION, b"DS", text);
+    let mend = |folder: &Path, no_data: Option<f64>| {
+        let hints = RawHints { skip_broken: true, no_data, ..RawHints::default() };
+        let mut source = open(folder, &hints)?;
+        let mut planes = Vec::new();
+        source.read_planes(99, &mut planes)?;
+        let header = source.header();
+        let first = |plane: &[u8]| u16::from_le_bytes([plane[0], plane[1]]);
+        Ok::<_, FormatError>((planes.chunks(24).map(first).collect::<Vec<_>>(), header.clone()))
+    };
+    // Whole, it is what it was.
+    assert_eq!(mend(series(&[]).path(), None).unwrap().0, [0, 1, 2, 3, 4]);
+    let folder = series(&[(4, &at("1\\2\\15"))]);
+    std::fs::remove_file(folder.path().join("im3")).unwrap();
+    let (planes, header) = mend(folder.path(), Some(77.0)).unwrap();
+    assert_eq!(planes, [0, 77, 2, 3, 77, 77, 4]);
+    assert_eq!(header.geometry.spacing().to_array(), [0.25, 0.5, 2.5]);
+    let notes = header.notes.join("\n");
+    for want in ["--skip-broken: 3 of 7 slices were filled with 77", "filled: between im4 and im2, which is missing"] {
+        assert!(notes.contains(want), "no {want} in {notes}");
+    }
+    // One unlike the others, one that is no image, one that is doubled, one that cannot be decoded.
+    let broken = |s: &mut Slice| s.fragments("1.2.840.10008.1.2.5", &[b"nothing"]);
+    let folder = series(&[(0, &|s| s.short(0x0028_0120, 9)), (1, &broken), (2, &|s| s.short(0x0028_0103, 1))]);
+    std::fs::write(folder.path().join("im9"), Slice::at(4).bytes()).unwrap();
+    std::fs::write(folder.path().join("im8"), &Slice::at(9).bytes()[..300]).unwrap();
+    let (planes, header) = mend(folder.path(), None).unwrap();
+    let notes = header.notes.join("\n");
+    assert_eq!(planes, [0, 9, 9, 3, 4], "{notes}");
+    for want in ["left out: ", "im2, which is of another", "im9, which lies where im0 does", "im8: DICOM", "im3: DICOM"]
+    {
+        assert!(notes.contains(want), "no {want} in {notes}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let mut one = Slice::at(0);
+    broken(&mut one);
+    std::fs::write(folder.path().join("one"), one.bytes()).unwrap();
+    assert!(mend(folder.path(), None).unwrap_err().to_string().contains("no slice can be read"));
+    std::fs::write(folder.path().join("one"), &one.bytes()[..300]).unwrap();
+    assert!(mend(folder.path(), None).unwrap_err().to_string().contains("one"));
+}
+
+#[test]
 fn of_several_slices_at_each_place_one_is_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: String, z: u16, time: u16| {
@@ -171,7 +215,10 @@ fn without_positions_numbers_count() {
     let folder = all(&bare);
     assert_eq!(values(folder.path()), [0, 1, 2, 3, 4]);
     let notes = opened(folder.path()).unwrap().header().notes.join("\n");
-    assert!(notes.contains("in the order of InstanceNumber") && notes.contains("is not said: 1 assumed"), "{notes}");
+    assert!(
+        notes.contains("in the order of InstanceNumber") && notes.contains("spacing not said from slice to slice"),
+        "{notes}"
+    );
     refused(all(&numbered("3")).path(), &["im1 and im2 both have the number 3"]);
     refused(all(&numbered("9")).path(), &["2 is missing, between im3 and im1"]);
     refused(all(&numbered("")).path(), &["im2 has neither this nor an InstanceNumber"]);
@@ -219,9 +266,11 @@ fn what_is_assumed_is_said() {
     let source = opened(folder.path()).unwrap();
     assert_eq!(source.header().geometry.spacing().to_array(), [1.0, 1.0, 2.5]);
     let notes = source.header().notes.join("\n");
-    for want in
-        ["PixelSpacing is not said: 1, 1 assumed", "a mosaic: its slices lie side by side", "compressed with loss"]
-    {
+    for want in [
+        "spacing not said in the plane (PixelSpacing): 1, 1 assumed",
+        "a mosaic: its slices lie side by side",
+        "compressed with loss",
+    ] {
         assert!(notes.contains(want), "no {want} in {notes}");
     }
     let detector = |s: &mut Slice| {

@@ -20,11 +20,14 @@ mod tags;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use brickcast_volume::format::{FormatError, RawHints, Rescale, SourceHeader, VolumeSource, VoxelType, excerpt};
+use brickcast_volume::format::{
+    FactsBy, FormatError, RawHints, Rescale, SaidBy, SourceHeader, VolumeSource, VoxelType, excerpt,
+};
 use brickcast_volume::small_file;
 use rayon::prelude::*;
 
 use crate::input::Input;
+use crate::mended::{self, Filled};
 use crate::packed::head;
 use crate::slices::{SliceSource, Slices};
 use crate::space::hinted;
@@ -58,19 +61,23 @@ pub(crate) fn open_files(
     hints: &RawHints,
     mut notes: Vec<String>,
 ) -> Result<Box<dyn VolumeSource>, FormatError> {
-    let read: Result<Vec<Option<Image>>, FormatError> = files.par_iter().map(|path| image(path)).collect();
-    let read = read?;
+    let read: Vec<Result<Option<Image>, FormatError>> = files.par_iter().map(|path| image(path)).collect();
+    let read: Vec<Option<Image>> = match hints.skip_broken {
+        true => sound(read, &mut notes)?,
+        false => read.into_iter().collect::<Result<_, _>>()?,
+    };
+    let without = read.iter().filter(|image| image.is_none()).count();
     let images: Vec<Image> = read.into_iter().flatten().collect();
     if images.is_empty() {
         let why = "no image: an index (DICOMDIR), a report or a plan";
         return Err(Wrong::new("Rows and Columns", why, "name the folder of the slices of one series").of(of, FORMAT));
     }
-    match files.len() - images.len() {
+    match without {
         0 => {}
         n => notes.push(format!("{n} DICOM files without an image were left aside")),
     }
     check_series(of, &images)?;
-    let series = Series::new(of, images, hints.time, &mut notes)?;
+    let series = Series::new(of, images, hints, &mut notes)?;
     let files: Vec<PathBuf> = also.iter().chain(series.images.iter().map(|image| &image.path)).cloned().collect();
     let header = hinted(of, series.header(of, notes)?, hints, series.has_several)?;
     Ok(Box::new(SliceSource::new(header, files, series)))
@@ -83,6 +90,47 @@ fn image(path: &Path) -> Result<Option<Image>, FormatError> {
         return Err(Wrong::new("content", why, "name the files of one kind by a pattern or a list").of(path, FORMAT));
     }
     image::open(path).map_err(|wrong| wrong.of(path, FORMAT))
+}
+
+/// Those that can be read and are like most of them; what is left out is said. All of them broken: the first error.
+fn sound(
+    read: Vec<Result<Option<Image>, FormatError>>,
+    notes: &mut Vec<String>,
+) -> Result<Vec<Option<Image>>, FormatError> {
+    let mut counts: Vec<(usize, usize)> = Vec::new();
+    let is_like = |a: &Image, b: &Image| a.series == b.series && check_same(a, b).is_ok();
+    let images: Vec<(usize, &Image)> =
+        read.iter().enumerate().filter_map(|(i, r)| Some((i, r.as_ref().ok()?.as_ref()?))).collect();
+    for (i, image) in &images {
+        let like = |(first, _): &&mut (usize, usize)| matches!(&read[*first], Ok(Some(first)) if is_like(first, image));
+        match counts.iter_mut().find(like) {
+            Some((_, count)) => *count += 1,
+            None => counts.push((*i, 1)),
+        }
+    }
+    let Some((most, _)) = counts.iter().rev().max_by_key(|(_, count)| *count).copied() else {
+        return read.into_iter().collect();
+    };
+    let is_kept: Vec<bool> = read
+        .iter()
+        .map(|one| match (one, &read[most]) {
+            (Ok(Some(image)), Ok(Some(most))) => is_like(most, image),
+            (Ok(None), _) => true,
+            _ => false,
+        })
+        .collect();
+    let mut kept = Vec::new();
+    for (one, is_kept) in read.into_iter().zip(is_kept) {
+        match one {
+            Ok(one) if is_kept => kept.push(one),
+            Ok(one) => {
+                let path = one.map_or(String::new(), |image| image.path.display().to_string());
+                notes.push(format!("left out: {path}, which is of another series, size, type or orientation"));
+            }
+            Err(error) => notes.push(format!("left out: {error}")),
+        }
+    }
+    Ok(kept)
 }
 
 /// One series, or an error that says which there are.
@@ -120,20 +168,23 @@ enum Values {
 #[derive(Debug)]
 struct Series {
     images: Vec<Image>,
-    planes: Vec<Plane>,
+    /// Nothing where one is filled.
+    planes: Vec<Option<Plane>>,
+    /// A plane that is filled.
+    filling: Vec<u8>,
     place: crate::space::Place,
     has_several: bool,
     values: Values,
 }
 
 impl Series {
-    fn new(of: &Path, images: Vec<Image>, time: Option<u64>, notes: &mut Vec<String>) -> Result<Self, FormatError> {
+    fn new(of: &Path, images: Vec<Image>, hints: &RawHints, notes: &mut Vec<String>) -> Result<Self, FormatError> {
         for image in &images {
             check_same(&images[0], image)?;
         }
-        let ordered =
-            planes::ordered(&images, time).map_err(|(image, wrong)| wrong.of(&images[image as usize].path, FORMAT))?;
-        let planes::Ordered { planes, place, notes: of_order, has_several } = ordered;
+        let ordered = planes::ordered(&images, hints.time, hints.skip_broken)
+            .map_err(|(image, wrong)| wrong.of(&images[image as usize].path, FORMAT))?;
+        let planes::Ordered { planes, mut filled, place, notes: of_order, has_several } = ordered;
         match (images.len(), planes.len()) {
             (1, 1) => notes.push("a single slice; for a series give its folder".into()),
             (1, n) => notes.push(format!("{n} frames")),
@@ -141,9 +192,57 @@ impl Series {
         }
         notes.extend(of_order);
         notes.extend(images[0].notes.iter().cloned());
-        let mut series = Self { images, planes, place, has_several, values: Values::OfEach };
+        let mut series = Self { images, planes, filling: Vec::new(), place, has_several, values: Values::OfEach };
         series.values = series.values(of, notes)?;
+        if hints.skip_broken {
+            series.fill(of, &mut filled, hints, notes)?;
+        }
         Ok(series)
+    }
+
+    /// Planes that cannot be decoded, which nothing but their decoding tells, are filled as those that are missing.
+    fn fill(
+        &mut self,
+        of: &Path,
+        filled: &mut Filled,
+        hints: &RawHints,
+        notes: &mut Vec<String>,
+    ) -> Result<(), FormatError> {
+        let broken: Vec<Option<FormatError>> =
+            (0..self.planes.len() as u32).into_par_iter().map(|z| self.plane(z).err()).collect();
+        for (plane, error) in self.planes.iter_mut().zip(broken) {
+            if let (Some(one), Some(error)) = (*plane, error) {
+                let path = &self.images[one.image as usize].path;
+                filled.add(format!("frame {} of {}", one.frame + 1, path.display()), error.to_string());
+                *plane = None;
+            }
+        }
+        if self.planes.iter().all(Option::is_none) {
+            return Err(Wrong::broken("PixelData", "no slice can be read").of(of, FORMAT));
+        }
+        let hints = RawHints { no_data: hints.no_data.or(self.padding().first().copied()), ..hints.clone() };
+        let [x, y] = self.images[0].shape.size;
+        notes.extend(filled.notes(self.planes.len(), self.voxel_type(), &hints));
+        self.filling = mended::plane(self.voxel_type(), &hints, x as usize * y as usize);
+        Ok(())
+    }
+
+    /// The number that stands for no data in every slice, where voxels are the numbers.
+    fn padding(&self) -> Vec<f64> {
+        let mut numbers: Vec<f64> = self.images.iter().filter_map(|image| image.padding).collect();
+        numbers.sort_by(f64::total_cmp);
+        numbers.dedup();
+        match (numbers.len(), self.values) {
+            (1, Values::Same(_)) => numbers,
+            _ => Vec::new(),
+        }
+    }
+
+    fn voxel_type(&self) -> VoxelType {
+        match self.values {
+            Values::Same(_) => self.images[0].shape.voxel_type,
+            Values::OfEach => VoxelType::F64,
+        }
     }
 
     fn line(&self, plane: Plane) -> (f64, f64) {
@@ -152,8 +251,9 @@ impl Series {
     }
 
     fn values(&self, of: &Path, notes: &mut Vec<String>) -> Result<Values, FormatError> {
-        let (slope, intercept) = self.line(self.planes[0]);
-        if !self.planes.iter().all(|plane| self.line(*plane) == (slope, intercept)) {
+        let mut there = self.planes.iter().flatten();
+        let (slope, intercept) = there.clone().next().map_or((1.0, 0.0), |plane| self.line(*plane));
+        if !there.all(|plane| self.line(*plane) == (slope, intercept)) {
             notes.push(
                 "slope and intercept differ from slice to slice: voxels are values, slope and intercept applied, as \
                  float64"
@@ -182,22 +282,13 @@ impl Series {
         let [x, y] = first.shape.size;
         let wrong = |wrong: Wrong| wrong.of(of, FORMAT);
         let geometry = self.place.geometry([x, y, self.planes.len() as u32], &mut notes).map_err(wrong)?;
-        let (voxel_type, rescale) = match self.values {
-            Values::Same(rescale) => (first.shape.voxel_type, rescale),
-            Values::OfEach => (VoxelType::F64, Rescale::IDENTITY),
-        };
-        let mut no_data: Vec<f64> = self.images.iter().filter_map(|image| image.padding).collect();
-        no_data.sort_by(f64::total_cmp);
-        no_data.dedup();
-        match (no_data.len(), self.values) {
-            (0, _) => {}
-            (1, Values::Same(_)) => notes.push(format!("{} stands for no data (PixelPaddingValue)", no_data[0])),
-            _ => {
-                notes.push(
-                    "PixelPaddingValue was left aside: voxels are values, or it differs from slice to slice".into(),
-                );
-                no_data.clear();
-            }
+        let rescale = if let Values::Same(rescale) = self.values { rescale } else { Rescale::IDENTITY };
+        let no_data = self.padding();
+        match no_data.first() {
+            Some(number) => notes.push(format!("{number} stands for no data (PixelPaddingValue)")),
+            None if self.images.iter().all(|image| image.padding.is_none()) => {}
+            None => notes
+                .push("PixelPaddingValue was left aside: voxels are values, or it differs from slice to slice".into()),
         }
         Ok(SourceHeader {
             placement: self.place.said,
@@ -205,7 +296,8 @@ impl Series {
             space_unit: self.place.said.spacing.then(|| "mm".into()),
             no_data,
             notes,
-            ..SourceHeader::new(FORMAT, geometry, voxel_type)
+            facts_by: FactsBy::all(SaidBy::Tags),
+            ..SourceHeader::new(FORMAT, geometry, self.voxel_type())
         })
     }
 }
@@ -249,7 +341,7 @@ fn check_same(first: &Image, other: &Image) -> Result<(), FormatError> {
 
 impl Slices for Series {
     fn plane(&self, z: u32) -> Result<Vec<u8>, FormatError> {
-        let plane = self.planes[z as usize];
+        let Some(plane) = self.planes[z as usize] else { return Ok(self.filling.clone()) };
         let image = &self.images[plane.image as usize];
         let read = image.frames.plane(&image.path, plane.frame, image.shape, image.bits);
         let data = read.map_err(|wrong| wrong.of(&image.path, FORMAT))?;

@@ -1,13 +1,12 @@
 //! Planes of a series put in order: by where they lie along the normal of their slices, else by their numbers. Where
 //! they are no even stack at right angles, it is said which of them is out of place.
 
-use std::cmp::Ordering;
-
 use brickcast_volume::format::Placement;
 use glam::DVec3;
 
 use super::group::Group;
 use super::image::Image;
+use crate::mended::Filled;
 use crate::space::Place;
 use crate::wrong::Wrong;
 
@@ -29,11 +28,20 @@ pub(super) struct Plane {
 
 #[derive(Debug)]
 pub(super) struct Ordered {
-    pub(super) planes: Vec<Plane>,
+    /// Nothing where a slice is to be filled.
+    pub(super) planes: Vec<Option<Plane>>,
+    pub(super) filled: Filled,
     pub(super) place: Place,
     pub(super) notes: Vec<String>,
     /// At each place lay several slices, of which one was asked for.
     pub(super) has_several: bool,
+}
+
+impl Ordered {
+    fn whole(place: Place, planes: Vec<Plane>, notes: Vec<String>) -> Self {
+        let planes = planes.into_iter().map(Some).collect();
+        Self { planes, filled: Filled::default(), place, notes, has_several: false }
+    }
 }
 
 /// What is wrong with a plane, and in which image.
@@ -41,13 +49,14 @@ pub(super) type Misplaced = (u32, Wrong);
 
 const APART: &str = "put the slices of one volume into a folder of their own, or name them by a pattern or a list";
 
-/// Of one size, type and orientation each; of several slices at each place the one of this `time`.
-pub(super) fn ordered(images: &[Image], time: Option<u64>) -> Result<Ordered, Misplaced> {
+/// Of one size, type and orientation each; of several slices at each place the one of this `time`. Where it `fills`,
+/// slices that are missing between positions are left to be filled, and of two at one place the first is taken.
+pub(super) fn ordered(images: &[Image], time: Option<u64>, fills: bool) -> Result<Ordered, Misplaced> {
     let mut planes: Vec<Plane> = (0..)
         .zip(images)
         .flat_map(|(image, i)| (0..i.groups.len() as u32).map(move |frame| Plane { image, frame }))
         .collect();
-    let all = Stack { images };
+    let all = Stack { images, fills };
     let with = planes.iter().filter(|plane| all.group(**plane).position.is_some()).count();
     match with {
         0 => all.by_number(planes),
@@ -77,6 +86,7 @@ pub(super) fn ordered(images: &[Image], time: Option<u64>) -> Result<Ordered, Mi
 
 struct Stack<'a> {
     images: &'a [Image],
+    fills: bool,
 }
 
 impl Stack<'_> {
@@ -102,7 +112,7 @@ impl Stack<'_> {
     fn place(&self, first: Plane, step: DVec3, is_step_said: bool, notes: &mut Vec<String>) -> Place {
         let group = self.group(first);
         if group.spacing.is_none() && is_step_said {
-            notes.push("PixelSpacing is not said: 1, 1 assumed in the plane (--spacing X,Y,Z overrides)".into());
+            notes.push("spacing not said in the plane (PixelSpacing): 1, 1 assumed (--spacing X,Y,Z overrides)".into());
         }
         let [x, y] = group.axes.unwrap_or([DVec3::X, DVec3::Y]);
         let [rows, columns] = group.spacing.unwrap_or([1.0; 2]);
@@ -128,8 +138,7 @@ impl Stack<'_> {
             }
             (None, None) => {
                 if group.spacing.is_some() {
-                    notes
-                        .push("the step from slice to slice is not said: 1 assumed (--spacing X,Y,Z overrides)".into());
+                    notes.push("spacing not said from slice to slice: 1 assumed (--spacing X,Y,Z overrides)".into());
                 }
                 (1.0, false)
             }
@@ -153,7 +162,7 @@ impl Stack<'_> {
         }
         let (step, is_said) = self.assumed_step(planes[0], &mut notes);
         let step = self.group(planes[0]).normal() * step;
-        Ok(Ordered { place: self.place(planes[0], step, is_said, &mut notes), planes, notes, has_several: false })
+        Ok(Ordered::whole(self.place(planes[0], step, is_said, &mut notes), planes, notes))
     }
 
     fn check_numbers(&self, planes: &[Plane]) -> Result<(), Misplaced> {
@@ -176,22 +185,37 @@ impl Stack<'_> {
     }
 
     /// Sorted along the normal.
-    fn by_position(&self, planes: Vec<Plane>, normal: DVec3) -> Result<Ordered, Misplaced> {
+    fn by_position(&self, mut planes: Vec<Plane>, normal: DVec3) -> Result<Ordered, Misplaced> {
         let mut notes = Vec::new();
         let (first, last) = (planes[0], planes[planes.len() - 1]);
         if planes.len() == 1 {
             let (step, is_said) = self.assumed_step(first, &mut notes);
-            return Ok(Ordered {
-                place: self.place(first, normal * step, is_said, &mut notes),
-                planes,
-                notes,
-                has_several: false,
-            });
+            return Ok(Ordered::whole(self.place(first, normal * step, is_said, &mut notes), planes, notes));
         }
-        let heights: Vec<f64> = planes.iter().map(|plane| self.position(*plane).dot(normal)).collect();
+        let height = |plane: &Plane| self.position(*plane).dot(normal);
+        let mut heights: Vec<f64> = planes.iter().map(height).collect();
+        if self.fills {
+            let least = least_step(&heights);
+            planes.dedup_by(|b, a| {
+                let is_doubled = height(b) - height(a) <= least;
+                if is_doubled {
+                    notes.push(format!("left out: {}, which lies where {} does", self.name(*b), self.name(*a)));
+                }
+                is_doubled
+            });
+            heights = planes.iter().map(height).collect();
+        }
         self.check_doubled(&planes, &heights)?;
-        self.check_gaps(&planes, &heights)?;
-        let count = (planes.len() - 1) as f64;
+        // Where each of them comes among those that there should be.
+        let mut filled = Filled::default();
+        let at = match self.fills {
+            true => self.places(&planes, &heights, &mut filled)?,
+            false => {
+                self.check_gaps(&planes, &heights)?;
+                (0..planes.len()).collect()
+            }
+        };
+        let count = at[planes.len() - 1].max(1) as f64;
         let (bottom, span) = (heights[0], heights[planes.len() - 1] - heights[0]);
         let step = (self.position(last) - self.position(first)) / count;
         let along = span / count;
@@ -215,8 +239,8 @@ impl Stack<'_> {
                 return Err((plane.image, Wrong::new("ImagePositionPatient", why, APART)));
             }
         }
-        for (i, height) in heights.iter().enumerate() {
-            farthest = farthest.max((height - bottom - along * i as f64).abs());
+        for (i, height) in at.iter().zip(&heights) {
+            farthest = farthest.max((height - bottom - along * *i as f64).abs());
         }
         if farthest > UNEVEN * along {
             let (thin, wide) = heights
@@ -232,7 +256,25 @@ impl Stack<'_> {
                 .push(format!("slices lie up to {farthest:.4} mm beside an even step of {along:.4} mm: taken as even"));
         }
         notes.push(format!("sorted by position: {} slices, a step of {along} mm", planes.len()));
-        Ok(Ordered { place: self.place(first, step, true, &mut notes), planes, notes, has_several: false })
+        let place = self.place(first, step, true, &mut notes);
+        let mut slots = vec![None; at[planes.len() - 1] + 1];
+        at.iter().zip(planes).for_each(|(i, plane)| slots[*i] = Some(plane));
+        Ok(Ordered { place, planes: slots, filled, notes, has_several: false })
+    }
+
+    /// Where each slice comes among those that there should be, with room for what is missing.
+    fn places(&self, planes: &[Plane], heights: &[f64], filled: &mut Filled) -> Result<Vec<usize>, Misplaced> {
+        let least = heights.windows(2).map(|w| w[1] - w[0]).fold(f64::MAX, f64::min);
+        let Some(at) = with_holes(heights, least).or_else(|| with_holes(heights, usual_step(heights))) else {
+            self.check_gaps(planes, heights)?;
+            let why = "more slices would be missing than there are";
+            return Err((planes[0].image, Wrong::new("ImagePositionPatient", why, APART)));
+        };
+        for (i, pair) in at.windows(2).enumerate() {
+            let between = || format!("between {} and {}", self.name(planes[i]), self.name(planes[i + 1]));
+            (pair[0] + 1..pair[1]).for_each(|_| filled.add(between(), "which is missing"));
+        }
+        Ok(at)
     }
 
     /// How many slices lie at each place, where these are as many everywhere; else 1.
@@ -285,9 +327,7 @@ impl Stack<'_> {
     fn check_gaps(&self, planes: &[Plane], heights: &[f64]) -> Result<(), Misplaced> {
         let mut gaps: Vec<f64> = heights.windows(2).map(|w| w[1] - w[0]).collect();
         let missing = |gap: f64, usual: f64| (gap / usual).round() - 1.0;
-        let mut sorted = gaps.clone();
-        let middle = (sorted.len() - 1) / 2;
-        let usual = *sorted.select_nth_unstable_by(middle, |a, b| a.partial_cmp(b).unwrap_or(Ordering::Equal)).1;
+        let usual = usual_step(heights);
         let Some(i) = gaps.iter().position(|gap| *gap > MISSING * usual) else { return Ok(()) };
         let count: f64 = gaps.drain(..).filter(|gap| *gap > MISSING * usual).map(|gap| missing(gap, usual)).sum();
         let why = format!(
@@ -298,6 +338,25 @@ impl Stack<'_> {
         );
         Err((planes[i + 1].image, Wrong::new("ImagePositionPatient", why, "put the missing slices there")))
     }
+}
+
+/// The place of each in steps of `usual`; nothing where more would be missing than there are.
+fn with_holes(heights: &[f64], usual: f64) -> Option<Vec<usize>> {
+    let mut at = vec![0];
+    for gap in heights.windows(2).map(|w| w[1] - w[0]) {
+        let steps = (gap / usual).round().max(1.0);
+        let next = at[at.len() - 1] as f64 + steps;
+        at.push((next < 2.0 * heights.len() as f64).then_some(next as usize)?);
+    }
+    Some(at)
+}
+
+/// The middle one of those between slices.
+fn usual_step(heights: &[f64]) -> f64 {
+    let mut gaps: Vec<f64> = heights.windows(2).map(|w| w[1] - w[0]).collect();
+    let middle = gaps.len().saturating_sub(1) / 2;
+    gaps.sort_by(f64::total_cmp);
+    gaps.get(middle).copied().unwrap_or(1.0)
 }
 
 /// Slices that are nearer to each other lie at one place.
