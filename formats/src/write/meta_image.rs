@@ -7,7 +7,7 @@ use std::path::Path;
 use brickcast_volume::format::VoxelType;
 use glam::DVec3;
 
-use super::{Header, Voxels, WriteError, failed, finish, note_place};
+use super::out::{Header, Voxels, WriteError, failed, finish, note_place};
 
 pub(super) fn write(
     header: &mut Header<'_>,

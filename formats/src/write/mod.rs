@@ -8,39 +8,22 @@ mod nifti;
 mod nrrd;
 mod numbers;
 mod numpy;
+mod out;
 mod rational;
 mod tiff;
 
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
-use brickcast_volume::format::{FormatError, Rescale, SourceHeader, VolumeSource, VoxelType};
+use brickcast_volume::format::{Rescale, VolumeSource, VoxelType};
 use brickcast_volume::store::free_bytes;
 use brickcast_volume::unfinished::Unfinished;
 
 use numbers::Numbers;
+use out::{Header, Voxels, failed};
 
-/// Bytes that are written at once.
-const PIECE: usize = 4 << 20;
-
-#[derive(Debug, thiserror::Error)]
-pub enum WriteError {
-    #[error("{path}: which format this is to be, its name does not say; name it .{}", NAMES.map(|(name, _)| name).join(", ."))]
-    Name { path: PathBuf },
-    #[error("{path} is there already; --force replaces it")]
-    Exists { path: PathBuf },
-    #[error(
-        "{path}: {bytes} bytes are to be written, and {free} are free there; make room, or write a part of it (--crop, --level)"
-    )]
-    TooLittleDisk { path: PathBuf, bytes: u64, free: u64 },
-    #[error("{path}: {what}; {remedy}")]
-    Cannot { path: PathBuf, what: String, remedy: &'static str },
-    #[error("{path}: cannot be written: {reason}")]
-    Io { path: PathBuf, reason: io::Error },
-    #[error(transparent)]
-    Source(#[from] FormatError),
-}
+pub use out::WriteError;
 
 /// The formats by the ends of names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -81,72 +64,6 @@ pub struct Written {
     pub notes: Vec<String>,
 }
 
-/// What a format's header says.
-struct Header<'a> {
-    of: &'a SourceHeader,
-    voxel_type: VoxelType,
-    /// Of what is written: none but NIfTI's own.
-    rescale: Rescale,
-    notes: Vec<String>,
-}
-
-impl Header<'_> {
-    /// Bytes of all voxels.
-    fn voxel_bytes(&self) -> u64 {
-        self.of.geometry.voxel_count() * self.voxel_type.bytes() as u64
-    }
-
-    fn dims(&self) -> [u32; 3] {
-        self.of.geometry.dims().to_array()
-    }
-}
-
-/// The voxels in file order, as they are to be written.
-struct Voxels<'a> {
-    source: &'a mut dyn VolumeSource,
-    numbers: Option<Numbers>,
-    raw: Vec<u8>,
-    done: u64,
-    total: u64,
-    progress: &'a mut dyn FnMut(u64, u64),
-}
-
-impl Voxels<'_> {
-    /// Replaces `piece` by the next voxels, at most `most` bytes of what is written; nothing at the end.
-    fn next(&mut self, most: usize, piece: &mut Vec<u8>) -> Result<(), FormatError> {
-        piece.clear();
-        if self.done >= self.total {
-            return Ok(());
-        }
-        match &self.numbers {
-            None => self.source.read_piece(most, piece)?,
-            Some(numbers) => {
-                self.source.read_piece(numbers.bytes_for(most), &mut self.raw)?;
-                numbers.convert(&self.raw, piece);
-            }
-        }
-        self.done += piece.len() as u64;
-        (self.progress)(self.done, self.total);
-        Ok(())
-    }
-
-    fn copy(&mut self, out: &mut dyn Write, path: &Path) -> Result<(), WriteError> {
-        let mut piece = Vec::new();
-        loop {
-            self.next(PIECE, &mut piece)?;
-            if piece.is_empty() {
-                return Ok(());
-            }
-            out.write_all(&piece).map_err(failed(path))?;
-        }
-    }
-}
-
-fn failed(path: &Path) -> impl FnOnce(io::Error) -> WriteError {
-    let path = path.to_path_buf();
-    move |reason| WriteError::Io { path, reason }
-}
-
 fn format_of(path: &Path) -> Option<Format> {
     let name = path.file_name()?.to_str()?.to_ascii_lowercase();
     NAMES
@@ -162,7 +79,8 @@ pub fn writable() -> String {
 }
 
 /// Writes the volume of `source`, which stands at its first voxel, to `out`, whose name says the format. `values`: the
-/// smallest and the largest value, where they are known; whole ones are then written as the smallest type that has them.
+/// smallest and the largest value, where they are known; whole ones are then written as the smallest type that has
+/// them.
 ///
 /// # Errors
 /// A name of no format, a file that is there without `force`, no room, what a format cannot hold; a source that cannot
@@ -173,7 +91,7 @@ pub fn write(
     (out, force): (&Path, bool),
     progress: &mut dyn FnMut(u64, u64),
 ) -> Result<Written, WriteError> {
-    let format = format_of(out).ok_or_else(|| WriteError::Name { path: out.into() })?;
+    let format = format_of(out).ok_or_else(|| WriteError::Name { path: out.into(), endings: writable() })?;
     let of = source.header().clone();
     let is_nifti = matches!(format, Format::Nifti { .. });
     let numbers = if is_nifti { None } else { Numbers::of(&of, values) };
@@ -222,31 +140,4 @@ pub fn write(
         file.finish().map_err(failed(path))?;
     }
     Ok(Written { format: name, voxel_type, bytes, paths, notes })
-}
-
-/// A note where a volume does not lie along x, y, z from 0, or has a unit.
-fn note_place(header: &mut Header<'_>, format: &str, (has_origin, has_axes, has_unit): (bool, bool, bool)) {
-    let g = header.of.geometry;
-    let mut lost = Vec::new();
-    if !has_origin && g.origin() != glam::DVec3::ZERO {
-        let o = g.origin();
-        lost.push(format!("the origin {}, {}, {}", o.x, o.y, o.z));
-    }
-    if !has_axes && !g.is_straight() {
-        lost.push("which way the axes go".to_owned());
-    }
-    if let (false, Some(unit)) = (has_unit, &header.of.space_unit) {
-        lost.push(format!("the unit {unit}"));
-    }
-    if !lost.is_empty() {
-        header.notes.push(format!("{format} has no place for {}", lost.join(", ")));
-    }
-    if !header.of.no_data.is_empty() && format != "NRRD" {
-        let shown: Vec<String> = header.of.no_data.iter().map(f64::to_string).collect();
-        header.notes.push(format!("{format} does not say that {} stands for no data", shown.join(", ")));
-    }
-}
-
-fn finish(mut out: BufWriter<File>, path: &Path) -> Result<(), WriteError> {
-    out.flush().map_err(failed(path))
 }

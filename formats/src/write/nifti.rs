@@ -9,7 +9,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use glam::DVec3;
 
-use super::{Header, Voxels, WriteError, failed, finish, note_place};
+use super::out::{Header, Voxels, WriteError, failed, finish, note_place};
 
 /// Quick, and near to the best for voxels with noise.
 const LEVEL: u32 = 4;

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use brickcast_volume::format::nrrd::{write_header, write_no_data};
 
-use super::{Header, Voxels, WriteError, failed, finish, note_place};
+use super::out::{Header, Voxels, WriteError, failed, finish, note_place};
 
 pub(super) fn write(
     header: &mut Header<'_>,

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use brickcast_volume::format::VoxelType;
 
-use super::{Header, Voxels, WriteError, failed, finish, note_place};
+use super::out::{Header, Voxels, WriteError, failed, finish, note_place};
 
 /// Voxels begin at a multiple of so many bytes.
 const ALIGNED: usize = 64;

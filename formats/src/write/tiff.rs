@@ -13,8 +13,8 @@ use tiff::encoder::colortype::{
 use tiff::encoder::{Rational, TiffEncoder, TiffKind, TiffKindBig, TiffKindStandard, TiffValue};
 use tiff::tags::{ResolutionUnit, Tag};
 
+use super::out::{Header, Voxels, WriteError, finish, note_place};
 use super::rational::rational;
-use super::{Header, Voxels, WriteError, finish, note_place};
 
 /// Offsets of classic TIFF end at 4 GiB; directories need some of it.
 const CLASSIC: u64 = (4 << 30) - (64 << 20);

@@ -18,8 +18,8 @@ const LETTERS: [(char, DVec3); 6] =
 pub(crate) fn axes(text: &str) -> Result<AxesWord, String> {
     let wrong = || {
         format!(
-            "`{text}` is none of: where the axes point, such as x,-y,z; three letters of L or R, P or A, S or I, such as \
-             RAS; nine numbers, the three directions one after the other"
+            "`{text}` is none of: where the axes point, such as x,-y,z; three letters of L or R, P or A, S or I, such \
+             as RAS; nine numbers, the three directions one after the other"
         )
     };
     let parts: Vec<&str> = text.split(',').map(str::trim).collect();
