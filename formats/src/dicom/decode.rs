@@ -12,8 +12,8 @@ use crate::wrong::Wrong;
 /// Lossless JPEG has a bit a pixel at least.
 const PIXELS_OF_JPEG: u64 = 8;
 /// JPEG-LS and JPEG 2000 write flat planes in next to nothing; what is larger than this must have some bytes.
-const PIXELS_OF_ANY: u64 = 1 << 22;
-const PIXELS_A_BYTE: u64 = 2048;
+const PIXELS_OF_ANY: u64 = 1 << 24;
+const PIXELS_A_BYTE: u64 = 64;
 
 /// Numbers little endian; that there are as many as wanted, the caller checks.
 pub(super) fn decoded(codec: Codec, coded: Vec<u8>, shape: Shape, bits: Bits) -> Result<Vec<u8>, Wrong> {
@@ -104,7 +104,9 @@ fn jpeg_ls(coded: &[u8], shape: Shape) -> Result<Vec<u8>, Wrong> {
 
 /// What the codestream begins with.
 const START: &[u8] = b"\xff\x4f\xff\x51";
-/// Of the first component's bits, behind the start: the highest bit says that numbers are signed.
+/// Where it says how many values a pixel has.
+const VALUES: usize = 40;
+/// Of the first component's bits: the highest bit says that numbers are signed.
 const SIZE: usize = 42;
 
 fn jpeg_2000(coded: &[u8], shape: Shape, bits: Bits) -> Result<Vec<u8>, Wrong> {
@@ -112,6 +114,14 @@ fn jpeg_2000(coded: &[u8], shape: Shape, bits: Bits) -> Result<Vec<u8>, Wrong> {
     // Some lie in the boxes of a file, which say of colours what DICOM says better.
     let at = coded.windows(START.len()).position(|w| w == START).ok_or_else(|| broken(what, "it has no start"))?;
     let coded = &coded[at..];
+    // All would be decoded before they are counted.
+    match coded.get(VALUES..VALUES + 2) {
+        Some([0, 1]) => {}
+        Some(&[high, low]) => {
+            return Err(broken(what, format!("{} values a pixel", u16::from_be_bytes([high, low]))));
+        }
+        _ => return Err(broken(what, "its header is cut")),
+    }
     let is_signed = coded.get(SIZE).is_some_and(|bits| bits & 0x80 != 0);
     let settings = DecodeSettings { strict: true, ..DecodeSettings::default() };
     let image = Jpeg2000::new(coded, &settings).map_err(|e| broken(what, e))?;
@@ -129,4 +139,25 @@ fn jpeg_2000(coded: &[u8], shape: Shape, bits: Bits) -> Result<Vec<u8>, Wrong> {
     let shift = if is_signed { 1_i32 << (depth - 1) } else { 0 };
     let numbers = component.samples().iter().map(|n| (n.round() as i32 - shift) as u32);
     Ok(words(numbers, shape.voxel_type.bytes()))
+}
+
+#[cfg(test)]
+mod tests {
+    use brickcast_volume::format::VoxelType;
+
+    use super::*;
+
+    #[test]
+    fn what_would_be_large_is_refused_before_it_is_decoded() {
+        let bits = Bits { allocated: 16, stored: 16, shift: 0, is_signed: false };
+        let shape = |edge| Shape { size: [edge, edge], voxel_type: VoxelType::U16 };
+        let mut many = [START, &[0; 60]].concat();
+        (many[VALUES], many[VALUES + 1]) = (0x40, 0);
+        let why = decoded(Codec::Jpeg2000, many.clone(), shape(16), bits).unwrap_err();
+        assert!(format!("{why:?}").contains("16384 values a pixel"), "{why:?}");
+        for codec in [Codec::Jpeg2000, Codec::JpegLs, Codec::JpegLossless] {
+            let why = decoded(codec, many.clone(), shape(1 << 14), bits).unwrap_err();
+            assert!(format!("{why:?}").contains("hold no"), "{codec:?}: {why:?}");
+        }
+    }
 }
