@@ -8,8 +8,10 @@
 
 mod affine;
 mod coding;
+mod dicom;
 mod grey;
 mod input;
+mod listing;
 mod mended;
 mod meta_image;
 mod natural;
@@ -26,8 +28,10 @@ mod slices;
 mod space;
 mod stack;
 mod tiff;
+mod txm;
 mod units;
 mod unpacked;
+mod valued;
 mod vtk;
 mod write;
 mod wrong;
@@ -38,7 +42,7 @@ use brickcast_volume::format::{self, FormatError, Opener, RawHints, VolumeSource
 
 use input::Input;
 
-pub use stack::is_stack;
+pub use listing::is_stack;
 pub use write::{WriteError, Written, writable, write};
 
 /// One line of the table of formats.
@@ -56,7 +60,16 @@ struct Format {
 
 type OpenFormat = fn(Input, &RawHints) -> Result<Box<dyn VolumeSource>, FormatError>;
 
-static FORMATS: [Format; 9] = [
+static FORMATS: [Format; 11] = [
+    // Before TIFF: slides are both, and say so at their start.
+    Format {
+        name: "DICOM",
+        extensions: ".dcm, or none",
+        reads: "a series as a folder in any order, one file, frames",
+        recognises: dicom::has_magic,
+        is_in_order: false,
+        open: dicom::open_one,
+    },
     Format {
         name: "TIFF",
         extensions: ".tif, .tiff",
@@ -129,6 +142,14 @@ static FORMATS: [Format; 9] = [
         is_in_order: true,
         open: vtk::open_xml,
     },
+    Format {
+        name: "Zeiss",
+        extensions: ".txm",
+        reads: "volumes of X-ray microscopes",
+        recognises: txm::has_magic,
+        is_in_order: false,
+        open: txm::open,
+    },
 ];
 
 /// The formats that are read, for people.
@@ -170,6 +191,9 @@ fn opened(path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, Format
             true => unpacked::open(&input, hints, Opener(opened)),
             false => (format.open)(input, hints),
         };
+    }
+    if numpy::is_archive(&input.start) && hints.dims.is_none() {
+        return Err(numpy::no_archive(path));
     }
     if input.is_packed() {
         return unpacked::open(&input, hints, Opener(opened));

@@ -13,6 +13,7 @@ use crate::input::Input;
 use crate::ordered::{Block, Coding, OrderedSource};
 use crate::packed::Packing;
 use crate::space::{Place, hinted};
+use crate::valued::{is_line, valued};
 use crate::wrong::{EXPORT_AGAIN, Wrong};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -174,7 +175,7 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
     let header = Header { bytes: &input.start, endian };
     let wrong = |wrong: Wrong| wrong.of(&input.path, kind.name());
     let parsed = parse(kind, &header, hints).map_err(wrong)?;
-    let Parsed { mut about, has_several, start } = parsed;
+    let Parsed { mut about, has_several, start, falling } = parsed;
     let (path, outer) = match is_one_file {
         true => (input.path.clone(), input.packing),
         false => voxels_of_pair(&input.path).map_err(wrong)?,
@@ -186,7 +187,11 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
     files.extend((!is_one_file).then(|| path.clone()));
     about = hinted(&input.path, about, hints, has_several)?;
     let block = Block { path, outer, start, inner: Packing::None, endian, is_half: false, coding: Coding::Plain };
-    Ok(Box::new(OrderedSource::new(about, block, files)?))
+    let source = Box::new(OrderedSource::new(about, block, files)?);
+    Ok(match falling {
+        Some((slope, intercept)) => valued(source, slope, intercept),
+        None => source,
+    })
 }
 
 /// The voxels of a pair, and what is around them.
@@ -211,6 +216,8 @@ struct Parsed {
     has_several: bool,
     /// First byte of the voxels.
     start: u64,
+    /// Slope and intercept of values that fall with the numbers.
+    falling: Option<(f64, f64)>,
 }
 
 fn parse(kind: Kind, header: &Header<'_>, hints: &RawHints) -> Result<Parsed, Wrong> {
@@ -261,7 +268,7 @@ fn parse(kind: Kind, header: &Header<'_>, hints: &RawHints) -> Result<Parsed, Wr
         _ => place(&layout, header, &mut notes)?,
     };
     let geometry = place.geometry(dims, &mut notes)?;
-    let rescale = rescale(kind, &layout, header, &mut notes)?;
+    let (rescale, falling) = rescale(kind, &layout, header, &mut notes)?;
     let offset = match kind {
         Kind::Two => header.int(layout.offset, 8) as f64,
         _ => header.float(layout.offset, 4),
@@ -288,10 +295,12 @@ fn parse(kind: Kind, header: &Header<'_>, hints: &RawHints) -> Result<Parsed, Wr
         notes,
         ..SourceHeader::new(kind.name(), geometry, voxel_type)
     };
-    Ok(Parsed { about, has_several: times > 1, start })
+    Ok(Parsed { about, has_several: times > 1, start, falling })
 }
 
-fn rescale(kind: Kind, layout: &Layout, header: &Header<'_>, notes: &mut Vec<String>) -> Result<Rescale, Wrong> {
+type Meaning = (Rescale, Option<(f64, f64)>);
+
+fn rescale(kind: Kind, layout: &Layout, header: &Header<'_>, notes: &mut Vec<String>) -> Result<Meaning, Wrong> {
     let at = |i: usize| header.float(layout.slope + i * layout.float, layout.float);
     // Analyze has none; SPM wrote its own in the same place.
     let (slope, intercept) = match kind {
@@ -299,16 +308,19 @@ fn rescale(kind: Kind, layout: &Layout, header: &Header<'_>, notes: &mut Vec<Str
         _ => (at(0), at(1)),
     };
     if slope == 0.0 || !slope.is_finite() || (slope == 1.0 && intercept == 0.0) {
-        return Ok(Rescale::IDENTITY);
+        return Ok((Rescale::IDENTITY, None));
     }
     if kind == Kind::Analyze && !(1e-30..1e30).contains(&slope) {
-        return Ok(Rescale::IDENTITY);
+        return Ok((Rescale::IDENTITY, None));
     }
-    notes.push(format!("values are {slope} times the voxels' numbers, plus {intercept} (scl_slope, scl_inter)"));
-    Rescale::new(slope, intercept).ok_or_else(|| {
-        let why = format!("{slope}, scl_inter {intercept}: values must rise with numbers");
-        Wrong::new("scl_slope", why, "apply slope and intercept to the voxels")
-    })
+    if let Some(rescale) = Rescale::new(slope, intercept) {
+        notes.push(format!("values are {slope} times the voxels' numbers, plus {intercept} (scl_slope, scl_inter)"));
+        return Ok((rescale, None));
+    }
+    match is_line(slope, intercept) {
+        true => Ok((Rescale::IDENTITY, Some((slope, intercept)))),
+        false => Err(Wrong::broken("scl_slope", format!("{slope}, scl_inter {intercept}"))),
+    }
 }
 
 fn spacings(layout: &Layout, header: &Header<'_>) -> [f64; 3] {

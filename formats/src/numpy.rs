@@ -1,6 +1,8 @@
 //! NumPy's .npy: arrays of two or three axes. An array of axes z, y, x has x last, as whoever stacks slices has it.
 //! One in Fortran's order lies in memory the other way round: its axes are taken as they lie, and turned in the world.
 
+use std::path::Path;
+
 use brickcast_volume::format::{
     Endian, FormatError, Placement, RawHints, SourceHeader, VolumeSource, VoxelType, excerpt,
 };
@@ -18,6 +20,20 @@ const LONGEST_HEADER: u64 = 1 << 20;
 
 pub(crate) fn has_magic(start: &[u8]) -> bool {
     start.starts_with(MAGIC)
+}
+
+/// Of .npz, and of other archives of ZIP.
+pub(crate) fn is_archive(start: &[u8]) -> bool {
+    start.starts_with(b"PK\x03\x04")
+}
+
+pub(crate) fn no_archive(path: &Path) -> FormatError {
+    let is_npz = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npz"));
+    let remedy = match is_npz {
+        true => "take one array out: numpy.save('volume.npy', numpy.load('FILE.npz')['NAME'])",
+        false => "unpack it, and name what is in it",
+    };
+    Wrong::new("content", "an archive of several files (ZIP)", remedy).of(path, if is_npz { FORMAT } else { "archive" })
 }
 
 #[derive(Debug, PartialEq)]

@@ -59,7 +59,7 @@ impl Place {
 /// # Errors
 /// A spacing or an origin that cannot be.
 pub(crate) fn hinted(
-    path: &Path,
+    _path: &Path,
     mut header: SourceHeader,
     hints: &RawHints,
     has_several: bool,

@@ -6,7 +6,9 @@ use brickcast_volume::format::{FactsBy, FormatError, RawHints, SaidBy, SourceHea
 use brickcast_volume::small_file;
 use rayon::prelude::*;
 
+use crate::dicom;
 use crate::input::Input;
+use crate::listing::{MOST_FILES, has_extension, listed};
 use crate::mended::{self, Filled};
 use crate::natural::{self, Gap, Holes};
 use crate::pattern;
@@ -16,11 +18,6 @@ use crate::slices::{SliceSource, Slices};
 use crate::space::hinted;
 use crate::tiff::{self, Tiff};
 use crate::wrong::Wrong;
-
-/// Files that slices are looked for under, in folders.
-const EXTENSIONS: [&str; 6] = ["tif", "tiff", "png", "jpg", "jpeg", "bmp"];
-/// More files than a volume has planes.
-const MOST_FILES: usize = 1 << 20;
 
 /// What one file of a stack holds.
 #[derive(Debug)]
@@ -38,54 +35,28 @@ struct SliceFile {
     slices: u32,
 }
 
-fn has_extension(path: &Path) -> Option<&'static str> {
-    let name = path.file_name()?.to_str()?;
-    let extension = Path::new(name).extension()?.to_str()?.to_ascii_lowercase();
-    (!name.starts_with('.')).then(|| EXTENSIONS.into_iter().find(|e| *e == extension)).flatten()
-}
-
-/// True where a folder holds slices by their names.
-#[must_use]
-pub fn is_stack(folder: &Path) -> bool {
-    folder.read_dir().is_ok_and(|mut entries| entries.any(|e| e.is_ok_and(|e| has_extension(&e.path()).is_some())))
-}
-
-/// The files of a folder that `wanted` takes, in natural order, and how many others there are.
-fn listed(folder: &Path, wanted: impl Fn(&Path) -> bool) -> Result<(Vec<PathBuf>, usize), FormatError> {
-    let at = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
-    let failed = |reason| FormatError::Io { path: at.into(), action: "list", reason };
-    let (mut files, mut others) = (Vec::new(), 0);
-    for entry in at.read_dir().map_err(failed)? {
-        let path = folder.join(entry.map_err(failed)?.file_name());
-        match wanted(&path) && !path.is_dir() {
-            true => files.push(path),
-            false => others += 1,
-        }
-        if files.len() > MOST_FILES {
-            let why = format!("more than {MOST_FILES} slices");
-            return Err(Wrong::new("names", why, "name fewer by a pattern").of(at, "stack"));
-        }
-    }
-    let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-    files.sort_by(|a, b| natural::compare(&name(a), &name(b)));
-    Ok((files, others))
-}
-
 pub(crate) fn open_folder(folder: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, FormatError> {
-    let (files, others) = listed(folder, |path| has_extension(path).is_some())?;
+    let (all, folders) = listed(folder, |_| true)?;
+    let (files, unknown): (Vec<PathBuf>, Vec<PathBuf>) = all.into_iter().partition(|p| has_extension(p).is_some());
+    let (dicoms, unknown): (Vec<PathBuf>, Vec<PathBuf>) =
+        unknown.into_par_iter().partition(|path| dicom::is_dicom(path));
+    let others = folders + unknown.len();
     let kind = |path: &PathBuf| has_extension(path).map(|e| e.replace("tiff", "tif").replace("jpeg", "jpg"));
+    let mut notes = Vec::new();
+    if others > 0 {
+        notes.push(format!("{others} other files or folders in the folder were left aside"));
+    }
     let Some(first) = files.first() else {
-        return Err(FormatError::Directory { path: folder.into(), supported: String::new() });
+        return match dicoms.is_empty() {
+            true => Err(FormatError::Directory { path: folder.into(), supported: String::new() }),
+            false => dicom::open_files(folder, dicoms, &[], hints, notes),
+        };
     };
-    if let Some(other) = files.iter().find(|file| kind(file) != kind(first)) {
+    if let Some(other) = files.iter().chain(&dicoms).find(|file| kind(file) != kind(first)) {
         let why = format!("{} and {} are of different kinds", first.display(), other.display());
         return Err(
             Wrong::new("names", why, "name the slices by a pattern, e.g. 'FOLDER/*.tif' in quotes").of(folder, "stack")
         );
-    }
-    let mut notes = Vec::new();
-    if others > 0 {
-        notes.push(format!("{others} other files or folders in the folder were left aside"));
     }
     open_numbered(folder, files, hints, notes)
 }
@@ -100,7 +71,10 @@ pub(crate) fn open_pattern(path: &Path, hints: &RawHints) -> Result<Box<dyn Volu
             Wrong::new("names", "no file fits this pattern", "list the folder, and mind the quotes").of(path, "stack")
         );
     }
-    open_numbered(path, files, hints, Vec::new())
+    match dicom::is_dicom(&files[0]) {
+        true => dicom::open_files(path, files, &[], hints, Vec::new()),
+        false => open_numbered(path, files, hints, Vec::new()),
+    }
 }
 
 /// Files whose names have numbers. Where holes are filled, of two with the same number the first is taken.
@@ -135,7 +109,7 @@ fn open_numbered(
     open_files(of, slots, &[], hints, notes)
 }
 
-/// In the order of the list.
+/// In the order of the list, except DICOM, which says where its slices lie.
 pub(crate) fn open_list(
     path: &Path,
     files: Vec<PathBuf>,
@@ -147,7 +121,10 @@ pub(crate) fn open_list(
         let why = format!("{} is named twice", twice[0].display());
         return Err(Wrong::new("names", why, "name each slice once").of(path, "list of slices"));
     }
-    open_files(path, files.into_iter().map(Slot::File).collect(), &[path.into()], hints, Vec::new())
+    match files.iter().any(|file| dicom::is_dicom(file)) {
+        true => dicom::open_files(path, files, &[path.into()], hints, Vec::new()),
+        false => open_files(path, files.into_iter().map(Slot::File).collect(), &[path.into()], hints, Vec::new()),
+    }
 }
 
 fn check_gaps(of: &Path, files: &[PathBuf]) -> Result<(), FormatError> {
@@ -259,6 +236,7 @@ fn open_files(
     hints: &RawHints,
     mut notes: Vec<String>,
 ) -> Result<Box<dyn VolumeSource>, FormatError> {
+    let slots = one_of_set(slots, hints)?;
     let file = |slot: &Slot| if let Slot::File(path) = slot { Some(path.clone()) } else { None };
     let files: Vec<PathBuf> = slots.iter().filter_map(file).collect();
     let opened: Vec<_> = files.par_iter().map(|path| open_slices(path, hints)).collect();
@@ -291,12 +269,36 @@ fn open_files(
         ..SourceHeader::new(said.format, geometry, first.shape.voxel_type)
     };
     let header = hinted(of, header, hints, said.has_several)?;
-    let all = also.iter().chain(&files).cloned().collect();
+    let of_set = slice_files[0].files().iter().skip(1);
+    let all = also.iter().chain(&files).chain(of_set).cloned().collect();
     let filling = match filled.count() {
         0 => Vec::new(),
         _ => mended::plane(first.shape.voxel_type, hints, x as usize * y as usize),
     };
     Ok(Box::new(SliceSource::new(header, all, Stack { files: slice_files, planes, filling })))
+}
+
+/// Where the first file names all others as parts of it, that one alone.
+fn one_of_set(slots: Vec<Slot>, hints: &RawHints) -> Result<Vec<Slot>, FormatError> {
+    let [Slot::File(first), others @ ..] = slots.as_slice() else { return Ok(slots) };
+    if others.is_empty() {
+        return Ok(slots);
+    }
+    // What cannot be opened is told of, or filled, by whoever opens all of them.
+    let Ok((opened, _)) = open_slices(first, hints) else { return Ok(slots) };
+    let set = opened.files();
+    if set.is_empty() {
+        return Ok(slots);
+    }
+    let is_strange = |slot: &&Slot| !matches!(slot, Slot::File(path) if set.contains(path));
+    match others.iter().find(is_strange) {
+        None => Ok(vec![Slot::File(opened.path)]),
+        Some(Slot::File(other)) => {
+            let why = format!("{} is none of the files that {} names", other.display(), first.display());
+            Err(Wrong::new("OME-XML", why, "name one file of a set alone").of(first, "OME-TIFF"))
+        }
+        Some(Slot::Missing(_)) => Ok(slots),
+    }
 }
 
 fn name_of(path: &Path) -> String {
@@ -313,6 +315,14 @@ impl SliceFile {
         match &self.opened {
             Opened::Tiff(_) => "TIFF",
             Opened::Picture(kind, _) => kind.name(),
+        }
+    }
+
+    /// Those that slices lie in, where they are several.
+    fn files(&self) -> &[PathBuf] {
+        match &self.opened {
+            Opened::Tiff(tiff) => tiff.files(),
+            Opened::Picture(..) => &[],
         }
     }
 

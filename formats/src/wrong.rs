@@ -29,6 +29,10 @@ impl Wrong {
         Self { field: field.into(), ..self }
     }
 
+    pub(crate) fn with_remedy(self, remedy: &'static str) -> Self {
+        Self { remedy, ..self }
+    }
+
     pub(crate) fn of(self, path: &Path, format: &'static str) -> FormatError {
         let Self { field, problem, remedy } = self;
         // A file's own words, and those of decoders, would reach the terminal.

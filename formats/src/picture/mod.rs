@@ -71,6 +71,11 @@ pub(crate) fn shape(path: &Path, kind: Kind) -> Result<Shape, FormatError> {
     shape.map_err(|wrong| wrong.of(path, kind.name()))
 }
 
+/// A JPEG of 8 bits.
+pub(crate) fn decoded_jpeg(bytes: &[u8]) -> Result<(Shape, Vec<u8>), Wrong> {
+    jpeg::decoded(bytes)
+}
+
 pub(crate) fn plane(path: &Path, kind: Kind, want: Shape) -> Result<Vec<u8>, FormatError> {
     let bytes = packed::whole(path, LONGEST)?;
     let decoded = match kind {

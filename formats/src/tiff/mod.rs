@@ -3,13 +3,13 @@
 
 mod decode;
 mod file;
+mod files;
 mod image_j;
 mod ome;
 mod order;
 mod page;
 
-use std::collections::HashSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use brickcast_volume::format::{FormatError, Placement, RawHints, Rescale};
 use glam::DVec3;
@@ -18,18 +18,16 @@ use crate::slice::{Said, Shape};
 use crate::space::Place;
 use crate::wrong::Wrong;
 use file::TiffFile;
+use files::{Files, MOST_PAGES, Pages, pages};
 use image_j::ImageJ;
 use ome::Ome;
 use page::Page;
 
 pub(crate) use file::has_magic;
 
-const SUBFILE: u16 = 254;
 const DESCRIPTION: u16 = 270;
 const X_RESOLUTION: u16 = 282;
 const Y_RESOLUTION: u16 = 283;
-/// Pages of a file at most.
-const MOST_PAGES: usize = 1 << 20;
 
 /// The slices of one file.
 #[derive(Debug)]
@@ -43,6 +41,8 @@ pub(crate) struct Tiff {
 enum Places {
     /// The directory of each.
     Directories(Vec<u64>),
+    /// OME's planes may lie in several files: these, and of each slice the file and the directory.
+    InFiles(Vec<PathBuf>, Vec<(u32, u64)>),
     /// ImageJ's files above 4 GiB have one directory: planes follow each other, the wanted ones here.
     Contiguous(Vec<u64>),
 }
@@ -50,42 +50,6 @@ enum Places {
 /// A file of slices, and what it says of them.
 pub(crate) fn open(path: &Path, hints: &RawHints) -> Result<(Tiff, Said), FormatError> {
     opened(path, hints).map_err(|wrong| wrong.of(path, "TIFF"))
-}
-
-struct Pages {
-    directories: Vec<u64>,
-    first: Page,
-    left_out: usize,
-}
-
-/// Every page of full size, and that all are of one size and type.
-fn pages(tiff: &mut TiffFile, first: u64) -> Result<Pages, Wrong> {
-    let (mut at, mut seen, mut found) = (first, HashSet::new(), None::<Pages>);
-    while at != 0 {
-        if seen.len() >= MOST_PAGES || !seen.insert(at) {
-            return Err(Wrong::broken("directory", format!("the one at byte {at} comes again, or there are too many")));
-        }
-        let directory = tiff.directory(at)?;
-        // Reduced pictures and masks.
-        let is_aside = tiff.one(&directory, SUBFILE)?.unwrap_or(0) & 5 != 0;
-        match &mut found {
-            None => found = Some(Pages { directories: vec![at], first: Page::of(tiff, &directory)?, left_out: 0 }),
-            Some(pages) if is_aside => pages.left_out += 1,
-            Some(pages) => {
-                let page = Page::of(tiff, &directory)?;
-                if page.shape != pages.first.shape {
-                    let words =
-                        |p: &Page| format!("{} x {} of {}", p.shape.size[0], p.shape.size[1], p.shape.voxel_type);
-                    let why = format!("it is {}, but page 1 is {}", words(&page), words(&pages.first));
-                    let remedy = "save the pages of one size as a file of their own";
-                    return Err(Wrong::new(format!("page {}", seen.len()), why, remedy));
-                }
-                pages.directories.push(at);
-            }
-        }
-        at = directory.next;
-    }
-    found.ok_or_else(|| Wrong::broken("directory", "there is none"))
 }
 
 fn opened(path: &Path, hints: &RawHints) -> Result<(Tiff, Said), Wrong> {
@@ -104,7 +68,7 @@ fn opened(path: &Path, hints: &RawHints) -> Result<(Tiff, Said), Wrong> {
     let slices = if let Some(image_j) = ImageJ::parse(&description) {
         of_image_j(&mut tiff, pages, &image_j, resolution, hints, &mut said)?
     } else if Ome::is_ome(&description) {
-        of_ome(pages, &Ome::parse(&description, path)?, hints, &mut said)?
+        of_ome(path, pages, &Ome::parse(&description)?, hints, &mut said)?
     } else {
         if resolution[0].is_some_and(|r| r != 1.0) {
             said.notes.push("its tags of resolution were left aside, since they mostly are a screen's".into());
@@ -167,7 +131,7 @@ fn of_image_j(
     Ok(Places::Contiguous((0..counts.z).map(|z| start + plane * order.index(z, c, t)).collect()))
 }
 
-fn of_ome(pages: Pages, ome: &Ome, hints: &RawHints, said: &mut Said) -> Result<Places, Wrong> {
+fn of_ome(path: &Path, pages: Pages, ome: &Ome, hints: &RawHints, said: &mut Said) -> Result<Places, Wrong> {
     said.format = "OME-TIFF";
     let [x, y, z] = ome.spacing.map(|s| s.unwrap_or(1.0));
     let is_said = ome.spacing.iter().any(Option::is_some);
@@ -185,29 +149,53 @@ fn of_ome(pages: Pages, ome: &Ome, hints: &RawHints, said: &mut Said) -> Result<
     if counts.z > MOST_PAGES as u64 {
         return Err(Wrong::broken("OME-XML", format!("{} slices", counts.z)));
     }
-    let taken: Result<Vec<u64>, Wrong> = (0..counts.z)
+    let mut files = Files::new(path, pages);
+    // One file alone is this one, even where it was renamed.
+    let is_alone = ome.files.len() == 1 && ome.is_every_run_in_a_file();
+    let taken: Result<Vec<(u32, u64)>, Wrong> = (0..counts.z)
         .map(|z| {
-            let page = ome.page(ome.order.index(z, c, t));
-            let directory = page.and_then(|page| pages.directories.get(usize::try_from(page).ok()?));
-            directory.copied().ok_or_else(|| {
-                let why =
-                    format!("slice {z} of channel {c} and time {t} is on no page of the {}", pages.directories.len());
+            let missing = |pages: usize| {
+                let why = format!("slice {z} of channel {c} and time {t} is on no page of the {pages}");
                 Wrong::broken("OME-XML", why)
-            })
+            };
+            let (page, file) =
+                ome.page(ome.order.index(z, c, t)).ok_or_else(|| missing(files.own.directories.len()))?;
+            files
+                .place(page, file.filter(|_| !is_alone).map(|file| ome.files[file].as_str()))
+                .and_then(|found| found.map_err(missing))
         })
         .collect();
-    taken.map(Places::Directories)
+    let taken = taken?;
+    if files.others.is_empty() {
+        return Ok(Places::Directories(taken.into_iter().map(|(_, directory)| directory).collect()));
+    }
+    said.notes
+        .push(format!("its slices lie in {} files, this one and those that it names beside it", files.paths.len()));
+    Ok(Places::InFiles(files.paths, taken))
 }
 
 impl Tiff {
     pub(crate) fn slices(&self) -> u32 {
         match &self.slices {
             Places::Directories(all) | Places::Contiguous(all) => all.len() as u32,
+            Places::InFiles(_, all) => all.len() as u32,
+        }
+    }
+
+    /// Files that hold slices, the opened one first, where these are several.
+    pub(crate) fn files(&self) -> &[PathBuf] {
+        match &self.slices {
+            Places::InFiles(files, _) => files,
+            _ => &[],
         }
     }
 
     /// The voxels of a slice.
     pub(crate) fn plane(&self, path: &Path, slice: u32) -> Result<Vec<u8>, FormatError> {
+        let path = match &self.slices {
+            Places::InFiles(files, all) => &files[all[slice as usize].0 as usize],
+            _ => path,
+        };
         self.decoded(path, slice as usize).map_err(|wrong| wrong.of(path, "TIFF"))
     }
 
@@ -223,15 +211,18 @@ impl Tiff {
                 }
                 data
             }
-            Places::Directories(at) => {
-                let directory = tiff.directory(at[slice])?;
-                let page = Page::of(&mut tiff, &directory)?;
-                decode::plane(&mut tiff, &page)?
-            }
+            Places::Directories(at) => plane_at(&mut tiff, at[slice])?,
+            Places::InFiles(_, all) => plane_at(&mut tiff, all[slice].1)?,
         };
         match data.len() as u64 == want {
             true => Ok(data),
             false => Err(Wrong::new("size and type", "they changed while it was read", "run it again")),
         }
     }
+}
+
+fn plane_at(tiff: &mut TiffFile, directory: u64) -> Result<Vec<u8>, Wrong> {
+    let directory = tiff.directory(directory)?;
+    let page = Page::of(tiff, &directory)?;
+    decode::plane(tiff, &page)
 }

@@ -1,7 +1,5 @@
 //! OME-TIFF: XML in the description of the first page.
 
-use std::path::Path;
-
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
@@ -9,13 +7,26 @@ use super::order::{Counts, Order};
 use crate::units;
 use crate::wrong::{EXPORT_AGAIN, Wrong};
 
+/// Pages behind each other that hold planes behind each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Run {
+    page: u64,
+    /// By the order.
+    plane: u64,
+    count: u64,
+    /// Which of [`Ome::files`]; the own one where none is said.
+    file: Option<usize>,
+}
+
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Ome {
     pub(super) order: Order,
     pub(super) spacing: [Option<f64>; 3],
     pub(super) unit: Option<&'static str>,
-    /// Runs of pages: first page, number of its plane by the order, count. None: pages in order.
-    pub(super) runs: Vec<(u64, u64, u64)>,
+    /// None: pages in order.
+    pub(super) runs: Vec<Run>,
+    /// Names of files that planes lie in.
+    pub(super) files: Vec<String>,
     pub(super) images: u64,
 }
 
@@ -34,7 +45,7 @@ impl Ome {
         (text.starts_with("<?xml") || text.starts_with("<OME")) && text.contains("<OME") && text.contains("<Pixels")
     }
 
-    pub(super) fn parse(description: &str, path: &Path) -> Result<Self, Wrong> {
+    pub(super) fn parse(description: &str) -> Result<Self, Wrong> {
         let wrong = |why: String| Wrong::new("OME-XML", why, EXPORT_AGAIN);
         let mut reader = Reader::from_str(description.trim_start_matches('\u{feff}').trim_start());
         let (mut found, mut images): (Option<Self>, u64) = (None, 0);
@@ -59,13 +70,8 @@ impl Ome {
                     }
                 }
                 b"UUID" if images == 1 => {
-                    let own = path.file_name().and_then(|n| n.to_str());
-                    if let Some(file) = attribute(tag, "FileName").filter(|file| Some(file.as_str()) != own) {
-                        let why = format!(
-                            "its planes lie in several files, one of them `{}`",
-                            brickcast_volume::format::excerpt(&file)
-                        );
-                        return Err(Wrong::new("OME-XML", why, "export it as one file, or give the files as a list"));
+                    if let (Some(ome), Some(file)) = (&mut found, attribute(tag, "FileName")) {
+                        ome.name_file(file);
                     }
                 }
                 _ => {}
@@ -97,30 +103,42 @@ impl Ome {
             true => (sizes.map(|s| s.map(|s| s.0)), given.first().and_then(|s| s.1).map(|u| u.0)),
             false => (sizes.map(|s| s.map(|s| s.0 * s.1.map_or(1.0, |u| u.1))), Some("um")),
         };
-        Ok(Self { order: Order { counts, axes }, spacing, unit, runs: Vec::new(), images: 1 })
+        Ok(Self { order: Order { counts, axes }, spacing, unit, runs: Vec::new(), files: Vec::new(), images: 1 })
     }
 
     fn add_run(&mut self, tag: &BytesStart<'_>) {
         let n = |name| count(tag, name);
         let named = ["IFD", "FirstZ", "FirstC", "FirstT", "PlaneCount"].map(n);
-        if named.iter().all(Option::is_none) {
-            return;
-        }
         let [ifd, z, c, t, planes] = named;
         let first = self.order.index(z.unwrap_or(0), c.unwrap_or(0), t.unwrap_or(0));
         // Without a count: one plane where a page is named, all others else.
         let planes = planes.unwrap_or(if ifd.is_some() { 1 } else { self.order.counts.all() });
-        self.runs.push((ifd.unwrap_or(0), first, planes));
+        self.runs.push(Run { page: ifd.unwrap_or(0), plane: first, count: planes, file: None });
     }
 
-    /// The page that holds the plane of this number.
-    pub(super) fn page(&self, plane: u64) -> Option<u64> {
+    /// Of the run that came last.
+    fn name_file(&mut self, name: String) {
+        let Some(run) = self.runs.last_mut() else { return };
+        // Mostly that of the run before.
+        let at = self.files.iter().rposition(|file| *file == name);
+        run.file = Some(at.unwrap_or_else(|| {
+            self.files.push(name);
+            self.files.len() - 1
+        }));
+    }
+
+    pub(super) fn is_every_run_in_a_file(&self) -> bool {
+        self.runs.iter().all(|run| run.file.is_some())
+    }
+
+    /// The page that holds the plane of this number, and which of the files.
+    pub(super) fn page(&self, plane: u64) -> Option<(u64, Option<usize>)> {
         if self.runs.is_empty() {
-            return Some(plane);
+            return Some((plane, None));
         }
-        let within = |(page, first, count): &(u64, u64, u64)| {
-            let i = plane.checked_sub(*first).filter(|i| i < count)?;
-            page.checked_add(i)
+        let within = |run: &Run| {
+            let i = plane.checked_sub(run.plane).filter(|i| *i < run.count)?;
+            Some((run.page.checked_add(i)?, run.file))
         };
         self.runs.iter().find_map(within)
     }

@@ -1,53 +1,10 @@
-"""Writes one phantom by independent programs into argv[1], with a table of what must be read.
-
-A line of the table, by tabs: name, voxels' file, type, dims, vectors of the axes (world, 9 numbers, or -), origin (or -),
-unit (or -), slope and intercept, channel and time (or -).
-"""
-
-import gzip, io, os, shutil, sys
-import imagecodecs, nibabel, nrrd, numpy, SimpleITK, tifffile
+# The phantom of phantom.py by independent programs.
+import gzip, io, shutil
+import imagecodecs, nibabel, nrrd, SimpleITK, tifffile
 from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkIOLegacy import vtkStructuredPointsReader, vtkStructuredPointsWriter
 from vtkmodules.vtkIOXML import vtkXMLImageDataWriter
-
-out = sys.argv[1]
-os.chdir(out)
-table = []
-TYPES = ["u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8"]
-NAMES = {"u1": "uint8", "i1": "int8", "u2": "uint16", "i2": "int16", "u4": "uint32", "i4": "int32", "u8": "uint64",
-         "i8": "int64", "f4": "float32", "f8": "float64"}
-NZ, NY, NX = 4, 5, 7
-SPACING = (1.0, 2.0, 3.0)
-
-
-def phantom(dtype, shape=(NZ, NY, NX), seed=0):
-    """An L in a ramp that no mirror and no turn maps to itself, over the whole range of the type."""
-    z, y, x = numpy.indices(shape)
-    ramp = (x + 7 * y + 35 * z + 11 * seed) % 127
-    l_shape = ((x <= 1) & (z == 0)) | ((y == 0) & (x <= 4) & (z == 0)) | ((x == 0) & (y == 0))
-    if dtype[0] == "f":
-        return ((ramp - 50) * 0.37 + l_shape * 1e3).astype(dtype)
-    info = numpy.iinfo(dtype)
-    scale = max(1, int(info.max) // 128)
-    values = ramp.astype(object) * scale + l_shape * (int(info.max) // 129)
-    if info.min < 0:
-        values = values - 60 * scale
-    return numpy.array(values.tolist(), dtype=dtype)
-
-
-def row(name, array, vectors=None, origin=None, unit=None, rescale=(1, 0), chosen=None):
-    """`array` has the axis that goes fastest last."""
-    dtype = array.dtype.str[1:]
-    raw = f"raw{len(table)}.bin"
-    array.astype("<" + dtype).tofile(raw)
-    dims = ([1] * (3 - array.ndim) + list(array.shape))[::-1]
-    text = lambda numbers: "-" if numbers is None else " ".join(repr(float(n)) for n in numpy.ravel(numbers))
-    table.append("\t".join([name, raw, NAMES[dtype], " ".join(map(str, dims)), text(vectors), text(origin), unit or "-",
-                            text(rescale), "-" if chosen is None else "%d %d" % chosen]))
-
-
-straight = numpy.diag(SPACING)
 
 # TIFF: types and byte orders; strips and tiles, codecs and predictors.
 for dtype in TYPES:
@@ -96,6 +53,44 @@ for axes in ["TCZYX", "ZCTYX", "CTZYX"]:
 mixed = {**size, "PhysicalSizeX": 1000.0, "PhysicalSizeXUnit": "nm"}
 tifffile.imwrite("mixed.ome.tif", phantom("u1"), ome=True, metadata={"axes": "ZYX", **mixed})
 row("mixed.ome.tif", phantom("u1"), straight, unit="um")
+
+# OME in several files, each with the whole description, as tifffile reads them, too.
+def ome_set(folder, names):
+    os.mkdir(folder)
+    planes, runs = {name: [] for name in names}, []
+    for t in range(3):
+        for c in range(2):
+            for z in range(NZ):
+                name = names[(z + 2 * t) % len(names)]
+                runs.append(f'<TiffData FirstZ="{z}" FirstC="{c}" FirstT="{t}" IFD="{len(planes[name])}" PlaneCount="1">'
+                            f'<UUID FileName="{name}">urn:uuid:{name}</UUID></TiffData>')
+                planes[name].append(hyper[t, z, c])
+    sizes = " ".join(f'PhysicalSize{a}="{s}" PhysicalSize{a}Unit="mm"' for a, s in zip("XYZ", SPACING))
+    for name in names:
+        xml = (f'<OME xmlns="http://www.openmicroscopy.org/Schemas/OME/2016-06" UUID="urn:uuid:{name}"><Image ID="Image:0">'
+               f'<Pixels ID="Pixels:0" DimensionOrder="XYZCT" Type="uint16" SizeX="{NX}" SizeY="{NY}" SizeZ="{NZ}" SizeC="2" '
+               f'SizeT="3" {sizes}><Channel ID="Channel:0:0"/><Channel ID="Channel:0:1"/>' + "".join(runs) + '</Pixels></Image></OME>')
+        tifffile.imwrite(f"{folder}/{name}", numpy.array(planes[name]), description=xml, metadata=None,
+                         photometric="minisblack")
+
+
+ome_set("ome_set", ["b.ome.tif", "a.ome.tif", "c.ome.tif"])
+for name in ["ome_set", "ome_set/a.ome.tif", "ome_set/c.ome.tif", "ome_set/*.tif"]:
+    for c, t in [(0, 0), (1, 2)]:
+        back = tifffile.TiffFile("ome_set/a.ome.tif").series[0].asarray()
+        assert (back[t, c] == phantom("u2", seed=3 * t + c)).all()
+        row(name, back[t, c], straight, unit="mm", chosen=(c, t))
+ome_set("ome_renamed", ["own.ome.tif"])
+os.rename("ome_renamed/own.ome.tif", "ome_renamed/other.ome.tif")
+row("ome_renamed/other.ome.tif", phantom("u2", seed=7), straight, unit="mm", chosen=(1, 2))
+ome_set("ome_cut", ["a.ome.tif", "b.ome.tif"])
+os.remove("ome_cut/b.ome.tif")
+table.append("ome_cut/a.ome.tif\tslices lie in `b.ome.tif`, which is not beside it")
+os.mkdir("ome_more")
+for name in ["a", "b", "c"]:
+    shutil.copy(f"ome_set/{name}.ome.tif", "ome_more")
+tifffile.imwrite("ome_more/d.tif", hyper[0, 0], metadata=None)
+table.append("ome_more\td.tif is none of the files that")
 
 # Stacks.
 volume = phantom("u2", (12, NY, NX))
@@ -228,6 +223,12 @@ for number, kind in [(1, nibabel.Nifti1Image), (2, nibabel.Nifti2Image)]:
     stored = nibabel.load(f"nifti{number}_slope.nii").dataobj
     row(f"nifti{number}_slope.nii", numpy.asarray(stored.get_unscaled()).T, **lps(affine), unit="mm",
         rescale=(stored.slope, stored.inter))
+    # Values that fall with the numbers cannot go along with a volume: its voxels are the values.
+    image = kind(phantom("i2").T, affine)
+    image.header.set_slope_inter(-0.25, 3)
+    nibabel.save(image, f"nifti{number}_falling.nii")
+    row(f"nifti{number}_falling.nii", numpy.asarray(nibabel.load(f"nifti{number}_falling.nii").dataobj, "f8").T,
+        **lps(affine))
 for number, kind in [(1, nibabel.Nifti1Pair), (2, nibabel.Nifti2Pair)]:
     for packed in ["", ".gz"]:
         image = kind(phantom("f4").T, affine)
@@ -261,6 +262,9 @@ numpy.save("flat.npy", phantom("i2")[0])
 row("flat.npy", phantom("i2")[0])
 numpy.save("squeezed.npy", phantom("i2")[None])
 row("squeezed.npy", phantom("i2"))
+
+numpy.savez("arrays.npz", a=phantom("i2"))
+table.append("arrays.npz\tnumpy.save('volume.npy', numpy.load(")
 
 # VTK, by VTK: the legacy format and XML, every way to write data down; arrays on points and in cells.
 def vtk_image(dtype, direction=None, cells=False, first=(0, 0, 0), name="density"):
@@ -358,4 +362,3 @@ for name in ["itk_u2_False.mha", "itk_u2_True.mha", "nifti2_i2_be.nii", "numpy_f
         table.append(f"{name}.{end}" + line[len(name):])
 nrrd.write("by_pynrrd.nrrd", phantom("i4").T, {"space directions": straight, "space origin": [1, 2, 3], "space dimension": 3})
 row("by_pynrrd.nrrd", phantom("i4"), straight, (1, 2, 3))
-open("table.tsv", "w").write("\n".join(table) + "\n")

@@ -3,7 +3,12 @@
 
 #![allow(clippy::unwrap_used)] // helpers of tests are tests
 
+mod dicom_seeds;
 mod seeds;
+#[path = "../common/txm.rs"]
+mod txm;
+#[path = "../common/dicom.rs"]
+mod written;
 
 use std::alloc::System;
 use std::cell::Cell;
@@ -180,6 +185,21 @@ fn damaged_legacy_files_of_vtk() {
 #[test]
 fn damaged_image_data_of_vtk() {
     damaged("x.vti", seeds::image_data());
+}
+
+#[test]
+fn damaged_dicom() {
+    damaged("x.dcm", dicom_seeds::dicoms());
+}
+
+#[test]
+fn damaged_txm() {
+    let seed = |version, size: [u32; 2], data_type, bytes| {
+        let fields = [("DataType", txm::number(data_type)), ("PixelSize", 1.5_f32.to_le_bytes().to_vec())];
+        txm::written(version, size, &[vec![1; bytes], vec![2; bytes]], &fields)
+    };
+    let seeds = [seed(cfb::Version::V3, [7, 5], 5, 70), seed(cfb::Version::V4, [60, 40], 10, 9600)];
+    damaged("x.txm", seeds.to_vec());
 }
 
 /// Packed, no length gives them away: planes of terabytes out of a few bytes.
