@@ -122,7 +122,6 @@ where
         }
         image.finish().map_err(failed)?;
     }
-    drop(encoder);
     Ok(out)
 }
 

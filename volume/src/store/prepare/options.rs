@@ -67,6 +67,7 @@ pub struct RegionOptions {
 /// Where regions come from; `range` is the largest difference within a region, a share (above 0, at most 1) of the
 /// range that the store's codes are stretched over.
 #[derive(Debug, Clone, PartialEq)]
+#[allow(clippy::large_enum_variant, reason = "there is one for each store that is made")]
 pub enum Segmentation {
     /// Components of value windows, which are placed at the histogram's masses.
     Windows { range: f64 },
