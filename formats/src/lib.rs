@@ -7,8 +7,10 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they have written"))]
 
 mod affine;
+mod array;
 mod coding;
 mod grey;
+mod hdf5;
 mod input;
 mod meta_image;
 mod natural;
@@ -35,6 +37,7 @@ use brickcast_volume::format::{self, FormatError, Opener, RawHints, VolumeSource
 
 use input::Input;
 
+pub use array::{array_of, file_of};
 pub use stack::is_stack;
 
 /// One line of the table of formats.
@@ -52,7 +55,7 @@ struct Format {
 
 type OpenFormat = fn(Input, &RawHints) -> Result<Box<dyn VolumeSource>, FormatError>;
 
-static FORMATS: [Format; 9] = [
+static FORMATS: [Format; 10] = [
     Format {
         name: "TIFF",
         extensions: ".tif, .tiff",
@@ -110,6 +113,14 @@ static FORMATS: [Format; 9] = [
         open: numpy::open,
     },
     Format {
+        name: hdf5::FORMAT,
+        extensions: ".h5, .hdf5, .nxs",
+        reads: "NeXus, DXchange, or FILE:/path/of/dataset",
+        recognises: hdf5::has_magic,
+        is_in_order: false,
+        open: hdf5::open,
+    },
+    Format {
         name: "VTK legacy",
         extensions: ".vtk",
         reads: "structured points, text or binary",
@@ -139,7 +150,7 @@ pub fn supported() -> String {
 }
 
 /// Opens an input volume: a file, a folder of slices, a pattern that stands for files, or a list of their names. What
-/// is in the file decides, then its suffix.
+/// is in the file decides, then its suffix. `FILE:/NAME` names one of several arrays, see [`array`].
 ///
 /// # Errors
 /// Nothing there, an unknown format, or what the format's own reader finds wrong.
@@ -158,10 +169,14 @@ fn opened(path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, Format
     if path.is_dir() {
         return stack::open_folder(path, hints);
     }
+    let (path, array) = array::split(path);
     let path = &nifti::header_of_pair(path);
     // What cannot be opened is told of by the one below.
-    let Some(input) = Input::open(path)? else { return format::open(path, hints) };
-    if let Some(format) = FORMATS.iter().find(|f| (f.recognises)(&input.start)) {
+    let Some(mut input) = Input::open(path)? else { return format::open(path, hints) };
+    input.array = array.map(str::to_owned);
+    let format = FORMATS.iter().find(|f| (f.recognises)(&input.start));
+    array::check(&input, format.map(|format| format.name))?;
+    if let Some(format) = format {
         return match input.is_packed() && !format.is_in_order {
             true => unpacked::open(&input, hints, Opener(open)),
             false => (format.open)(input, hints),

@@ -10,7 +10,7 @@ use crate::packed::Packing;
 use crate::space::{Place, hinted};
 use crate::wrong::Wrong;
 
-const FORMAT: &str = "VTK legacy";
+pub(crate) const FORMAT: &str = "VTK legacy";
 const LONGEST_HEADER: u64 = 1 << 20;
 
 pub(crate) fn recognises(start: &[u8]) -> bool {

@@ -15,7 +15,7 @@ use crate::packed::Packing;
 use crate::space::{Place, hinted};
 use crate::wrong::{EXPORT_AGAIN, Wrong};
 
-const FORMAT: &str = "VTK image data";
+pub(crate) const FORMAT: &str = "VTK image data";
 
 pub(crate) fn recognises(start: &[u8]) -> bool {
     let text = String::from_utf8_lossy(start);

@@ -358,4 +358,3 @@ for name in ["itk_u2_False.mha", "itk_u2_True.mha", "nifti2_i2_be.nii", "numpy_f
         table.append(f"{name}.{end}" + line[len(name):])
 nrrd.write("by_pynrrd.nrrd", phantom("i4").T, {"space directions": straight, "space origin": [1, 2, 3], "space dimension": 3})
 row("by_pynrrd.nrrd", phantom("i4"), straight, (1, 2, 3))
-open("table.tsv", "w").write("\n".join(table) + "\n")

@@ -1,6 +1,6 @@
 //! Whole files of every format, between them of every field and codec that matters.
 
-use std::io::Write as _;
+use std::io::{Read as _, Write as _};
 
 pub(crate) fn gzip(data: &[u8]) -> Vec<u8> {
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
@@ -130,6 +130,22 @@ pub(crate) fn tiffs() -> Vec<Vec<u8>> {
     seeds
 }
 
+fn of_hex(text: &str) -> Vec<u8> {
+    (0..text.len()).step_by(2).map(|i| u8::from_str_radix(&text[i..i + 2], 16).unwrap()).collect()
+}
+
+/// As h5py wrote them: old files and new ones, every index of chunks, layout and filter, groups of many links.
+const HDF5: &str = include_str!("hdf5.gz.hex");
+
+pub(crate) fn hdf5() -> Vec<Vec<u8>> {
+    let unpacked = |line: &str| {
+        let mut file = Vec::new();
+        flate2::read::GzDecoder::new(&of_hex(line)[..]).read_to_end(&mut file).unwrap();
+        file
+    };
+    HDF5.lines().map(unpacked).collect()
+}
+
 const JPEG: &str = include_str!("grey.jpg.hex");
 
 pub(crate) fn pictures() -> Vec<Vec<u8>> {
@@ -150,14 +166,13 @@ pub(crate) fn pictures() -> Vec<Vec<u8>> {
         [&head.concat()[..], &palette, pixels].concat()
     };
     let greys = (0..=255).flat_map(|i| [i, i, i, 0]).collect();
-    let hex = |i| u8::from_str_radix(&JPEG[i..i + 2], 16).unwrap();
     vec![
         png(png::ColorType::Grayscale, png::BitDepth::Sixteen, &pixels),
         png(png::ColorType::Rgb, png::BitDepth::Eight, &grey),
         png(png::ColorType::Grayscale, png::BitDepth::Two, &pixels[..48]),
         bmp(8, greys, &voxels(192)),
         bmp(24, Vec::new(), &grey),
-        (0..JPEG.trim().len()).step_by(2).map(hex).collect(),
+        of_hex(JPEG.trim()),
     ]
 }
 
