@@ -1,6 +1,7 @@
 //! VTK: the legacy format of structured points, and XML image data (.vti).
 
 mod legacy;
+mod lines;
 mod tags;
 mod xml;
 

@@ -204,4 +204,7 @@ open("empty.h5", "wb").write(whole[:8])
 refusals.append("empty.h5\theader")
 refusals.append("mha_u1.mha:/volume\tholds one volume") if os.path.exists("mha_u1.mha") else None
 refusals.append("by_pynrrd.nrrd:/volume\tholds one volume")
+for name in named:
+    refusals.append(f"{name}:/fourth\tnone called `fourth`\tother\tvectors")
+    refusals.append(f"{name}:/vectors\t3 values a voxel")
 open("refused.tsv", "w").write("\n".join(refusals) + "\n")
