@@ -9,7 +9,7 @@ use brickcast_volume::format::{FormatError, excerpt};
 
 use crate::input::Input;
 use crate::wrong::Wrong;
-use crate::{hdf5, vtk};
+use crate::{amira, hdf5, vtk};
 
 const MARK: &str = ":/";
 
@@ -50,7 +50,7 @@ pub fn array_of(path: &Path) -> Option<&str> {
 
 /// Refuses an array's name where the format, `None` an unknown one, has none.
 pub(crate) fn check(input: &Input, format: Option<&'static str>) -> Result<(), FormatError> {
-    let with_names = [hdf5::FORMAT, vtk::LEGACY, vtk::XML];
+    let with_names = [hdf5::FORMAT, vtk::LEGACY, vtk::XML, amira::FORMAT];
     let Some(array) = &input.array else { return Ok(()) };
     match format {
         Some(format) if with_names.contains(&format) => Ok(()),

@@ -7,11 +7,13 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they have written"))]
 
 mod affine;
+mod amira;
 mod array;
 mod coding;
 mod grey;
 mod hdf5;
 mod input;
+mod lines;
 mod meta_image;
 mod natural;
 mod nifti;
@@ -28,6 +30,7 @@ mod stack;
 mod tiff;
 mod units;
 mod unpacked;
+mod vgi;
 mod vtk;
 mod wrong;
 
@@ -55,7 +58,7 @@ struct Format {
 
 type OpenFormat = fn(Input, &RawHints) -> Result<Box<dyn VolumeSource>, FormatError>;
 
-static FORMATS: [Format; 10] = [
+static FORMATS: [Format; 12] = [
     Format {
         name: "TIFF",
         extensions: ".tif, .tiff",
@@ -119,6 +122,22 @@ static FORMATS: [Format; 10] = [
         recognises: hdf5::has_magic,
         is_in_order: false,
         open: hdf5::open,
+    },
+    Format {
+        name: amira::FORMAT,
+        extensions: ".am",
+        reads: "uniform lattices, binary, text, runs or zlib",
+        recognises: amira::recognises,
+        is_in_order: true,
+        open: amira::open,
+    },
+    Format {
+        name: vgi::FORMAT,
+        extensions: ".vgi with .vol",
+        reads: "one raw file beside the header",
+        recognises: vgi::recognises,
+        is_in_order: true,
+        open: vgi::open,
     },
     Format {
         name: "VTK legacy",

@@ -6,8 +6,8 @@ use brickcast_volume::format::{
     Endian, FormatError, Placement, RawHints, SourceHeader, VolumeSource, VoxelType, excerpt,
 };
 
-use super::lines::Lines;
 use crate::input::Input;
+use crate::lines::Lines;
 use crate::ordered::{Block, Coding, OrderedSource};
 use crate::packed::Packing;
 use crate::space::{Place, hinted};

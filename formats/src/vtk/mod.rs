@@ -1,7 +1,6 @@
 //! VTK: the legacy format of structured points, and XML image data (.vti).
 
 mod legacy;
-mod lines;
 mod tags;
 mod xml;
 

@@ -169,6 +169,85 @@ for packing in ["gz", "zst"]:
     row(f"nexus.nxs.{packing}", phantom("u2"), numpy.diag([1.0, -2.0, 3.0]), [-4.0, 5.0, 0.5], unit="mm")
     row(f"nexus.nxs.{packing}:/entry/raw", phantom("u1", (2, 3, 4)))
 
+# Amira Mesh and VGI, from their descriptions: there is no other program at hand that writes them.
+AMIRA = {"u1": "byte", "i2": "short", "u2": "ushort", "i4": "int", "f4": "float", "f8": "double"}
+
+
+def runs(data):
+    """A byte over and over, or some as they are."""
+    out = bytearray()
+    for i in range(0, len(data), 50):
+        part = data[i:i + 50]
+        out += bytes([len(part), part[0]]) if len(set(part)) == 1 else bytes([128 + len(part)]) + part
+    return bytes(out)
+
+
+def amira(name, coding, arrays, packing=None):
+    head = f"# AmiraMesh {coding} 2.1\n\n\ndefine Lattice {NX} {NY} {NZ}\n\nParameters {{\n    Units {{\n        Coordinates \"mm\"\n    }}\n"
+    head += f"    Content \"{NX}x{NY}x{NZ} ushort, uniform coordinates\",\n    BoundingBox -4 {NX - 5} 5 {2 * NY + 3} 0.5 {3 * NZ - 2.5},\n    CoordType \"uniform\"\n}}\n\n"
+    body = b""
+    for mark, (title, values) in enumerate(arrays.items(), 1):
+        order = "<" if "LITTLE" in coding else ">"
+        data = numpy.ascontiguousarray(values).astype(values.dtype.newbyteorder(order)).tobytes()
+        if coding == "ASCII":
+            data = "\n".join(repr(v.item()) for v in numpy.ravel(values)).encode() + b"\n"
+        data = {None: lambda d: d, "HxZip": zlib.compress, "HxByteRLE": runs}[packing](data)
+        kind = AMIRA[values.dtype.str[1:]] + ("[3]" if values.ndim == 4 else "")
+        head += f"Lattice {{ {kind} {title} }} @{mark}" + (f"({packing},{len(data)})" if packing else "") + "\n"
+        body += f"\n@{mark}\n".encode() + data + b"\n"
+    open(name, "wb").write(head.encode() + b"\n# Data section follows" + body)
+
+
+import zlib
+
+origin = (-4, 5, 0.5)
+for coding in ["BINARY-LITTLE-ENDIAN", "BINARY", "ASCII", "3D ASCII"]:
+    for dtype in AMIRA:
+        name = f"amira_{coding.replace(' ', '_')}_{dtype}.am"
+        amira(name, coding.split()[-1], {"Data": phantom(dtype)})
+        row(name, phantom(dtype), straight, origin, unit="mm")
+for packing, dtype in [("HxZip", "u1"), ("HxZip", "i2"), ("HxByteRLE", "u1")]:
+    for coding in ["BINARY-LITTLE-ENDIAN", "BINARY"]:
+        name = f"amira_{packing}_{dtype}_{coding}.am"
+        flat = numpy.where(phantom(dtype) > 60, 3, 0).astype(dtype)
+        amira(name, coding, {"Labels": flat}, packing)
+        row(name, flat, straight, origin, unit="mm")
+        open(f"{name}.gz", "wb").write(gzip.compress(open(name, "rb").read()))
+        row(f"{name}.gz", flat, straight, origin, unit="mm")
+vectors = numpy.repeat(phantom("f4")[..., None], 3, -1)
+for coding, packing in [("BINARY-LITTLE-ENDIAN", None), ("ASCII", None), ("BINARY", "HxZip")]:
+    name = f"amira_several_{coding}.am"
+    amira(name, coding, {"Vectors": vectors, "Data": phantom("u2"), "Labels": phantom("u1")}, packing)
+    row(name, phantom("u2"), straight, origin, unit="mm")
+    row(f"{name}:/Labels", phantom("u1"), straight, origin, unit="mm")
+for dtype in ["u1", "i2", "u2", "f4"]:
+    for order in ["little", "big"]:
+        kind = {"u": "unsigned integer", "i": "signed integer", "f": "float"}[dtype[0]]
+        name = f"vgi_{dtype}_{order}"
+        data = phantom(dtype).astype(("<" if order == "little" else ">") + dtype).tobytes()
+        open(f"{name}.vol", "wb").write(b"x" * 16 + data)
+        head = f"""{{volume1}}
+[representation]
+size = {NX} {NY} {NZ}
+datatype = {kind}
+bitsperelement = {8 * int(dtype[1])}
+mirror = 0 0 0
+[file1]
+SkipHeader = 16
+FileFormat = raw
+Size = {NX} {NY} {NZ}
+Name = C:\\scans\\{name}.vol
+Datatype = {kind}
+BitsPerElement = {8 * int(dtype[1])}
+Endian = {order}
+{{volumeprimitive1}}
+[geometry]
+resolution = 1 2 3
+unit = mm
+"""
+        open(f"{name}.vgi", "w").write(head)
+        row(f"{name}.vgi", phantom(dtype), straight, unit="mm")
+
 # What is refused, and words of why.
 refusals = []
 with h5py.File("refused.h5", "w", libver=NEW) as file:
@@ -203,6 +282,17 @@ refusals.append("cut.h5\tHDF5")
 open("empty.h5", "wb").write(whole[:8])
 refusals.append("empty.h5\theader")
 refusals.append("mha_u1.mha:/volume\tholds one volume") if os.path.exists("mha_u1.mha") else None
+refusals.append("amira_several_ASCII.am:/Vectors\t3 values a voxel")
+refusals.append("amira_several_BINARY.am:/other\tnone called `other`\tVectors, Data, Labels")
+for name, old, new, words in [
+    ("amira_BINARY_u2.am", b'"uniform"', b'"stacked"', "CoordType"), ("amira_BINARY_u2.am", b"ushort Data", b"HxComplex Data", "HxComplex"),
+    ("amira_HxZip_u1_BINARY.am", b"HxZip", b"HxOther", "HxOther"), ("vgi_u2_big.vgi", b"FileFormat = raw", b"FileFormat = proj", "FileFormat"),
+    ("vgi_u2_big.vgi", b"SkipHeader", b"[file2]\nSkipHeader", "several files"), ("vgi_u2_big.vgi", b"vgi_u2_big.vol", b"gone.vol", "gone.vol"),
+]:
+    bad = f"bad{len(refusals)}.bin"
+    assert old in open(name, "rb").read()
+    open(bad, "wb").write(open(name, "rb").read().replace(old, new))
+    refusals.append(f"{bad}\t{words}" if words != "gone.vol" else f"{bad}\t{words}\tcannot")
 refusals.append("by_pynrrd.nrrd:/volume\tholds one volume")
 for name in named:
     refusals.append(f"{name}:/fourth\tnone called `fourth`\tother\tvectors")

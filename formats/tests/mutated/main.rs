@@ -190,6 +190,16 @@ fn damaged_hdf5() {
     damaged("x.h5", seeds::hdf5());
 }
 
+#[test]
+fn damaged_amira_meshes() {
+    damaged("x.am", seeds::amira());
+}
+
+#[test]
+fn damaged_headers_of_volume_graphics() {
+    damaged("x.vgi", seeds::vgi());
+}
+
 /// Packed, no length gives them away: planes of terabytes out of a few bytes.
 #[test]
 fn headers_that_lie_cost_no_memory() {

@@ -286,3 +286,36 @@ _"#
         file(r#" compressor="vtkLZ4DataCompressor""#, appended, blocks(&lz4_flex::block::compress)),
     ]
 }
+
+pub(crate) fn amira() -> Vec<Vec<u8>> {
+    let file = |coding: &str, kind: &str, packing: &str, data: &[u8]| {
+        let head = format!(
+            "# AmiraMesh {coding} 2.1\n\ndefine Lattice 4 3 2\n\nParameters {{\n    Units {{\n\
+             Coordinates \"mm\"\n    }}\n    BoundingBox 0 3 1 5 -2 1.5,\n    CoordType \"uniform\"\n}}\n\n\
+             Lattice {{ byte[2] Pairs }} @1\nLattice {{ {kind} Data }} @2{packing}\n\n# Data section follows\n@1\n"
+        );
+        let pairs = if coding == "ASCII" { "1 ".repeat(48).into_bytes() } else { voxels(48) };
+        [head.as_bytes(), &pairs, b"\n@2\n", data, b"\n"].concat()
+    };
+    let text = (0..24).map(|i| (i * 9 - 40).to_string()).collect::<Vec<_>>().join("\n");
+    let packed = zlib(&voxels(48));
+    let runs = [&[20, 7, 0x84][..], &voxels(4)].concat();
+    vec![
+        file("BINARY-LITTLE-ENDIAN", "ushort", "", &voxels(48)),
+        file("BINARY", "short", &format!("(HxZip,{})", packed.len()), &packed),
+        file("BINARY", "byte", &format!("(HxByteRLE,{})", runs.len()), &runs),
+        file("ASCII", "float", "", text.as_bytes()),
+    ]
+}
+
+pub(crate) fn vgi() -> Vec<Vec<u8>> {
+    let file = |kind: &str, bits: u32, more: &str| {
+        let head = format!(
+            "{{volume1}}\n[representation]\nsize = 4 3 2\n[file1]\nSkipHeader = 0\nFileFormat = raw\nSize = 4 3 2\n\
+             Name = whole.bin\nDatatype = {kind}\nBitsPerElement = {bits}\n{more}{{volumeprimitive1}}\n[geometry]\n\
+             resolution = 0.5 1 2.5\nunit = mm\n"
+        );
+        head.into_bytes()
+    };
+    vec![file("unsigned integer", 16, "Endian = big\n"), file("signed integer", 8, ""), file("unsigned integer", 8, "")]
+}

@@ -1,4 +1,4 @@
-//! A legacy file from its first byte on: lines, and between them numbers that are passed over.
+//! A file of lines from its first byte on, and between them numbers that are passed over: VTK's legacy format, Amira.
 
 use std::io::{self, BufRead, Read as _};
 
@@ -7,10 +7,10 @@ use crate::wrong::Wrong;
 /// Of all lines together, and of one.
 const LONGEST: u64 = 1 << 20;
 
-pub(super) struct Lines<R> {
+pub(crate) struct Lines<R> {
     file: R,
     /// The byte that comes next.
-    pub(super) at: u64,
+    pub(crate) at: u64,
     said: u64,
 }
 
@@ -19,12 +19,12 @@ fn unreadable(reason: io::Error) -> Wrong {
 }
 
 impl<R: BufRead> Lines<R> {
-    pub(super) fn new(file: R) -> Self {
+    pub(crate) fn new(file: R) -> Self {
         Self { file, at: 0, said: 0 }
     }
 
     /// The next line, which may be empty; nothing at the end.
-    pub(super) fn raw(&mut self) -> Result<Option<String>, Wrong> {
+    pub(crate) fn raw(&mut self) -> Result<Option<String>, Wrong> {
         let mut line = Vec::new();
         let left = LONGEST.saturating_sub(self.said);
         let got = self.file.by_ref().take(left).read_until(b'\n', &mut line).map_err(unreadable)? as u64;
@@ -45,7 +45,7 @@ impl<R: BufRead> Lines<R> {
     }
 
     /// The next line that is not empty; nothing at the end.
-    pub(super) fn next(&mut self) -> Result<Option<String>, Wrong> {
+    pub(crate) fn next(&mut self) -> Result<Option<String>, Wrong> {
         while let Some(line) = self.raw()? {
             if !line.is_empty() {
                 return Ok(Some(line));
@@ -55,11 +55,11 @@ impl<R: BufRead> Lines<R> {
     }
 
     /// One that must be there.
-    pub(super) fn due(&mut self) -> Result<String, Wrong> {
+    pub(crate) fn due(&mut self) -> Result<String, Wrong> {
         self.next()?.ok_or_else(|| Wrong::broken("header", "it ends before the voxels begin"))
     }
 
-    pub(super) fn pass_bytes(&mut self, count: u64) -> Result<(), Wrong> {
+    pub(crate) fn pass_bytes(&mut self, count: u64) -> Result<(), Wrong> {
         let passed = io::copy(&mut self.file.by_ref().take(count), &mut io::sink()).map_err(unreadable)?;
         self.at += passed;
         match passed == count {
@@ -69,7 +69,7 @@ impl<R: BufRead> Lines<R> {
     }
 
     /// Words between white space.
-    pub(super) fn pass_words(&mut self, mut count: u64) -> Result<(), Wrong> {
+    pub(crate) fn pass_words(&mut self, mut count: u64) -> Result<(), Wrong> {
         let mut is_within = false;
         while count > 0 || is_within {
             let buffer = self.file.fill_buf().map_err(unreadable)?;
