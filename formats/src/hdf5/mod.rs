@@ -46,9 +46,9 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
             max_object_header_bytes: LONGEST_HEADER,
             ..OpenOptions::default()
         };
-        let storage = storage::Storage::open(&path).map_err(|e| Wrong::broken("file", e))?;
-        let file =
-            Hdf5File::from_storage_with_options(Arc::new(storage), options).map_err(|e| Wrong::broken("header", e))?;
+        let storage = Arc::new(storage::Storage::open(&path).map_err(|e| Wrong::broken("file", e))?);
+        let file = Hdf5File::from_storage_with_options(storage.clone(), options);
+        let file = file.map_err(|e| Wrong::broken("header", e))?;
         let mut notes = Vec::new();
         let at = choose::dataset(&file, &path, input.array.as_deref(), &mut notes)?;
         let dataset = dataset::Dataset::open(&file, &at, hints, &mut notes)?;
@@ -64,6 +64,7 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
             ..SourceHeader::new(FORMAT, geometry, dataset.kind.voxel_type)
         };
         let blocks = blocks::Blocks::new(file, dataset, input.file_bytes)?;
+        storage.is_found();
         Ok((about, blocks))
     };
     let (about, blocks) = source().map_err(|wrong| wrong.of(&path, FORMAT))?;

@@ -112,6 +112,10 @@ fn damaged(name: &str, seeds: Vec<Vec<u8>>) {
     let path = folder.path().join(name);
     for (i, seed) in seeds.iter().enumerate() {
         std::fs::write(&path, seed).unwrap();
+        // For the fuzzers (docs/formats.md).
+        if let Some(kept) = std::env::var_os("BRICKCAST_SEEDS") {
+            std::fs::write(Path::new(&kept).join(format!("{i}-{name}")), seed).unwrap();
+        }
         assert!(read(&path).unwrap_or_else(|e| panic!("seed {i} of {name}: {e}")) > 0);
     }
     let (read_whole, refused) = (Cell::new(0), Cell::new(0));
