@@ -9,8 +9,8 @@ use brickcast_volume::small_file;
 use crate::packed::{Packing, opened};
 use crate::wrong::unreadable;
 
-/// How much of a file formats are known by: the header of NIfTI-2 has 540 bytes.
-pub(crate) const START_BYTES: u64 = 1024;
+/// How much of a file formats are known by: HDF5's mark may follow 2048 bytes of the user's own.
+pub(crate) const START_BYTES: u64 = 2056;
 
 #[derive(Debug)]
 pub(crate) struct Input {
@@ -20,6 +20,8 @@ pub(crate) struct Input {
     pub(crate) start: Vec<u8>,
     /// Of the file as it lies there.
     pub(crate) file_bytes: u64,
+    /// Which of the arrays in it somebody names.
+    pub(crate) array: Option<String>,
 }
 
 impl Input {
@@ -34,7 +36,7 @@ impl Input {
             return Ok(None);
         }
         let packing = Packing::of(&start);
-        let mut input = Self { path: path.into(), packing, start, file_bytes };
+        let mut input = Self { path: path.into(), packing, start, file_bytes, array: None };
         if packing != Packing::None {
             input.start = input.head(START_BYTES)?;
         }

@@ -7,10 +7,14 @@
 #![cfg_attr(test, allow(clippy::disallowed_methods, reason = "tests read what they have written"))]
 
 mod affine;
+mod amira;
+mod array;
 mod coding;
 mod dicom;
 mod grey;
+mod hdf5;
 mod input;
+mod lines;
 mod listing;
 mod mended;
 mod meta_image;
@@ -32,6 +36,7 @@ mod txm;
 mod units;
 mod unpacked;
 mod valued;
+mod vgi;
 mod vtk;
 mod write;
 mod wrong;
@@ -42,6 +47,7 @@ use brickcast_volume::format::{self, FormatError, Opener, RawHints, VolumeSource
 
 use input::Input;
 
+pub use array::{array_of, file_of};
 pub use listing::is_stack;
 pub use write::{WriteError, Written, writable, write};
 
@@ -60,7 +66,7 @@ struct Format {
 
 type OpenFormat = fn(Input, &RawHints) -> Result<Box<dyn VolumeSource>, FormatError>;
 
-static FORMATS: [Format; 11] = [
+static FORMATS: [Format; 14] = [
     // Before TIFF: slides are both, and say so at their start.
     Format {
         name: "DICOM",
@@ -127,6 +133,30 @@ static FORMATS: [Format; 11] = [
         open: numpy::open,
     },
     Format {
+        name: hdf5::FORMAT,
+        extensions: ".h5, .hdf5, .nxs",
+        reads: "NeXus, DXchange, or FILE:/path/of/dataset",
+        recognises: hdf5::has_magic,
+        is_in_order: false,
+        open: hdf5::open,
+    },
+    Format {
+        name: amira::FORMAT,
+        extensions: ".am",
+        reads: "uniform lattices, binary, text, runs or zlib",
+        recognises: amira::recognises,
+        is_in_order: true,
+        open: amira::open,
+    },
+    Format {
+        name: vgi::FORMAT,
+        extensions: ".vgi with .vol",
+        reads: "one raw file beside the header",
+        recognises: vgi::recognises,
+        is_in_order: true,
+        open: vgi::open,
+    },
+    Format {
         name: "VTK legacy",
         extensions: ".vtk",
         reads: "structured points, text or binary",
@@ -164,7 +194,7 @@ pub fn supported() -> String {
 }
 
 /// Opens an input volume: a file, a folder of slices, a pattern that stands for files, or a list of their names. What
-/// is in the file decides, then its suffix.
+/// is in the file decides, then its suffix. `FILE:/NAME` names one of several arrays, see [`array`].
 ///
 /// # Errors
 /// Nothing there, an unknown format, or what the format's own reader finds wrong.
@@ -183,10 +213,14 @@ fn opened(path: &Path, hints: &RawHints) -> Result<Box<dyn VolumeSource>, Format
     if path.is_dir() {
         return stack::open_folder(path, hints);
     }
+    let (path, array) = array::split(path);
     let path = &nifti::header_of_pair(path);
     // What cannot be opened is told of by the one below.
-    let Some(input) = Input::open(path)? else { return format::open(path, hints) };
-    if let Some(format) = FORMATS.iter().find(|f| (f.recognises)(&input.start)) {
+    let Some(mut input) = Input::open(path)? else { return format::open(path, hints) };
+    input.array = array.map(str::to_owned);
+    let format = FORMATS.iter().find(|f| (f.recognises)(&input.start));
+    array::check(&input, format.map(|format| format.name))?;
+    if let Some(format) = format {
         return match input.is_packed() && !format.is_in_order {
             true => unpacked::open(&input, hints, Opener(opened)),
             false => (format.open)(input, hints),

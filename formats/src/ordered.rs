@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use brickcast_volume::format::{Endian, FormatError, SourceHeader, VolumeSource, VoxelType};
 
-use crate::coding::{Blocks, Numbers};
+use crate::coding::{Blocks, Numbers, Runs};
 use crate::packed::{Packing, opened};
 use crate::wrong::unreadable;
 
@@ -36,6 +36,8 @@ pub(crate) enum Coding {
     Text(VoxelType),
     /// Of VTK.
     Blocks(Blocks),
+    /// Of Amira.
+    Runs,
 }
 
 impl Block {
@@ -47,6 +49,7 @@ impl Block {
         match (self.coding, self.inner) {
             (Coding::Text(_), _) => "text",
             (Coding::Blocks(_), _) => "VTK",
+            (Coding::Runs, _) => "HxByteRLE",
             (Coding::Plain, Packing::None) => self.outer.name(),
             (Coding::Plain, inner) => inner.name(),
         }
@@ -63,6 +66,7 @@ impl Block {
         Ok(Stream::Packed(match self.coding {
             Coding::Text(voxel_type) => Box::new(Numbers::new(reader, voxel_type)),
             Coding::Blocks(blocks) => blocks.reader(reader)?,
+            Coding::Runs => Box::new(Runs::new(reader)),
             Coding::Plain => Box::new(reader),
         }))
     }

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use brickcast_volume::format::{FormatError, Opener, RawHints, SourceHeader, VolumeSource};
 use brickcast_volume::store::ScratchFolder;
 
+use crate::array;
 use crate::input::Input;
 use crate::packed::Packing;
 use crate::wrong::{EXPORT_AGAIN, Wrong};
@@ -37,7 +38,7 @@ pub(crate) fn open(input: &Input, hints: &RawHints, opener: Opener) -> Result<Bo
         let why = format!("there is {} in {}", unpacked.packing.name(), input.packing.name());
         return Err(Wrong::new("content", why, "unpack the outer one").of(path, input.packing.name()));
     }
-    let inner = opener.open(&copy, hints).map_err(named)?;
+    let inner = opener.open(&array::within(&copy, input.array.as_deref()), hints).map_err(named)?;
     let mut header = inner.header().clone();
     header.notes.push(format!("unpacked from {} into a temporary file, which was read", input.packing.name()));
     let files = vec![path.clone()];

@@ -157,9 +157,14 @@ pub fn opened_input(
 ) -> anyhow::Result<(Box<dyn VolumeSource>, PrepareOptions)> {
     let source = open_input(place, hints)?;
     let input = shown(place);
+    let file = brickcast_formats::file_of(&input);
+    let name = file.file_name().and_then(|n| n.to_str()).map(|name| match brickcast_formats::array_of(&input) {
+        Some(array) => format!("{name}:{array}"),
+        None => name.to_owned(),
+    });
     let options = PrepareOptions {
-        source_name: input.file_name().and_then(|n| n.to_str()).map(str::to_owned),
-        source_bytes: input.metadata().ok().filter(std::fs::Metadata::is_file).map(|m| m.len()),
+        source_name: name,
+        source_bytes: file.metadata().ok().filter(std::fs::Metadata::is_file).map(|m| m.len()),
         ..options.clone()
     };
     Ok((source, options))

@@ -164,7 +164,7 @@ impl OnTheWayArgs {
     /// stderr cannot be written.
     pub fn with_regions_for(mut self, path: &Path, asked: Option<&str>, quiet: bool) -> Result<Self, Failure> {
         let is_input = || {
-            path.is_file()
+            brickcast_formats::file_of(path).is_file()
                 || brickcast_formats::is_pattern(path)
                 || (path.is_dir() && !path.join(MANIFEST_FILE).exists())
         };
@@ -212,7 +212,7 @@ impl OnTheWayArgs {
             return Ok(Source::Store(store));
         }
         // What is there but no regular file is refused by name, not taken for a name that nodes know.
-        if path.exists() || brickcast_formats::is_pattern(path) {
+        if brickcast_formats::file_of(path).exists() || brickcast_formats::is_pattern(path) {
             return Ok(Source::Store(self.prepared(&place, path)?));
         }
         match path.to_str() {
@@ -243,6 +243,10 @@ impl OnTheWayArgs {
         let PrepareOptions { brick_size: brick, regions, levels, view, .. } = &options;
         let how = format!("{range:?}|{:?}|{regions:?}|{levels:?}", self.raw);
         let mut words = format!("{brick}|{how}|{version}|{STORE_VERSION}|{view:?}");
+        if let Some(array) = brickcast_formats::array_of(input) {
+            // Of one file, each array is a volume of its own.
+            write!(words, "|{array:?}").map_err(anyhow::Error::new)?;
+        }
         if let Place::Far(root) = place {
             // No file tells whether voxels were changed: that is seen chunk by chunk, where they are read.
             write!(words, "|{}|{header:?}", root.address()).map_err(anyhow::Error::new)?;

@@ -4,5 +4,5 @@ mod legacy;
 mod tags;
 mod xml;
 
-pub(crate) use legacy::{open as open_legacy, recognises as is_legacy};
-pub(crate) use xml::{open as open_xml, recognises as is_xml};
+pub(crate) use legacy::{FORMAT as LEGACY, open as open_legacy, recognises as is_legacy};
+pub(crate) use xml::{FORMAT as XML, open as open_xml, recognises as is_xml};

@@ -15,7 +15,7 @@ use crate::packed::Packing;
 use crate::space::{Place, hinted};
 use crate::wrong::{EXPORT_AGAIN, Wrong};
 
-const FORMAT: &str = "VTK image data";
+pub(crate) const FORMAT: &str = "VTK image data";
 
 pub(crate) fn recognises(start: &[u8]) -> bool {
     let text = String::from_utf8_lossy(start);
@@ -43,6 +43,7 @@ fn find(input: &Input) -> Result<Found, Wrong> {
     let mut found = Found::default();
     // The array that is to be shown by default.
     let (mut group, mut wanted) = (None, None::<String>);
+    let named = input.array.as_ref().map(|name| &name[1..]);
     while let Some(tag) = tags.next().map_err(broken)? {
         match tag.name.as_str() {
             "VTKFile" => found.file = tag,
@@ -55,7 +56,7 @@ fn find(input: &Input) -> Result<Found, Wrong> {
             "/PointData" | "/CellData" => group = None,
             "DataArray" if group.is_some() => {
                 let name = tag.get("Name").unwrap_or_default();
-                let is_wanted = wanted.as_deref().is_none_or(|wanted| wanted == name);
+                let is_wanted = named.or(wanted.as_deref()).is_none_or(|wanted| wanted == name);
                 let have_points = !found.array.name.is_empty() && !found.is_of_cells;
                 let better = group == Some(false) && found.is_of_cells;
                 if (found.array.name.is_empty() || better) && is_wanted && !have_points {
@@ -110,11 +111,12 @@ fn numbers<const N: usize>(tag: &Tag, name: &str) -> Result<Option<[f64; N]>, Wr
 pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSource>, FormatError> {
     let path = input.path.clone();
     let found = find(&input).map_err(|wrong| wrong.of(&path, FORMAT))?;
-    let (about, block) = parsed(&found, &input.path, input.packing).map_err(|wrong| wrong.of(&path, FORMAT))?;
+    let named = input.array.as_ref().map(|name| &name[1..]);
+    let (about, block) = parsed(&found, &input.path, input.packing, named).map_err(|wrong| wrong.of(&path, FORMAT))?;
     Ok(Box::new(OrderedSource::new(hinted(&path, about, hints, false)?, block, vec![path.clone()])?))
 }
 
-fn parsed(found: &Found, path: &Path, outer: Packing) -> Result<(SourceHeader, Block), Wrong> {
+fn parsed(found: &Found, path: &Path, outer: Packing, named: Option<&str>) -> Result<(SourceHeader, Block), Wrong> {
     let kind = found.file.get("type").unwrap_or_default();
     if kind != "ImageData" {
         let why = format!("`{}` is no ImageData", excerpt(kind));
@@ -127,13 +129,19 @@ fn parsed(found: &Found, path: &Path, outer: Packing) -> Result<(SourceHeader, B
         return Err(Wrong::new("Piece", why, "save it as one piece"));
     }
     if found.array.name.is_empty() {
-        return Err(Wrong::broken("DataArray", "there is none on points or in cells"));
+        return match named {
+            Some(name) if !found.others.is_empty() => {
+                let why = format!("there is none called `{}`; there are: {}", excerpt(name), found.others.join(", "));
+                Err(Wrong::new("DataArray", why, "name one of these"))
+            }
+            _ => Err(Wrong::broken("DataArray", "there is none on points or in cells")),
+        };
     }
     let name = excerpt(found.array.get("Name").unwrap_or_default());
     let components = found.array.get("NumberOfComponents").unwrap_or("1");
     if components != "1" {
         let why = format!("`{name}` has {} values a voxel", excerpt(components));
-        return Err(Wrong::new("NumberOfComponents", why, "save an array of one value, and make it the Scalars"));
+        return Err(Wrong::new("NumberOfComponents", why, "name one of one value: FILE:/NAME"));
     }
     let word = found.array.get("type").unwrap_or_default();
     let voxel_type = voxel_type(word).ok_or_else(|| {
@@ -154,8 +162,9 @@ fn parsed(found: &Found, path: &Path, outer: Packing) -> Result<(SourceHeader, B
     let half = if found.is_of_cells { 0.5 } else { 0.0 };
     let first = [extent[0] + half, extent[2] + half, extent[4] + half];
     let origin = DVec3::from(origin.unwrap_or([0.0; 3])) + (0..3).map(|i| vectors[i] * first[i]).sum::<DVec3>();
+    let how = if named.is_some() { "taken, as named" } else { "taken" };
     let mut notes =
-        vec![format!("array `{name}` {} was taken", if found.is_of_cells { "in cells" } else { "on points" })];
+        vec![format!("array `{name}` {} was {how}", if found.is_of_cells { "in cells" } else { "on points" })];
     if !found.others.is_empty() {
         notes.push(format!("others are left aside: {}", found.others.join(", ")));
     }

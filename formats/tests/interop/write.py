@@ -312,6 +312,34 @@ for text in [True, False]:
     writer.Write()
     assert b"METADATA" in open(name, "rb").read()
     vtk_row(name, image, "i4")
+# Several arrays, which are named: in cells, on points, of the same name in both, of several values.
+image = vtk_image("f4", name="both")
+for data, cells, names in [(image.GetPointData(), False, {"other": "i2", "third": "u4"}),
+                           (image.GetCellData(), True, {"both": "u1", "of cells": "i4"})]:
+    vectors = numpy_to_vtk(numpy.zeros((NX * NY * NZ, 3), "f4"), deep=True)
+    vectors.SetName("vectors")
+    data.SetVectors(vectors)
+    for name, dtype in names.items():
+        n = [e - cells for e in (NZ, NY, NX)]
+        array = numpy_to_vtk(numpy.ravel(phantom(dtype)[:n[0], :n[1], :n[2]]), deep=True)
+        array.SetName(name)
+        data.AddArray(array)
+named = []
+for text in [True, False]:
+    writer = vtkStructuredPointsWriter()
+    writer.SetInputData(image), writer.SetFileName(f"named_{text}.vtk")
+    writer.SetFileTypeToASCII() if text else writer.SetFileTypeToBinary()
+    writer.Write(), named.append(f"named_{text}.vtk")
+for mode in ["Ascii", "Binary", "Appended"]:
+    writer = vtkXMLImageDataWriter()
+    getattr(writer, f"SetDataModeTo{mode}")()
+    writer.SetInputData(image), writer.SetFileName(f"named_{mode}.vti"), writer.Write(), named.append(f"named_{mode}.vti")
+for name in named:
+    at, half = numpy.array([-4.5, 5.25, 6.0]), numpy.array(SPACING) / 2
+    row(f"{name}:/both", phantom("f4"), straight, at)
+    row(f"{name}:/other", phantom("i2"), straight, at)
+    row(f"{name}:/third", phantom("u4"), straight, at)
+    row(f"{name}:/of cells", phantom("i4")[:-1, :-1, :-1], straight, at + half)
 writer = vtkStructuredPointsWriter()
 image = vtk_image("u2", cells=True)
 writer.SetInputData(image), writer.SetFileName("vtk_cells.vtk"), writer.SetFileTypeToBinary(), writer.Write()

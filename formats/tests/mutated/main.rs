@@ -43,8 +43,11 @@ enum Mutation {
 const NUMBERS: [u64; 12] = [0, 1, 2, 255, 256, 65535, 65536, 1 << 20, 0x7fff_ffff, 0xffff_ffff, 1 << 40, u64::MAX];
 const TEXTS: [&str; 10] =
     ["0", "1", "-1", "1048576", "4294967296", "18446744073709551615", "1e300", "nan", "", "99999999999999999999999"];
-/// What is behind is voxels.
-const HEADER: usize = 600;
+
+/// What is behind is voxels; HDF5 has its headers anywhere.
+fn header_of(name: &str) -> usize {
+    if name.ends_with(".h5") { usize::MAX } else { 600 }
+}
 
 fn mutation() -> impl Strategy<Value = Mutation> {
     let index = any::<prop::sample::Index>;
@@ -58,7 +61,7 @@ fn mutation() -> impl Strategy<Value = Mutation> {
     ]
 }
 
-fn mutate(file: &mut Vec<u8>, mutation: &Mutation) {
+fn mutate(file: &mut Vec<u8>, header: usize, mutation: &Mutation) {
     if file.len() < 16 {
         return;
     }
@@ -66,13 +69,13 @@ fn mutate(file: &mut Vec<u8>, mutation: &Mutation) {
         Mutation::Flip { at, bit } => *at.get_mut(file) ^= 1 << bit,
         Mutation::Put { at, byte } => *at.get_mut(file) = *byte,
         Mutation::PutNumber { at, number } => {
-            let (at, number) = (at.index(file.len().min(HEADER) - 4) & !1, number.get(&NUMBERS));
+            let (at, number) = (at.index(file.len().min(header) - 4) & !1, number.get(&NUMBERS));
             file[at..at + 4].copy_from_slice(&number.to_le_bytes()[..4]);
         }
         Mutation::Truncate { at } => file.truncate(at.index(file.len())),
         Mutation::SwapText { which, number } => {
             let part = |b: &u8| b.is_ascii_digit() || matches!(b, b'.' | b'-');
-            let end = file.len().min(HEADER);
+            let end = file.len().min(header);
             let starts: Vec<usize> = (1..end).filter(|&i| part(&file[i]) && !part(&file[i - 1])).collect();
             if !starts.is_empty() {
                 let from = *which.get(&starts);
@@ -114,6 +117,10 @@ fn damaged(name: &str, seeds: Vec<Vec<u8>>) {
     let path = folder.path().join(name);
     for (i, seed) in seeds.iter().enumerate() {
         std::fs::write(&path, seed).unwrap();
+        // For the fuzzers (docs/formats.md).
+        if let Some(kept) = std::env::var_os("BRICKCAST_SEEDS") {
+            std::fs::write(Path::new(&kept).join(format!("{i}-{name}")), seed).unwrap();
+        }
         assert!(read(&path).unwrap_or_else(|e| panic!("seed {i} of {name}: {e}")) > 0);
     }
     let (read_whole, refused) = (Cell::new(0), Cell::new(0));
@@ -123,7 +130,7 @@ fn damaged(name: &str, seeds: Vec<Vec<u8>>) {
     let strategy = (prop::sample::select(seeds), prop::collection::vec(mutation(), 1..4), 0_u8..4);
     proptest::test_runner::TestRunner::new(config)
         .run(&strategy, |(mut file, mutations, packed)| {
-            mutations.iter().for_each(|m| mutate(&mut file, m));
+            mutations.iter().for_each(|m| mutate(&mut file, header_of(name), m));
             if packed == 0 {
                 file = seeds::gzip(&file);
             }
@@ -200,6 +207,21 @@ fn damaged_txm() {
     };
     let seeds = [seed(cfb::Version::V3, [7, 5], 5, 70), seed(cfb::Version::V4, [60, 40], 10, 9600)];
     damaged("x.txm", seeds.to_vec());
+}
+
+#[test]
+fn damaged_hdf5() {
+    damaged("x.h5", seeds::hdf5());
+}
+
+#[test]
+fn damaged_amira_meshes() {
+    damaged("x.am", seeds::amira());
+}
+
+#[test]
+fn damaged_headers_of_volume_graphics() {
+    damaged("x.vgi", seeds::vgi());
 }
 
 /// Packed, no length gives them away: planes of terabytes out of a few bytes.

@@ -1,6 +1,6 @@
 //! Whole files of every format, between them of every field and codec that matters.
 
-use std::io::Write as _;
+use std::io::{Read as _, Write as _};
 
 pub(crate) fn gzip(data: &[u8]) -> Vec<u8> {
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
@@ -130,6 +130,22 @@ pub(crate) fn tiffs() -> Vec<Vec<u8>> {
     seeds
 }
 
+fn of_hex(text: &str) -> Vec<u8> {
+    (0..text.len()).step_by(2).map(|i| u8::from_str_radix(&text[i..i + 2], 16).unwrap()).collect()
+}
+
+/// As h5py wrote them: old files and new ones, every index of chunks, layout and filter, groups of many links.
+const HDF5: &str = include_str!("hdf5.gz.hex");
+
+pub(crate) fn hdf5() -> Vec<Vec<u8>> {
+    let unpacked = |line: &str| {
+        let mut file = Vec::new();
+        flate2::read::GzDecoder::new(&of_hex(line)[..]).read_to_end(&mut file).unwrap();
+        file
+    };
+    HDF5.lines().map(unpacked).collect()
+}
+
 const JPEG: &str = include_str!("grey.jpg.hex");
 
 pub(crate) fn pictures() -> Vec<Vec<u8>> {
@@ -150,14 +166,13 @@ pub(crate) fn pictures() -> Vec<Vec<u8>> {
         [&head.concat()[..], &palette, pixels].concat()
     };
     let greys = (0..=255).flat_map(|i| [i, i, i, 0]).collect();
-    let hex = |i| u8::from_str_radix(&JPEG[i..i + 2], 16).unwrap();
     vec![
         png(png::ColorType::Grayscale, png::BitDepth::Sixteen, &pixels),
         png(png::ColorType::Rgb, png::BitDepth::Eight, &grey),
         png(png::ColorType::Grayscale, png::BitDepth::Two, &pixels[..48]),
         bmp(8, greys, &voxels(192)),
         bmp(24, Vec::new(), &grey),
-        (0..JPEG.trim().len()).step_by(2).map(hex).collect(),
+        of_hex(JPEG.trim()),
     ]
 }
 
@@ -270,4 +285,37 @@ _"#
         file(r#" compressor="vtkZLibDataCompressor""#, appended, blocks(&zlib)),
         file(r#" compressor="vtkLZ4DataCompressor""#, appended, blocks(&lz4_flex::block::compress)),
     ]
+}
+
+pub(crate) fn amira() -> Vec<Vec<u8>> {
+    let file = |coding: &str, kind: &str, packing: &str, data: &[u8]| {
+        let head = format!(
+            "# AmiraMesh {coding} 2.1\n\ndefine Lattice 4 3 2\n\nParameters {{\n    Units {{\n\
+             Coordinates \"mm\"\n    }}\n    BoundingBox 0 3 1 5 -2 1.5,\n    CoordType \"uniform\"\n}}\n\n\
+             Lattice {{ byte[2] Pairs }} @1\nLattice {{ {kind} Data }} @2{packing}\n\n# Data section follows\n@1\n"
+        );
+        let pairs = if coding == "ASCII" { "1 ".repeat(48).into_bytes() } else { voxels(48) };
+        [head.as_bytes(), &pairs, b"\n@2\n", data, b"\n"].concat()
+    };
+    let text = (0..24).map(|i| (i * 9 - 40).to_string()).collect::<Vec<_>>().join("\n");
+    let packed = zlib(&voxels(48));
+    let runs = [&[20, 7, 0x84][..], &voxels(4)].concat();
+    vec![
+        file("BINARY-LITTLE-ENDIAN", "ushort", "", &voxels(48)),
+        file("BINARY", "short", &format!("(HxZip,{})", packed.len()), &packed),
+        file("BINARY", "byte", &format!("(HxByteRLE,{})", runs.len()), &runs),
+        file("ASCII", "float", "", text.as_bytes()),
+    ]
+}
+
+pub(crate) fn vgi() -> Vec<Vec<u8>> {
+    let file = |kind: &str, bits: u32, more: &str| {
+        let head = format!(
+            "{{volume1}}\n[representation]\nsize = 4 3 2\n[file1]\nSkipHeader = 0\nFileFormat = raw\nSize = 4 3 2\n\
+             Name = whole.bin\nDatatype = {kind}\nBitsPerElement = {bits}\n{more}{{volumeprimitive1}}\n[geometry]\n\
+             resolution = 0.5 1 2.5\nunit = mm\n"
+        );
+        head.into_bytes()
+    };
+    vec![file("unsigned integer", 16, "Endian = big\n"), file("signed integer", 8, ""), file("unsigned integer", 8, "")]
 }

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use brickcast_tests::process::{brickcast_both, brickcast_ok, cached_stores};
+use brickcast_tests::process::{brickcast, brickcast_both, brickcast_ok, cached_stores};
 use brickcast_volume::StoreHash;
 use brickcast_volume::format::{self, RawHints};
 use brickcast_volume::store::Store;
@@ -135,4 +135,38 @@ fn a_stack_in_the_cache_is_that_of_its_slices() {
     assert_eq!(render("stack", &[]), 4, "one slice was changed");
     let slices = fs::read_dir(at.join("stack")).unwrap().count();
     assert_eq!(slices, EDGE as usize, "nothing is written beside the slices");
+}
+
+#[test]
+fn each_array_of_a_file_is_a_volume_of_its_own() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let array = |name: &str, step: i32| {
+        let text: Vec<String> = (0..512).map(|i| (i * step % 101).to_string()).collect();
+        format!(r#"<DataArray type="Int16" Name="{name}" format="ascii">{}</DataArray>"#, text.join(" "))
+    };
+    let vti = |path: &str, arrays: &[String]| {
+        let head =
+            r#"<VTKFile type="ImageData"><ImageData WholeExtent="0 7 0 7 0 7"><Piece Extent="0 7 0 7 0 7"><PointData>"#;
+        let tail = "</PointData></Piece></ImageData></VTKFile>";
+        fs::write(at.join(path), [head, &arrays.concat(), tail].concat()).unwrap();
+    };
+    vti("two.vti", &[array("a", 7), array("b", 9)]);
+    vti("b.vti", &[array("b", 9)]);
+    for (input, store) in [("two.vti", "first"), ("two.vti:/a", "a"), ("two.vti:/b", "b"), ("b.vti", "alone")] {
+        brickcast_ok(at, &["prepare", input, store]);
+    }
+    let voxels = |name: &str| nameless(&at.join(name))["files"].clone();
+    assert_eq!((voxels("first"), voxels("b")), (voxels("a"), voxels("alone")));
+    assert_ne!(voxels("a"), voxels("b"));
+    let said = brickcast(at, &["info", "two.vti:/c"]).stderr;
+    let said = String::from_utf8_lossy(&said);
+    assert!(said.contains("none called `c`") && said.contains("a, b"), "{said}");
+    let render = |input: &str| {
+        brickcast_ok(at, &["render", input, "--backend", "cpu", "--size", "8x8", "--no-manifest", "-o", "a.png"]);
+        cached_stores(&at.join("cache")).len()
+    };
+    assert_eq!(render("two.vti:/a"), 1);
+    assert_eq!(render("two.vti:/b"), 2, "of the same file, and another volume");
+    assert_eq!(render("two.vti:/a"), 2, "found again");
 }
