@@ -10,7 +10,7 @@ use crate::input::Input;
 use crate::lines::Lines;
 use crate::ordered::{Block, Coding, OrderedSource};
 use crate::packed::Packing;
-use crate::space::{Place, hinted};
+use crate::space::{Place, noted};
 use crate::units::length;
 use crate::wrong::Wrong;
 
@@ -146,7 +146,7 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
         parse(lines, input.array.as_ref().map(|name| &name[1..]), &input)
     };
     let (about, block) = parsed().map_err(|wrong| wrong.of(&path, FORMAT))?;
-    Ok(Box::new(OrderedSource::new(hinted(&path, about, hints, false)?, block, vec![path.clone()])?))
+    Ok(Box::new(OrderedSource::new(noted(about, hints, false), block, vec![path.clone()])?))
 }
 
 fn parse<R: BufRead>(mut lines: Lines<R>, named: Option<&str>, input: &Input) -> Result<(SourceHeader, Block), Wrong> {

@@ -13,7 +13,7 @@ use crate::ordered::{Block, Coding, OrderedSource};
 use crate::packed::{Packing, opened};
 use crate::parts::{Parts, numbered};
 use crate::slices::SliceSource;
-use crate::space::{Place, hinted};
+use crate::space::{Place, noted};
 use crate::units;
 use crate::wrong::{EXPORT_AGAIN, Wrong};
 
@@ -132,7 +132,7 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
             (_, true) => fields.end as u64,
         };
         let block = with_mark(block(path.clone(), input.packing, start), &head).map_err(wrong)?;
-        return Ok(Box::new(OrderedSource::new(hinted(&path, about, hints, false)?, block, vec![path.clone()])?));
+        return Ok(Box::new(OrderedSource::new(noted(about, hints, false), block, vec![path.clone()])?));
     }
     let depth = about.geometry.dims().z;
     let names = names(data_file, &head[fields.end..], depth).map_err(wrong)?;
@@ -152,7 +152,7 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
         };
         let block = with_mark(block(file.clone(), outer, start), &[]).map_err(wrong)?;
         let all = vec![path.clone(), file.clone()];
-        return Ok(Box::new(OrderedSource::new(hinted(&path, about, hints, false)?, block, all)?));
+        return Ok(Box::new(OrderedSource::new(noted(about, hints, false), block, all)?));
     }
     if is_packed {
         let why = "several files that are compressed each by itself";
@@ -160,7 +160,7 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
     }
     let parts = Parts::new(files.clone(), skip, &about, endian)?;
     files.insert(0, path.clone());
-    Ok(Box::new(SliceSource::new(hinted(&path, about, hints, false)?, files, parts)))
+    Ok(Box::new(SliceSource::new(noted(about, hints, false), files, parts)))
 }
 
 /// Compressed data may be gzip as well as zlib.

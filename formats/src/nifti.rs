@@ -12,7 +12,7 @@ use crate::affine::rotation_of_quaternion;
 use crate::input::Input;
 use crate::ordered::{Block, Coding, OrderedSource};
 use crate::packed::Packing;
-use crate::space::{Place, hinted};
+use crate::space::{Place, noted};
 use crate::valued::{is_line, valued};
 use crate::wrong::{EXPORT_AGAIN, Wrong};
 
@@ -185,7 +185,7 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
     }
     let mut files = vec![input.path.clone()];
     files.extend((!is_one_file).then(|| path.clone()));
-    about = hinted(&input.path, about, hints, has_several)?;
+    about = noted(about, hints, has_several);
     let block = Block { path, outer, start, inner: Packing::None, endian, is_half: false, coding: Coding::Plain };
     let source = Box::new(OrderedSource::new(about, block, files)?);
     Ok(match falling {

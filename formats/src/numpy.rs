@@ -11,7 +11,7 @@ use glam::DVec3;
 use crate::input::Input;
 use crate::ordered::{Block, Coding, OrderedSource};
 use crate::packed::Packing;
-use crate::space::{Place, hinted};
+use crate::space::{Place, noted};
 use crate::wrong::Wrong;
 
 const FORMAT: &str = "NumPy array";
@@ -76,7 +76,7 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
         is_half: header.is_half,
         coding: Coding::Plain,
     };
-    Ok(Box::new(OrderedSource::new(hinted(&path, about, hints, false)?, block, vec![path.clone()])?))
+    Ok(Box::new(OrderedSource::new(noted(about, hints, false), block, vec![path.clone()])?))
 }
 
 /// The axis that goes fastest first.

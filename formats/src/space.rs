@@ -1,8 +1,6 @@
 //! A header's geometry: from axes and origin, overruled by what the user says.
 
-use std::path::Path;
-
-use brickcast_volume::format::{Axes, FormatError, Placement, RawHints, SourceHeader};
+use brickcast_volume::format::{Axes, Placement, RawHints, SourceHeader};
 use brickcast_volume::space::Geometry;
 use glam::DVec3;
 
@@ -54,16 +52,8 @@ impl Place {
     }
 }
 
-/// What the user says overrules the file.
-///
-/// # Errors
-/// A spacing or an origin that cannot be.
-pub(crate) fn hinted(
-    _path: &Path,
-    mut header: SourceHeader,
-    hints: &RawHints,
-    has_several: bool,
-) -> Result<SourceHeader, FormatError> {
+/// With a word on flags that are for other formats, and the fill value that the user names.
+pub(crate) fn noted(mut header: SourceHeader, hints: &RawHints, has_several: bool) -> SourceHeader {
     if !hints.is_empty() {
         header.notes.push("--dims, --type, --endian, --skip are for raw files; the file's own were used".into());
     }
@@ -71,5 +61,5 @@ pub(crate) fn hinted(
         header.notes.extend(hints.of_one_volume());
     }
     header.no_data.extend(hints.no_data);
-    Ok(header)
+    header
 }

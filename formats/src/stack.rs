@@ -15,7 +15,7 @@ use crate::pattern;
 use crate::picture::{self, Kind};
 use crate::slice::{Said, Shape};
 use crate::slices::{SliceSource, Slices};
-use crate::space::hinted;
+use crate::space::noted;
 use crate::tiff::{self, Tiff};
 use crate::wrong::Wrong;
 
@@ -268,7 +268,7 @@ fn open_files(
         facts_by: FactsBy::all(if first.kind() == "TIFF" { SaidBy::Tags } else { SaidBy::Header }),
         ..SourceHeader::new(said.format, geometry, first.shape.voxel_type)
     };
-    let header = hinted(of, header, hints, said.has_several)?;
+    let header = noted(header, hints, said.has_several);
     let of_set = slice_files[0].files().iter().skip(1);
     let all = also.iter().chain(&files).chain(of_set).cloned().collect();
     let filling = match filled.count() {

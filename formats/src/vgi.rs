@@ -10,7 +10,7 @@ use brickcast_volume::format::{
 use crate::input::Input;
 use crate::ordered::{Block, Coding, OrderedSource};
 use crate::packed::{Packing, opened};
-use crate::space::{Place, hinted};
+use crate::space::{Place, noted};
 use crate::units::length;
 use crate::wrong::Wrong;
 
@@ -65,7 +65,7 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
         return Err(FormatError::DataFile { header: path, data_file: block.path, reason });
     }
     let files = vec![path.clone(), block.path.clone()];
-    Ok(Box::new(OrderedSource::new(hinted(&path, about, hints, false)?, block, files)?))
+    Ok(Box::new(OrderedSource::new(noted(about, hints, false), block, files)?))
 }
 
 fn parse(text: &str, input: &Input) -> Result<(SourceHeader, Block), Wrong> {

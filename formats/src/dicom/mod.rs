@@ -30,7 +30,7 @@ use crate::input::Input;
 use crate::mended::{self, Filled};
 use crate::packed::head;
 use crate::slices::{SliceSource, Slices};
-use crate::space::hinted;
+use crate::space::noted;
 use crate::valued::{is_line, values};
 use crate::wrong::Wrong;
 use image::Image;
@@ -79,7 +79,7 @@ pub(crate) fn open_files(
     check_series(of, &images)?;
     let series = Series::new(of, images, hints, &mut notes)?;
     let files: Vec<PathBuf> = also.iter().chain(series.images.iter().map(|image| &image.path)).cloned().collect();
-    let header = hinted(of, series.header(of, notes)?, hints, series.has_several)?;
+    let header = noted(series.header(of, notes)?, hints, series.has_several);
     Ok(Box::new(SliceSource::new(header, files, series)))
 }
 

@@ -23,7 +23,7 @@ use brickcast_volume::format::{FormatError, RawHints, SourceHeader, VolumeSource
 use hdf5_reader::{Hdf5File, OpenOptions};
 
 use crate::input::Input;
-use crate::space::hinted;
+use crate::space::noted;
 use crate::wrong::Wrong;
 
 pub(crate) const FORMAT: &str = "HDF5";
@@ -68,6 +68,6 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
         Ok((about, blocks))
     };
     let (about, blocks) = source().map_err(|wrong| wrong.of(&path, FORMAT))?;
-    let about = hinted(&path, about, hints, true)?;
+    let about = noted(about, hints, true);
     Ok(Box::new(source::Hdf5Source::new(about, path, blocks)))
 }

@@ -9,7 +9,7 @@ use brickcast_volume::format::{FormatError, Placement, RawHints, SourceHeader, V
 
 use crate::input::Input;
 use crate::slices::{SliceSource, Slices};
-use crate::space::{Place, hinted};
+use crate::space::{Place, noted};
 use crate::wrong::{EXPORT_AGAIN, Wrong};
 use compound::{Compound, Stream};
 
@@ -31,7 +31,7 @@ struct Txm {
 pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSource>, FormatError> {
     let path = input.path;
     let (header, txm) = opened(path.clone()).map_err(|wrong| wrong.of(&path, FORMAT))?;
-    let header = hinted(&path, header, hints, false)?;
+    let header = noted(header, hints, false);
     Ok(Box::new(SliceSource::new(header, vec![path], txm)))
 }
 

@@ -10,7 +10,7 @@ use crate::input::Input;
 use crate::lines::Lines;
 use crate::ordered::{Block, Coding, OrderedSource};
 use crate::packed::Packing;
-use crate::space::{Place, hinted};
+use crate::space::{Place, noted};
 use crate::wrong::Wrong;
 
 pub(crate) const FORMAT: &str = "VTK legacy";
@@ -55,7 +55,7 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
     };
     let outer = input.packing;
     let block = Block { path: path.clone(), outer, start, inner: Packing::None, endian, is_half: false, coding };
-    Ok(Box::new(OrderedSource::new(hinted(&path, about, hints, false)?, block, vec![path.clone()])?))
+    Ok(Box::new(OrderedSource::new(noted(about, hints, false), block, vec![path.clone()])?))
 }
 
 fn three<T: std::str::FromStr>(field: &str, words: &[&str]) -> Result<[T; 3], Wrong> {

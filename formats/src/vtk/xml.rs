@@ -12,7 +12,7 @@ use crate::coding::{Blocks, Compressor};
 use crate::input::Input;
 use crate::ordered::{Block, Coding, OrderedSource};
 use crate::packed::Packing;
-use crate::space::{Place, hinted};
+use crate::space::{Place, noted};
 use crate::wrong::{EXPORT_AGAIN, Wrong};
 
 pub(crate) const FORMAT: &str = "VTK image data";
@@ -113,7 +113,7 @@ pub(crate) fn open(input: Input, hints: &RawHints) -> Result<Box<dyn VolumeSourc
     let found = find(&input).map_err(|wrong| wrong.of(&path, FORMAT))?;
     let named = input.array.as_ref().map(|name| &name[1..]);
     let (about, block) = parsed(&found, &input.path, input.packing, named).map_err(|wrong| wrong.of(&path, FORMAT))?;
-    Ok(Box::new(OrderedSource::new(hinted(&path, about, hints, false)?, block, vec![path.clone()])?))
+    Ok(Box::new(OrderedSource::new(noted(about, hints, false), block, vec![path.clone()])?))
 }
 
 fn parsed(found: &Found, path: &Path, outer: Packing, named: Option<&str>) -> Result<(SourceHeader, Block), Wrong> {

@@ -20,6 +20,7 @@ mod deaf;
 mod decoding;
 mod far;
 mod faults;
+mod flips;
 mod levels;
 mod processes;
 mod shared;

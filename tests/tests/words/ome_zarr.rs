@@ -55,7 +55,7 @@ pub(crate) fn manifest(store: &Path) -> Value {
         manifest
     };
     let mut whole = read("brickcast.json");
-    for (i, level) in whole["levels"].as_array_mut().unwrap().iter_mut().enumerate() {
+    for (i, level) in whole["levels"].as_array_mut().into_iter().flatten().enumerate() {
         *level = read(&format!("levels/{}/level.json", i + 1));
     }
     whole
