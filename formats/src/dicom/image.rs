@@ -166,7 +166,12 @@ fn series(header: &Header) -> Series {
     if !number.is_empty() {
         words += &format!(" series {number}");
     }
-    words += &format!(" `{description}`");
+    if !description.is_empty() {
+        words += &format!(" `{description}`");
+    }
+    if words.is_empty() {
+        words = "a series without a name".into();
+    }
     Series { uid: header.text(tags::SERIES).unwrap_or_default(), words: words.trim().into() }
 }
 

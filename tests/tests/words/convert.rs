@@ -38,7 +38,7 @@ fn bytes<const N: usize>(value: impl Fn(usize) -> [u8; N]) -> Vec<u8> {
 
 /// 0 to 65,535 for every type, with zeros first: some inner chunks are not stored at all.
 fn number(i: usize) -> u16 {
-    if i < 20_000 { 0 } else { (i * 40_503 >> 3) as u16 }
+    if i < 20_000 { 0 } else { ((i * 40_503) >> 3) as u16 }
 }
 
 #[test]

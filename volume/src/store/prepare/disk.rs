@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
+use super::job::layout;
 use super::memory::shell_planes;
 use super::options::PrepareOptions;
 use crate::brick::BrickGrid;
@@ -43,14 +44,15 @@ struct DiskNeed {
 /// system does not say what is free. The source, which stands at its first voxel, stands there again.
 ///
 /// # Errors
-/// [`StoreError::TooLittleDisk`], a source that cannot be read, options that do not fit.
+/// [`StoreError::TooLittleDisk`], a source that cannot be read, options that do not fit, too little memory.
 pub fn check_disk(
     source: &mut dyn VolumeSource,
     out: &Path,
     options: &PrepareOptions,
 ) -> Result<Option<String>, StoreError> {
+    // What can be told at once, first.
+    let (grid, ..) = layout(source.header(), options)?;
     let dims = source.header().geometry.dims();
-    let grid = BrickGrid::new(dims, options.brick_size)?;
     let Some(free) = free_bytes(out) else { return Ok(None) };
     let as_it_is = need(source, &grid, options, 1.0).most;
     if as_it_is <= free {

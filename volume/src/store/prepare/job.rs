@@ -92,10 +92,10 @@ fn made(
 }
 
 /// How a volume is cut: bricks, shards, tiles, coarser levels.
-type Layout = (BrickGrid, ShardGrid, Tiles, Vec<Geometry>);
+pub(super) type Layout = (BrickGrid, ShardGrid, Tiles, Vec<Geometry>);
 
 /// Checks the options, and that there is memory enough.
-fn layout(header: &SourceHeader, options: &PrepareOptions) -> Result<Layout, StoreError> {
+pub(super) fn layout(header: &SourceHeader, options: &PrepareOptions) -> Result<Layout, StoreError> {
     let grid = BrickGrid::new(header.geometry.dims(), options.brick_size)?;
     let shards = ShardGrid::new(header.geometry.dims())?;
     if let Some((lo, hi)) = options.range {
