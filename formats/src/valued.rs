@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use brickcast_volume::format::{FormatError, Rescale, SourceHeader, VolumeSource, VoxelType};
 
+use crate::number::number_of;
+
 const BYTES: usize = 8;
 
 #[derive(Debug)]
@@ -68,20 +70,6 @@ impl VolumeSource for Valued {
 
 /// Numbers as their values of 64 bits.
 pub(crate) fn values(data: &[u8], voxel_type: VoxelType, slope: f64, intercept: f64) -> Vec<u8> {
-    fn all<const N: usize>(data: &[u8], value: impl Fn([u8; N]) -> f64) -> Vec<u8> {
-        data.as_chunks::<N>().0.iter().flat_map(|n| value(*n).to_le_bytes()).collect()
-    }
-    let value = |n: f64| slope * n + intercept;
-    match voxel_type {
-        VoxelType::U8 => all::<1>(data, |n| value(n[0].into())),
-        VoxelType::I8 => all::<1>(data, |n| value((n[0] as i8).into())),
-        VoxelType::U16 => all(data, |n| value(u16::from_le_bytes(n).into())),
-        VoxelType::I16 => all(data, |n| value(i16::from_le_bytes(n).into())),
-        VoxelType::U32 => all(data, |n| value(u32::from_le_bytes(n).into())),
-        VoxelType::I32 => all(data, |n| value(i32::from_le_bytes(n).into())),
-        VoxelType::F32 => all(data, |n| value(f32::from_le_bytes(n).into())),
-        VoxelType::U64 => all(data, |n| value(u64::from_le_bytes(n) as f64)),
-        VoxelType::I64 => all(data, |n| value(i64::from_le_bytes(n) as f64)),
-        VoxelType::F64 => all(data, |n| value(f64::from_le_bytes(n))),
-    }
+    let value = |number: &[u8]| slope * number_of(voxel_type, number) + intercept;
+    data.chunks_exact(voxel_type.bytes()).flat_map(|number| value(number).to_le_bytes()).collect()
 }

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use brickcast_volume::format::{FormatError, RawHints, SourceHeader, VolumeSource};
+use brickcast_volume::format::{Ahead, FormatError, RawHints, SourceHeader, VolumeSource};
 use brickcast_volume::memory::available;
 use brickcast_volume::store::Objects;
 use bytes::Bytes;
@@ -42,10 +42,7 @@ pub struct OmeZarrSource {
     most_kept: usize,
     kept: HashMap<Place, Option<Bytes>>,
     has_found_any: bool,
-    /// The voxel that comes next, x fastest.
-    next: u64,
-    /// Voxels that were read ahead, and the first of them.
-    band: (u64, Vec<u8>),
+    ahead: Ahead,
 }
 
 /// The chunks of the image, and what is said of its voxels.
@@ -87,8 +84,7 @@ pub(crate) fn open(objects: Arc<dyn Objects>, hints: &RawHints) -> Result<OmeZar
         most_kept: KEPT_BYTES.min(usize::try_from(left).unwrap_or(usize::MAX)),
         kept: HashMap::new(),
         has_found_any: false,
-        next: 0,
-        band: (0, Vec::new()),
+        ahead: Ahead::default(),
     })
 }
 
@@ -142,48 +138,13 @@ impl OmeZarrSource {
         }
     }
 
-    /// The band that `voxel` lies in becomes the one that was read ahead: whole planes, or rows of one.
-    fn read_band(&mut self, voxel: u64) -> Result<(), OmeZarrError> {
-        let d = self.header.geometry.dims();
-        let row = u64::from(d.x) * self.array().voxel_type.bytes() as u64;
-        let plane = row * u64::from(d.y);
-        let (y, z) =
-            ((voxel / u64::from(d.x) % u64::from(d.y)) as u32, (voxel / u64::from(d.x) / u64::from(d.y)) as u32);
-        let chunk = self.cut.chunk_size();
-        // To where the chunks end, if that is not too far.
-        let to_end = |at: u32, axis: usize, most: u64| {
-            let end = (u64::from(at) / chunk[axis] + 1) * chunk[axis];
-            end.min(u64::from(at) + most.max(1)).min(u64::from(d[axis])) as u32
-        };
-        let (lo, hi) = match plane <= BAND_BYTES {
-            true => ([0, 0, z], [d.x, d.y, to_end(z, 2, BAND_BYTES / plane)]),
-            false => ([0, y, z], [d.x, to_end(y, 1, BAND_BYTES / row), z + 1]),
-        };
-        let mut voxels = std::mem::take(&mut self.band.1);
-        self.fill_box(lo, hi, &mut voxels)?;
-        self.band = (u64::from(d.x) * (u64::from(lo[1]) + u64::from(d.y) * u64::from(lo[2])), voxels);
-        Ok(())
-    }
-
     fn read(&mut self, most: u64, out: &mut Vec<u8>) -> Result<(), FormatError> {
-        out.clear();
-        let voxel = self.array().voxel_type.bytes() as u64;
-        let end = self.header.geometry.voxel_count().min(self.next.saturating_add(most));
-        while self.next < end {
-            let there = self.band.0..self.band.0 + self.band.1.len() as u64 / voxel;
-            if !there.contains(&self.next) {
-                if let Err(reason) = self.read_band(self.next) {
-                    self.band.1.clear();
-                    return Err(self.failed(reason));
-                }
-                continue;
-            }
-            let stop = end.min(there.end);
-            let part = ((self.next - there.start) * voxel) as usize..((stop - there.start) * voxel) as usize;
-            out.extend_from_slice(&self.band.1[part]);
-            self.next = stop;
-        }
-        Ok(())
+        let volume = (self.header.geometry, self.header.voxel_type);
+        let bands = (Some(self.cut.chunk_size()), BAND_BYTES);
+        let mut ahead = std::mem::take(&mut self.ahead);
+        let read = ahead.read(volume, bands, most, out, |lo, hi, voxels| self.fill_box(lo, hi, voxels));
+        self.ahead = ahead;
+        read.map_err(|reason| self.failed(reason))
     }
 
     fn failed(&self, reason: OmeZarrError) -> FormatError {
@@ -201,7 +162,7 @@ impl VolumeSource for OmeZarrSource {
     }
 
     fn rewind(&mut self) -> Result<(), FormatError> {
-        self.next = 0;
+        self.ahead.go_to(0);
         Ok(())
     }
 
@@ -215,7 +176,7 @@ impl VolumeSource for OmeZarrSource {
     }
 
     fn seek(&mut self, voxel: u64) -> Result<bool, FormatError> {
-        self.next = voxel;
+        self.ahead.go_to(voxel);
         Ok(true)
     }
 

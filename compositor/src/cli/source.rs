@@ -7,7 +7,7 @@ use anyhow::anyhow;
 use brickcast_remote::{Address, Place, PlaceError};
 use brickcast_volume::StoreHash;
 use brickcast_volume::brick::BrickGrid;
-use brickcast_volume::format::Facts;
+use brickcast_volume::format::{Facts, facts_of_store};
 use brickcast_volume::store::{
     MANIFEST_FILE, Manifest, PrepareOptions, SERIES_FILE, STORE_VERSION, Series, Store, StoreError, ViewFile, survey,
 };
@@ -36,8 +36,8 @@ pub enum Source {
 #[derive(Debug)]
 pub struct Surveyed {
     pub manifest: Manifest,
-    /// Who says what is known of an input.
-    pub source_of: Option<Facts>,
+    /// Who says what is known of the volume.
+    pub source_of: Facts,
     /// Where the path is a store.
     pub store: Option<Store>,
     /// Where the voxels of a view lie, in its words.
@@ -59,7 +59,7 @@ pub fn surveyed(path: &Path, raw: &RawArgs) -> Result<Surveyed, Failure> {
                 let view = ViewFile::read(place.objects().as_ref())?.map(|file| file.input.place);
                 return Ok(Surveyed {
                     manifest: store.manifest().clone(),
-                    source_of: None,
+                    source_of: facts_of_store(),
                     store: Some(store),
                     view,
                     series: None,
@@ -70,7 +70,7 @@ pub fn surveyed(path: &Path, raw: &RawArgs) -> Result<Surveyed, Failure> {
                 let of_all = raw.time.is_none().then(|| series.manifest().statistics.in_place_of(store.manifest()));
                 let series = of_all.is_some().then_some(series);
                 let manifest = of_all.unwrap_or_else(|| store.manifest().clone());
-                return Ok(Surveyed { manifest, source_of: None, store: Some(store), view: None, series });
+                return Ok(Surveyed { manifest, source_of: facts_of_store(), store: Some(store), view: None, series });
             }
             Err(error) if is_input(&place, &error)? => {}
             Err(error) => return Err(error.into()),
@@ -80,7 +80,7 @@ pub fn surveyed(path: &Path, raw: &RawArgs) -> Result<Surveyed, Failure> {
     let bar = Bar::new(&format!("reading {}", path.display()));
     let manifest = survey(source.as_mut(), &mut |p| bar.at(p.done, p.total))?;
     bar.finish();
-    let source_of = Some(source.header().source_of());
+    let source_of = source.header().source_of();
     Ok(Surveyed { manifest, source_of, store: None, view: None, series: None })
 }
 

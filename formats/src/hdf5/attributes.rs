@@ -49,8 +49,9 @@ pub(super) fn numbers(file: &Hdf5File, at: &At, name: &str) -> Option<Vec<f64>> 
 pub(super) fn values(file: &Hdf5File, at: &At, notes: &mut Vec<String>) -> (Rescale, Vec<f64>) {
     let one = |name: &str| numbers(file, at, name).and_then(|numbers| numbers.first().copied());
     let mut rescale = Rescale::IDENTITY;
-    if let (Some(slope), intercept) = (one("scale_factor"), one("add_offset")) {
-        let intercept = intercept.unwrap_or(0.0);
+    let said = (one("scale_factor"), one("add_offset"));
+    if said != (None, None) {
+        let (slope, intercept) = (said.0.unwrap_or(1.0), said.1.unwrap_or(0.0));
         match Rescale::new(slope, intercept) {
             Some(said) => {
                 rescale = said;

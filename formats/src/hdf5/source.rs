@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use brickcast_volume::format::{FormatError, SourceHeader, VolumeSource};
+use brickcast_volume::format::{Ahead, FormatError, SourceHeader, VolumeSource};
 
 use super::blocks::Blocks;
 use crate::wrong::Wrong;
@@ -15,60 +15,24 @@ pub(super) struct Hdf5Source {
     header: SourceHeader,
     files: Vec<PathBuf>,
     blocks: Blocks,
-    /// The voxel that comes next.
-    next: u64,
-    /// The first voxel that was read ahead, and bytes from it on.
-    band: (u64, Vec<u8>),
+    ahead: Ahead,
 }
 
 impl Hdf5Source {
     pub(super) fn new(header: SourceHeader, path: PathBuf, blocks: Blocks) -> Self {
-        Self { header, files: vec![path], blocks, next: 0, band: (0, Vec::new()) }
+        Self { header, files: vec![path], blocks, ahead: Ahead::default() }
     }
 
     fn failed(&self, wrong: Wrong) -> FormatError {
         wrong.of(&self.files[0], self.header.format)
     }
 
-    fn read_band(&mut self, voxel: u64) -> Result<(), FormatError> {
-        let d = self.header.geometry.dims();
-        let row = u64::from(d.x) * self.header.voxel_type.bytes() as u64;
-        let plane = row * u64::from(d.y);
-        let (y, z) =
-            ((voxel / u64::from(d.x) % u64::from(d.y)) as u32, (voxel / u64::from(d.x) / u64::from(d.y)) as u32);
-        let chunk = self.blocks.chunk_size();
-        // To where chunks end, where one does within the bound; of what is in none, as much as goes.
-        let to_end = |at: u32, axis: usize, most: u64| {
-            let size = if self.blocks.is_in_chunks() { chunk[axis] } else { most.max(1) };
-            let end = (u64::from(at) / size + 1) * size;
-            end.min(u64::from(at) + most.max(1)).min(u64::from(d[axis])) as u32
-        };
-        let (lo, hi) = match plane <= BAND_BYTES {
-            true => ([0, 0, z], [d.x, d.y, to_end(z, 2, BAND_BYTES / plane)]),
-            false => ([0, y, z], [d.x, to_end(y, 1, BAND_BYTES / row), z + 1]),
-        };
-        let mut voxels = std::mem::take(&mut self.band.1);
-        self.blocks.read(lo, hi, &mut voxels).map_err(|wrong| self.failed(wrong))?;
-        self.band = (u64::from(d.x) * (u64::from(lo[1]) + u64::from(d.y) * u64::from(lo[2])), voxels);
-        Ok(())
-    }
-
     fn read(&mut self, most: u64, out: &mut Vec<u8>) -> Result<(), FormatError> {
-        out.clear();
-        let voxel = self.header.voxel_type.bytes() as u64;
-        let end = self.header.geometry.voxel_count().min(self.next.saturating_add(most));
-        while self.next < end {
-            let there = self.band.0..self.band.0 + self.band.1.len() as u64 / voxel;
-            if !there.contains(&self.next) {
-                self.read_band(self.next)?;
-                continue;
-            }
-            let stop = end.min(there.end);
-            let part = ((self.next - there.start) * voxel) as usize..((stop - there.start) * voxel) as usize;
-            out.extend_from_slice(&self.band.1[part]);
-            self.next = stop;
-        }
-        Ok(())
+        let chunk = self.blocks.is_in_chunks().then(|| self.blocks.chunk_size());
+        let volume = (self.header.geometry, self.header.voxel_type);
+        let Self { blocks, ahead, .. } = self;
+        let read = ahead.read(volume, (chunk, BAND_BYTES), most, out, |lo, hi, voxels| blocks.read(lo, hi, voxels));
+        read.map_err(|wrong| self.failed(wrong))
     }
 }
 
@@ -82,7 +46,7 @@ impl VolumeSource for Hdf5Source {
     }
 
     fn rewind(&mut self) -> Result<(), FormatError> {
-        self.next = 0;
+        self.ahead.go_to(0);
         Ok(())
     }
 
@@ -96,7 +60,7 @@ impl VolumeSource for Hdf5Source {
     }
 
     fn seek(&mut self, voxel: u64) -> Result<bool, FormatError> {
-        self.next = voxel;
+        self.ahead.go_to(voxel);
         Ok(true)
     }
 

@@ -3,6 +3,7 @@
 //! NRRD and raw files alone: all other formats lie in the crate `formats`, whose opener tries its own first and falls
 //! to [`open`], so that a change of a reader compiles little anew.
 
+mod ahead;
 mod coded;
 mod crop;
 mod directions;
@@ -28,6 +29,7 @@ use std::path::Path;
 use input::Input;
 use known::Known;
 
+pub use ahead::Ahead;
 pub use crop::Crop;
 pub use directions::{Axes, AxesError};
 pub use error::FormatError;
@@ -37,7 +39,7 @@ pub use known::supported;
 pub use opener::Opener;
 pub use raw::RawHints;
 pub use rescale::Rescale;
-pub use said_by::{Facts, FactsBy, SaidBy};
+pub use said_by::{Facts, FactsBy, SaidBy, facts_of_store};
 pub use source::{Placement, SourceHeader, VolumeSource};
 pub use voxel_type::{Endian, ParseNameError, VoxelType};
 

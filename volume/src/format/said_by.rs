@@ -13,6 +13,8 @@ pub enum SaidBy {
     FileName,
     /// The user.
     Flag,
+    /// A brick store's manifest.
+    Store,
     /// Nobody: it was assumed.
     Default,
 }
@@ -26,6 +28,7 @@ impl SaidBy {
             Self::Tags => "tags",
             Self::FileName => "file name",
             Self::Flag => "flag",
+            Self::Store => "store",
             Self::Default => "default",
         }
     }
@@ -54,5 +57,25 @@ impl FactsBy {
     }
 }
 
-/// Each fact, and who says it.
+/// Each fact by the name that it has in `brickcast info --json`, and who says it.
 pub type Facts = [(&'static str, SaidBy); 7];
+
+/// Facts of these, in this order: dims, type, spacing, origin, directions, unit, values.
+pub(super) fn facts(by: [SaidBy; 7]) -> Facts {
+    let [dims, voxel_type, spacing, origin, directions, unit, values] = by;
+    [
+        ("dims", dims),
+        ("type", voxel_type),
+        ("spacing", spacing),
+        ("origin", origin),
+        ("directions", directions),
+        ("unit", unit),
+        ("values", values),
+    ]
+}
+
+/// A store says all of it itself.
+#[must_use]
+pub fn facts_of_store() -> Facts {
+    facts([SaidBy::Store; 7])
+}

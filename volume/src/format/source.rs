@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::error::FormatError;
 use super::known::supported;
 use super::rescale::Rescale;
-use super::said_by::{Facts, FactsBy, SaidBy};
+use super::said_by::{Facts, FactsBy, SaidBy, facts};
 use super::voxel_type::VoxelType;
 use crate::small_file::{self, FileKind, NotOpened};
 use crate::space::Geometry;
@@ -57,21 +57,21 @@ impl SourceHeader {
         }
     }
 
-    /// Who says what is known of the volume, by the names that it has in `brickcast info --json`.
+    /// Who says what is known of the volume.
     #[must_use]
     pub fn source_of(&self) -> Facts {
         let FactsBy { dims, voxel_type, place, overruled } = self.facts_by;
         let by =
             |is_overruled, is_said: bool| SaidBy::flag_or(is_overruled, if is_said { place } else { SaidBy::Default });
-        [
-            ("dims", dims),
-            ("type", voxel_type),
-            ("spacing", by(overruled.spacing, self.placement.spacing)),
-            ("origin", by(overruled.origin, self.placement.origin)),
-            ("directions", by(overruled.directions, self.placement.directions)),
-            ("unit", by(false, self.space_unit.is_some())),
-            ("values", by(false, !self.rescale.is_identity())),
-        ]
+        facts([
+            dims,
+            voxel_type,
+            by(overruled.spacing, self.placement.spacing),
+            by(overruled.origin, self.placement.origin),
+            by(overruled.directions, self.placement.directions),
+            by(false, self.space_unit.is_some()),
+            by(false, !self.rescale.is_identity()),
+        ])
     }
 }
 

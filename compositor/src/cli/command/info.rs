@@ -20,8 +20,7 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
         tracing::warn!("{error}; `brickcast verify` names all that is broken");
     }
     let mut value = describe(&manifest, store.as_ref());
-    value["source_of"] = source_of
-        .map_or_else(of_store, |facts| facts.iter().map(|(fact, by)| ((*fact).to_owned(), json!(by.name()))).collect());
+    value["source_of"] = source_of.iter().map(|(fact, by)| ((*fact).to_owned(), json!(by.name()))).collect();
     if let Some(view) = view {
         value["store"]["view_of"] = json!(view);
     }
@@ -34,12 +33,6 @@ pub fn run(args: &InfoArgs) -> Result<(), Failure> {
     } else {
         tell(&text(&shown(&args.path.display().to_string()), &manifest, &value))
     }
-}
-
-/// A store says all of it itself.
-fn of_store() -> Value {
-    let facts = ["dims", "type", "spacing", "origin", "directions", "unit", "values"];
-    facts.iter().map(|fact| ((*fact).to_owned(), json!("store"))).collect()
 }
 
 /// Facts by who says them: `tags: dims, type; default: spacing, origin`.

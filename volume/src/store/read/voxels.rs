@@ -9,14 +9,14 @@ use std::path::{Path, PathBuf};
 use super::planes::Rows;
 use super::store::Store;
 use super::window::RowDecoder;
-use crate::format::{FactsBy, FormatError, Placement, Rescale, SaidBy, SourceHeader, VolumeSource, VoxelType};
+use crate::format::{Ahead, FactsBy, FormatError, Placement, Rescale, SaidBy, SourceHeader, VolumeSource, VoxelType};
 use crate::store::error::StoreError;
 use crate::store::manifest::Manifest;
 use crate::store::profile::{CHUNK_EDGE, CHUNK_VOXELS};
 use crate::store::regions::error::RegionsError;
 use crate::store::shard::read::Shards;
 
-/// Bytes of rows that are held, but a row of inner chunks at least, and a plane of them.
+/// Bytes of rows that are held, but a row at least.
 const BAND_BYTES: u64 = 128 << 20;
 
 /// What of a store is read.
@@ -35,10 +35,7 @@ pub struct StoreSource {
     array: StoredArray,
     header: SourceHeader,
     out: Out,
-    /// The voxel that comes next.
-    next: u64,
-    /// Voxels that were read, and the first of them.
-    band: (u64, Vec<u8>),
+    ahead: Ahead,
 }
 
 /// From the bits of a stored element to bytes.
@@ -106,7 +103,7 @@ impl StoreSource {
                 (SourceHeader { notes, ..said_by(of_level.manifest(), voxel_type) }, Out::Same)
             }
         };
-        let source = Self { store: of_level.clone(), array, header, out, next: 0, band: (0, Vec::new()) };
+        let source = Self { store: of_level.clone(), array, header, out, ahead: Ahead::default() };
         source.shards()?;
         Ok(source)
     }
@@ -118,55 +115,28 @@ impl StoreSource {
         }
     }
 
-    /// Reads the rows around a voxel: layers of inner chunks, planes, or rows of one plane, as many as are held.
-    fn read_band(&mut self, voxel: u64) -> Result<(), StoreError> {
-        let d = self.header.geometry.dims();
-        let (row, plane) = (u64::from(d.x), u64::from(d.x) * u64::from(d.y));
-        let held = BAND_BYTES / self.header.voxel_type.bytes() as u64;
-        let (y, z) = ((voxel % plane / row) as u32, (voxel / plane) as u32);
-        let (ys, zs): (Range<u32>, Range<u32>) = if plane <= held {
-            let layer = z / CHUNK_EDGE * CHUNK_EDGE;
-            let planes = (held / plane).min(u64::from(CHUNK_EDGE)) as u32;
-            let first = layer + (z - layer) / planes * planes;
-            (0..d.y, first..(first + planes).min(layer + CHUNK_EDGE).min(d.z))
-        } else {
-            let rows = ((held / row) as u32 / CHUNK_EDGE * CHUNK_EDGE).max(CHUNK_EDGE);
-            let first = y / rows * rows;
-            (first..first.saturating_add(rows).min(d.y), z..z + 1)
-        };
-        self.band.1.clear();
-        let first = u64::from(zs.start) * plane + u64::from(ys.start) * row;
-        let mut bytes = std::mem::take(&mut self.band.1);
-        let rows = Rows { shards: self.shards()?, volume_dims: d };
+    /// Replaces `voxels` by those of whole rows.
+    fn read_rows(&self, lo: [u32; 3], hi: [u32; 3], voxels: &mut Vec<u8>) -> Result<(), StoreError> {
+        let rows = Rows { shards: self.shards()?, volume_dims: self.header.geometry.dims() };
         let stored = rows.shards.chunk_bytes() / CHUNK_VOXELS;
-        let (at, lowest) = ((ys, zs), Lowest { stored });
+        let (at, lowest) = ((lo[1]..hi[1], lo[2]..hi[2]), Lowest { stored });
         match (&self.out, self.header.voxel_type.bytes()) {
-            (Out::Four(table), _) => read_as::<4>(&rows, at, &ByTable(table), &mut bytes)?,
-            (Out::Eight(table), _) => read_as::<8>(&rows, at, &ByTable(table), &mut bytes)?,
-            (Out::Same, 1) => read_as::<1>(&rows, at, &lowest, &mut bytes)?,
-            (Out::Same, 2) => read_as::<2>(&rows, at, &lowest, &mut bytes)?,
-            (Out::Same, _) => read_as::<4>(&rows, at, &lowest, &mut bytes)?,
+            (Out::Four(table), _) => read_as::<4>(&rows, at, &ByTable(table), voxels),
+            (Out::Eight(table), _) => read_as::<8>(&rows, at, &ByTable(table), voxels),
+            (Out::Same, 1) => read_as::<1>(&rows, at, &lowest, voxels),
+            (Out::Same, 2) => read_as::<2>(&rows, at, &lowest, voxels),
+            (Out::Same, _) => read_as::<4>(&rows, at, &lowest, voxels),
         }
-        self.band = (first, bytes);
-        Ok(())
     }
 
-    fn read(&mut self, want: u64, out: &mut Vec<u8>) -> Result<(), StoreError> {
-        out.clear();
-        let bytes = self.header.voxel_type.bytes() as u64;
-        let end = self.header.geometry.voxel_count().min(self.next.saturating_add(want));
-        while self.next < end {
-            let held = self.band.0..self.band.0 + self.band.1.len() as u64 / bytes;
-            if !held.contains(&self.next) {
-                self.read_band(self.next)?;
-                continue;
-            }
-            let stop = held.end.min(end);
-            let [from, to] = [self.next, stop].map(|voxel| ((voxel - held.start) * bytes) as usize);
-            out.extend_from_slice(&self.band.1[from..to]);
-            self.next = stop;
-        }
-        Ok(())
+    fn read(&mut self, want: u64, out: &mut Vec<u8>) -> Result<(), FormatError> {
+        let mut ahead = std::mem::take(&mut self.ahead);
+        let bands = (Some([u64::from(CHUNK_EDGE); 3]), BAND_BYTES);
+        let read = ahead.read((self.header.geometry, self.header.voxel_type), bands, want, out, |lo, hi, voxels| {
+            self.read_rows(lo, hi, voxels)
+        });
+        self.ahead = ahead;
+        read.map_err(|error| of_store(&self.store.path(), error))
     }
 }
 
@@ -188,7 +158,7 @@ where
 fn said_by(m: &Manifest, voxel_type: VoxelType) -> SourceHeader {
     SourceHeader {
         placement: Placement { spacing: true, origin: true, directions: true },
-        facts_by: FactsBy::all(SaidBy::Header),
+        facts_by: FactsBy::all(SaidBy::Store),
         space_unit: m.space_unit.clone(),
         ..SourceHeader::new("brick store", m.geometry, voxel_type)
     }
@@ -263,22 +233,21 @@ impl VolumeSource for StoreSource {
     }
 
     fn rewind(&mut self) -> Result<(), FormatError> {
-        self.next = 0;
+        self.ahead.go_to(0);
         Ok(())
     }
 
     fn read_planes(&mut self, count: u32, planes: &mut Vec<u8>) -> Result<(), FormatError> {
         let d = self.header.geometry.dims().as_u64vec3();
-        self.read(d.x * d.y * u64::from(count), planes).map_err(|error| of_store(&self.store.path(), error))
+        self.read(d.x * d.y * u64::from(count), planes)
     }
 
     fn read_piece(&mut self, most: usize, piece: &mut Vec<u8>) -> Result<(), FormatError> {
-        let want = (most / self.header.voxel_type.bytes()).max(1) as u64;
-        self.read(want, piece).map_err(|error| of_store(&self.store.path(), error))
+        self.read((most / self.header.voxel_type.bytes()).max(1) as u64, piece)
     }
 
     fn seek(&mut self, voxel: u64) -> Result<bool, FormatError> {
-        self.next = voxel;
+        self.ahead.go_to(voxel);
         Ok(true)
     }
 }
